@@ -1,0 +1,1 @@
+"""Tetrahedral finite elements for palpation."""

@@ -1,0 +1,9 @@
+"""Errors of the finite element part; each carries a sentence that says what to do."""
+
+
+class MeshError(ValueError):
+    """A mesh or surface that cannot be computed with."""
+
+
+class SolverError(ValueError):
+    """A linear system that cannot be solved (not positive definite, not finite)."""

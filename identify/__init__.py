@@ -1,0 +1,1 @@
+"""From a Scan to the stiffness map: distribution map, fit, comparison, uncertainty."""

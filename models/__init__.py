@@ -1,0 +1,1 @@
+"""What exists in the laboratory: the arm, the body's geometry and the measured table (Scan)."""

@@ -1,0 +1,1 @@
+"""The virtual laboratory: MuJoCo scene, Pinocchio arm, force control, sensors, soft body."""

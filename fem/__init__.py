@@ -1,1 +1,14 @@
-"""Tetrahedral finite elements for palpation."""
+"""Tetrahedral finite elements for palpation.
+
+Symbols used throughout (SI units): `n` nodes, `e` cells, `q` quadrature points of a cell, `j`
+presses, `k` parameters, `p` points at which Young's modulus is sampled. `u` displacement (m),
+`E` Young's modulus (Pa), `nu` Poisson's ratio, `C` compliance of a press (m/N). A force is positive
+when it presses into the body; a press direction is the unit vector into the body; the travel of
+a tip is positive inwards.
+"""
+
+from fem.block import block_mesh, paper_mesh
+from fem.errors import MeshError, SolverError
+from fem.mesh import Mesh, promote_to_tet10
+
+__all__ = ["Mesh", "MeshError", "SolverError", "block_mesh", "paper_mesh", "promote_to_tet10"]

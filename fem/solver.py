@@ -120,9 +120,9 @@ class PardisoSolver:
 @cache
 def _mkl() -> Any:
     """MKL's library, found by pypardiso."""
-    from pypardiso import PyPardisoSolver  # not there on every platform
+    from pypardiso import ps  # not there on every platform
 
-    return PyPardisoSolver().libmkl
+    return ps.libmkl
 
 
 class PardisoPattern:

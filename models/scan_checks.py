@@ -1,0 +1,335 @@
+"""What a measured table must fulfil before it becomes a Scan.
+
+Each check takes the table's columns (a dict from column name to array) and a `Where` that names a
+cell as its author finds it. The first cell that breaks a rule is reported, with what was found,
+what is expected and what to do.
+"""
+
+import difflib
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.errors import InputError
+
+POINT = ("x_m", "y_m", "z_m")
+DIRECTION = ("nx", "ny", "nz")
+FORCE_VECTOR = ("fx_n", "fy_n", "fz_n")
+TIP_POSITION = ("tip_x_m", "tip_y_m", "tip_z_m")
+TIP_QUATERNION = ("tip_qw", "tip_qx", "tip_qy", "tip_qz")
+TIP_POSE = TIP_POSITION + TIP_QUATERNION
+REQUIRED = (
+    "press",
+    "time_s",
+    "phase",
+    *POINT,
+    *DIRECTION,
+    "force_n",
+    "displacement_m",
+    "probe_radius_m",
+)
+OPTIONAL = FORCE_VECTOR + TIP_POSE
+
+CONTACT_PHASES = ("load", "hold", "unload")
+PHASES = (*CONTACT_PHASES, "approach", "retract")
+
+LARGEST_COORDINATE_M = 3.0
+LARGEST_TRAVEL_M = 0.1
+LARGEST_RADIUS_M = 0.05
+LARGEST_TYPICAL_FORCE_N = 20.0
+STIFFEST_BODY_PA = 1.0e6
+UNIT_LENGTH_TOLERANCE = 1.0e-3
+SAME_CONTACT_TOLERANCE = 1.0e-6
+UNITS_ESCAPE = "if the values are right, set units_checked = true under [study]"
+
+Columns = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Where:
+    """Names places of a table file.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file, as the user wrote it.
+    line_of : callable or None
+        From row (0-based) to line number of the text file; None for a file without lines.
+    """
+
+    file: str
+    line_of: Callable[[int], int] | None = None
+
+    def row(self, row: Any) -> str:
+        """Name a row (0-based index) by its data row number and, in a text file, its line."""
+        line = "" if self.line_of is None else f" (line {self.line_of(int(row))})"
+        return f"{self.file}, row {int(row) + 1}{line}"
+
+    def cell(self, row: Any, column: str) -> str:
+        """Name a cell by row (0-based index) and column name."""
+        return f"{self.row(row)}, column {column}"
+
+
+def nearest(name: str, known: tuple[str, ...]) -> str:
+    """Return " (the nearest known name is ...)" or nothing, for a name that is not known.
+
+    >>> nearest("forze_n", ("force_n", "time_s"))
+    "; the nearest right name is 'force_n'"
+    """
+    folded = {k.lower(): k for k in known}
+    match = difflib.get_close_matches(name.strip().lower(), folded, n=1, cutoff=0.5)
+    return f"; the nearest right name is '{folded[match[0]]}'" if match else ""
+
+
+def check_header(names: list[str], where: Where) -> None:
+    """Refuse double, unknown, missing and incomplete column names.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the column.
+    """
+    known = REQUIRED + OPTIONAL
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{where.file}: column '{name}' stands twice in the header, expected once; "
+                "remove or rename one of them"
+            )
+        if name not in known:
+            raise InputError(
+                f"{where.file}: unknown column '{name}'{nearest(name, known)}; "
+                f"expected {', '.join(REQUIRED)} and optionally {', '.join(OPTIONAL)}"
+            )
+    for name in REQUIRED:
+        if name not in names:
+            hint = " (leave its cells empty where there is no time)" if name == "time_s" else ""
+            raise InputError(
+                f"{where.file}: column '{name}' is missing, found {', '.join(names)}; "
+                f"add the column{hint}"
+            )
+    for group in (FORCE_VECTOR, TIP_POSE):
+        there = [name for name in group if name in names]
+        if there and len(there) < len(group):
+            absent = ", ".join(name for name in group if name not in names)
+            raise InputError(
+                f"{where.file}: column '{there[0]}' stands without {absent}; expected all of "
+                f"{', '.join(group)} or none; add the missing ones or remove the others"
+            )
+
+
+def check_columns(columns: Columns, where: Where, units_checked: bool = False) -> None:
+    """Check the values of all columns, cell by cell and press by press.
+
+    Parameters
+    ----------
+    columns : mapping of str to (m,) array
+        `press` and all measured columns float64, `phase` text; `time_s` all NaN where unknown.
+    where : Where
+        Names the cells.
+    units_checked : bool
+        True skips the checks that guess from the size of the numbers that a unit is wrong.
+
+    Raises
+    ------
+    InputError
+        At the first cell that breaks a rule.
+    """
+    if len(columns["press"]) == 0:
+        raise InputError(
+            f"{where.file}: the table has a header and no rows; expected one row a sample"
+        )
+    _check_finite(columns, where)
+    _check_press_order(columns["press"], where)
+    _check_phase(columns["phase"], where)
+    _check_radius(columns["probe_radius_m"], where)
+    if not units_checked:
+        _check_lengths(columns, where)
+    _check_unit_length(columns, DIRECTION, where)
+    if TIP_QUATERNION[0] in columns:
+        _check_unit_length(columns, TIP_QUATERNION, where)
+    _check_time(columns["time_s"], where)
+    _check_one_contact_a_press(columns, where)
+    _check_samples(columns, where)
+    _check_signs(columns, where)
+    if not units_checked:
+        _check_forces(columns, where)
+
+
+def _check_finite(columns: Columns, where: Where) -> None:
+    for name, values in columns.items():
+        if name == "phase" or (name == "time_s" and np.isnan(values).all()):
+            continue
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            hint = "; leave the whole column empty if times are unknown" if name == "time_s" else ""
+            raise InputError(
+                f"{where.cell(bad[0], name)}: found {values[bad[0]]} (empty or not a number), "
+                f"expected a finite number; fill the cell in or remove the row{hint}"
+            )
+
+
+def _check_press_order(press: np.ndarray, where: Where) -> None:
+    bad = np.flatnonzero((press != np.round(press)) | (press < 0))
+    if len(bad):
+        raise InputError(
+            f"{where.cell(bad[0], 'press')}: found {press[bad[0]]:g}, expected a whole number "
+            "0, 1, 2, ...; number the presses in the order in which they were made"
+        )
+    back = np.flatnonzero(np.diff(press) < 0) + 1
+    if len(back):
+        raise InputError(
+            f"{where.cell(back[0], 'press')}: found {press[back[0]]:g} after "
+            f"{press[back[0] - 1]:g}, expected numbers that do not fall; sort the rows in the "
+            "order in which the presses were made"
+        )
+
+
+def _check_phase(phase: np.ndarray, where: Where) -> None:
+    bad = np.flatnonzero(~np.isin(phase, PHASES))
+    if len(bad):
+        found = str(phase[bad[0]])
+        raise InputError(
+            f"{where.cell(bad[0], 'phase')}: found '{found}', expected one of "
+            f"{', '.join(PHASES)}{nearest(found, PHASES)}"
+        )
+
+
+def _check_radius(radius: np.ndarray, where: Where) -> None:
+    bad = np.flatnonzero(radius <= 0)
+    if len(bad):
+        raise InputError(
+            f"{where.cell(bad[0], 'probe_radius_m')}: found {radius[bad[0]]:g} m, expected the "
+            "radius of the tip, greater than 0"
+        )
+
+
+def _check_lengths(columns: Columns, where: Where) -> None:
+    touching = np.isin(columns["phase"], CONTACT_PHASES)
+    limits = {name: LARGEST_COORDINATE_M for name in POINT + TIP_POSITION}
+    limits |= {"displacement_m": LARGEST_TRAVEL_M, "probe_radius_m": LARGEST_RADIUS_M}
+    for name, limit in limits.items():
+        if name not in columns:
+            continue
+        size = np.abs(columns[name])
+        if name == "displacement_m":
+            size = np.where(touching, size, 0.0)
+        row = int(size.argmax())
+        if size[row] > limit:
+            raise InputError(
+                f"{where.cell(row, name)}: found {columns[name][row]:g} m, expected at most "
+                f"{limit:g} m; this looks like millimetres: divide by 1000 ({UNITS_ESCAPE})"
+            )
+
+
+def _check_unit_length(columns: Columns, names: tuple[str, ...], where: Where) -> None:
+    length = np.sqrt(sum(columns[name] ** 2 for name in names))
+    bad = np.flatnonzero(np.abs(length - 1) > UNIT_LENGTH_TOLERANCE)
+    if len(bad):
+        raise InputError(
+            f"{where.cell(bad[0], ', '.join(names))}: found a length of {length[bad[0]]:.6g}, "
+            f"expected 1 within {UNIT_LENGTH_TOLERANCE:g}; divide the components by their length"
+        )
+
+
+def _check_time(time: np.ndarray, where: Where) -> None:
+    bad = np.flatnonzero(np.diff(time) <= 0) + 1
+    if len(bad):
+        raise InputError(
+            f"{where.cell(bad[0], 'time_s')}: found {time[bad[0]]:.10g} s after "
+            f"{time[bad[0] - 1]:.10g} s, expected a time that increases from row to row over the "
+            "whole scan; sort the rows by time or add the start time of each press"
+        )
+
+
+def _check_one_contact_a_press(columns: Columns, where: Where) -> None:
+    same_press = np.diff(columns["press"]) == 0
+    for name in (*POINT, *DIRECTION, "probe_radius_m"):
+        moved = np.abs(np.diff(columns[name])) > SAME_CONTACT_TOLERANCE
+        bad = np.flatnonzero(same_press & moved) + 1
+        if len(bad):
+            row = bad[0]
+            raise InputError(
+                f"{where.cell(row, name)}: found {columns[name][row]:.9g} after "
+                f"{columns[name][row - 1]:.9g} inside press {columns['press'][row]:g}, expected "
+                "one value a press (contact point on the undeformed surface, direction, tip); "
+                "the moving tip belongs into displacement_m"
+            )
+
+
+def _check_samples(columns: Columns, where: Where) -> None:
+    ids, first = np.unique(columns["press"], return_index=True)
+    touching = np.isin(columns["phase"], CONTACT_PHASES)
+    counts = np.add.reduceat(touching.astype(int), first)
+    bad = np.flatnonzero(counts < 2)
+    if len(bad):
+        found = counts[bad[0]]
+        raise InputError(
+            f"{where.cell(first[bad[0]], 'press')}: press {ids[bad[0]]:g} has {found} "
+            f"sample{'s' * (found != 1)} with phase load, hold or unload, expected at least 2; "
+            "complete the press or remove it"
+        )
+
+
+def _peaks(values: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value of largest size in each press, sign kept, and its row."""
+    bounds = np.append(np.unique(press, return_index=True)[1], len(press))
+    rows = np.array([a + np.abs(values[a:b]).argmax() for a, b in itertools.pairwise(bounds)])
+    return values[rows], rows
+
+
+def _check_signs(columns: Columns, where: Where) -> None:
+    touching = np.flatnonzero(np.isin(columns["phase"], CONTACT_PHASES))
+    press = columns["press"][touching]
+    for name, meaning in (
+        ("force_n", "the force that presses into the body counts positive"),
+        ("displacement_m", "travel into the body since first touch counts positive"),
+    ):
+        peak, row = _peaks(columns[name][touching], press)
+        # A press that hardly felt anything may end below zero by noise alone.
+        bad = np.flatnonzero(peak < -0.2 * np.median(np.abs(peak)))
+        if len(bad):
+            many = len(bad) > len(peak) / 2
+            what = f"change the sign of {name}" if many else "correct or remove this press"
+            at = touching[row[bad[0]]]
+            raise InputError(
+                f"{where.cell(at, name)}: found {peak[bad[0]]:g} as the largest value of press "
+                f"{press[row[bad[0]]]:g} ({len(bad)} of {len(peak)} presses are like this), "
+                f"expected a positive one: {meaning}; {what}"
+            )
+    starts = np.unique(press, return_index=True)[1]
+    f, d = columns["force_n"][touching], columns["displacement_m"][touching]
+    size = np.diff(np.append(starts, len(press)))
+    mean_f = np.add.reduceat(f, starts) / size
+    together = np.add.reduceat((f - np.repeat(mean_f, size)) * d, starts)
+    if np.median(together) < 0:
+        at = touching[starts[np.flatnonzero(together < 0)[0]]]
+        raise InputError(
+            f"{where.cell(at, 'displacement_m')}: found a displacement that falls while force_n "
+            f"rises, in {np.count_nonzero(together < 0)} of {len(starts)} presses, expected both "
+            "to rise; displacement_m is the tip's travel into the body since first touch"
+        )
+
+
+def _check_forces(columns: Columns, where: Where) -> None:
+    touching = np.flatnonzero(np.isin(columns["phase"], CONTACT_PHASES))
+    press = columns["press"][touching]
+    force, row = _peaks(columns["force_n"][touching], press)
+    travel, _ = _peaks(columns["displacement_m"][touching], press)
+    radius = columns["probe_radius_m"][touching][row]
+    # Flat punch on a half-space: F = 2 E a d / (1 - nu^2); the smallest E this force can mean.
+    modulus = force / (2 * radius * np.maximum(travel, 1e-9))
+    typical, stiff = np.median(force), np.median(modulus)
+    if typical <= LARGEST_TYPICAL_FORCE_N and stiff <= STIFFEST_BODY_PA:
+        return
+    at = int(np.argmax(force))
+    raise InputError(
+        f"{where.cell(touching[row[at]], 'force_n')}: found {force[at]:g} N (typical press: "
+        f"{typical:.3g} N, a body of {stiff / 1e3:.3g} kPa), expected at most "
+        f"{LARGEST_TYPICAL_FORCE_N:g} N and {STIFFEST_BODY_PA / 1e3:g} kPa of a soft body; this "
+        "looks like grams (divide by 101.97) or millinewtons (divide by 1000) "
+        f"({UNITS_ESCAPE})"
+    )

@@ -1,0 +1,185 @@
+"""Fit a stiffness map to a scan: displacement given force, with noise in both columns.
+
+The model of a row is d = C_j(theta) F with the compliance C_j of the row's press, whatever its
+phase; `misfit` says how both noises enter. Where no start is given, several are tried and the
+least chi-square wins.
+
+With a finer model, its compliance replaces the coarse one by defect correction: the coarse model
+times the ratio of both at the last estimate is fitted again until the estimate no longer moves.
+The residual is then the fine model's, the Jacobian the coarse one's, at one fine solve a round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fem import PalpationModel
+from identify.fit_record import Estimate, Fit, FitIteration
+from identify.forward import Forward
+from identify.gauss_newton import covariance, minimize_gauss_newton
+from identify.gaussian_map import GaussianMap
+from identify.misfit import press_table, whitening
+from identify.noise import Noise, scan_noise
+from identify.parameter_space import ParameterSpace, parameter_space
+from identify.scan_problem import Minimum, Optimizer, ScanProblem
+from identify.start import apparent_modulus, start_maps
+from models.errors import InputError
+from models.scan import Scan
+
+__all__ = ["Estimate", "Fit", "FitIteration", "fit_scan"]
+
+_NORMAL_95 = 1.959964
+# No interval reaches further than this in scaled coordinates: exp stays finite.
+_WIDEST = 50.0
+
+
+def fit_scan(
+    scan: Scan,
+    model: PalpationModel,
+    *,
+    inclusions: int = 1,
+    noise: Noise | None = None,
+    fine_model: PalpationModel | None = None,
+    start: GaussianMap | None = None,
+    free: Sequence[str] | None = None,
+    optimizer: Optimizer = minimize_gauss_newton,
+    callback: Callable[[FitIteration], None] | None = None,
+) -> Fit:
+    """Find the map that explains a scan.
+
+    Parameters
+    ----------
+    scan
+        The measured table; rows of approach and retract are left out.
+    model
+        Finite element model whose contacts are the scan's presses, in the order of
+        `scan.press_ids`.
+    inclusions
+        Number of Gaussian inclusions; ignored where `start` is given.
+    noise
+        Standard deviations of both columns; None estimates them from the scan's ramps.
+    fine_model
+        The same presses on a finer mesh, for the defect correction.
+    start
+        The one map to start from, in place of those that the scan suggests.
+    free
+        Names of the parameters to be found, None for all; the others stay at `start`.
+    optimizer
+        `minimize_gauss_newton` or `minimize_bfgs_residuals`.
+    callback
+        Called with each accepted iteration of the start that is kept.
+
+    Raises
+    ------
+    InputError
+        Where scan, model and options do not fit together.
+    """
+    rows = scan.used()
+    presses = len(rows.press_ids)
+    for name, given in (("model", model), ("fine_model", fine_model)):
+        if given is not None and len(given.contacts) != presses:
+            raise InputError(
+                f"the {name} has {len(given.contacts)} contacts, the scan {presses} presses: "
+                "build the model from the scan's contact points"
+            )
+    if free is not None and start is None:
+        raise InputError("fixed parameters need values: give the map to start from")
+    noise = noise or scan_noise(rows)
+    table = press_table(rows.press_index, rows.displacement_m, rows.force_n, presses)
+    problem = ScanProblem(table, noise, optimizer, callback)
+    box = np.array([model.mesh.nodes.min(axis=0), model.mesh.nodes.max(axis=0)])
+    if start is not None:
+        forward = Forward(model, parameter_space(start, box, free))
+        minimum = problem.minimize(forward, forward.space.to_scaled(start), progress=callback)
+    else:
+        apparent = apparent_modulus(
+            table.slope, rows.contact_points, rows.contact_directions, model
+        )
+        minimum = problem.from_best(model, start_maps(apparent, box, inclusions), box)
+    discretization, settled = None, True
+    if fine_model is not None:
+        minimum, discretization, settled = problem.towards(fine_model, minimum)
+    return _record(rows, problem, minimum, discretization, settled)
+
+
+def _record(
+    rows: Scan,
+    problem: ScanProblem,
+    minimum: Minimum,
+    discretization: np.ndarray | None,
+    settled: bool,
+) -> Fit:
+    """Evaluate the minimum row by row and gather the record."""
+    u, space = minimum.result.x, minimum.forward.space
+    compliance, jac = problem.jacobian(minimum.forward, u)
+    scaled_covariance = covariance(jac)
+    slope = space.slope(u)
+    c = compliance[rows.press_index]
+    residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
+    chi2 = float(np.sum((residual / sigma) ** 2))
+    dof = problem.table.dof(len(u))
+    success = minimum.result.success and settled
+    return Fit(
+        map=minimum.map,
+        parameters=_estimates(space, u, scaled_covariance),
+        covariance_names=space.free_names,
+        covariance=scaled_covariance * np.outer(slope, slope),
+        noise=problem.noise,
+        press_index=rows.press_index,
+        force_n=rows.force_n,
+        displacement_m=rows.displacement_m,
+        latent_force_n=latent,
+        predicted_m=c * rows.force_n,
+        sigma_m=sigma,
+        residual_m=residual,
+        compliance_m_per_n=compliance,
+        discretization_error=discretization,
+        history=minimum.history,
+        chi2=chi2,
+        chi2_per_dof=chi2 / dof,
+        rms_m=float(np.sqrt(np.mean(residual**2))),
+        success=success,
+        message=_message(minimum, chi2 / dof, dof, settled),
+        nfev=minimum.nfev + 1,
+    )
+
+
+def _estimates(
+    space: ParameterSpace, u: np.ndarray, scaled_covariance: np.ndarray
+) -> dict[str, Estimate]:
+    """Value, deviation and interval of every parameter of the map, free or fixed."""
+    values = space.to_map(u).values
+    deviation = np.sqrt(np.diag(scaled_covariance))
+    slope = space.slope(u)
+    estimates = {}
+    for i, parameter in enumerate(space.parameters):
+        value = float(values[i])
+        if i not in space.free:
+            estimates[parameter.name] = Estimate(value, 0.0, parameter.unit, value, value, False)
+            continue
+        position = space.free.index(i)
+        reach = min(_NORMAL_95 * float(deviation[position]), _WIDEST)
+        ends = [parameter.to_value(float(u[position]) + side * reach) for side in (-1, 1)]
+        std = float(deviation[position] * slope[position])
+        estimates[parameter.name] = Estimate(value, std, parameter.unit, *ends, free=True)
+    return estimates
+
+
+def _message(minimum: Minimum, chi2_per_dof: float, dof: int, settled: bool) -> str:
+    """Say how the fit ended and what its reader must know of the intervals."""
+    parts = [minimum.result.message]
+    if not settled:
+        parts.append("the correction towards the finer model did not settle")
+    held = minimum.forward.space.at_bound(minimum.result.x)
+    if held:
+        parts.append(f"at its bound, so not found: {', '.join(held)}")
+    scatter = np.sqrt(2 / dof)
+    if abs(chi2_per_dof - 1) > max(5 * scatter, 0.1):
+        wide = "too narrow" if chi2_per_dof > 1 else "too wide"
+        parts.append(
+            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 +- {scatter:.2g}: the "
+            f"noise or the model is wrong, and the intervals, which trust both, are {wide}"
+        )
+    return "; ".join(parts)

@@ -1,0 +1,54 @@
+"""From scaled parameters of the map to the compliance of every press, with its derivative."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem import PalpationModel
+from identify.gaussian_map import GaussianMap
+from identify.optimize_result import InadmissibleError
+from identify.parameter_space import ParameterSpace
+
+
+@dataclass(frozen=True)
+class Forward:
+    """Compliance of the j presses of a finite element model over a space of k free parameters.
+
+    `ratio` (j,) multiplies the model's compliance: the defect correction towards a finer model.
+    """
+
+    model: PalpationModel
+    space: ParameterSpace
+    ratio: np.ndarray | float = 1.0
+
+    def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return compliance (j,) m/N and its derivative (j, k) by the scaled coordinates u.
+
+        Raises `InadmissibleError` where the modulus is not positive everywhere.
+        """
+        stiffness = self.space.to_map(u)
+        points = self.model.points_m
+        response = self.model.evaluate(positive_modulus(stiffness, points))
+        free = stiffness.gradient(points)[:, self.space.free] * self.space.slope(u)
+        gradient = np.reshape(self.ratio, (-1, 1)) * response.gradient(free)
+        return self.ratio * response.compliance, gradient
+
+
+def compliance(model: PalpationModel, stiffness: GaussianMap) -> np.ndarray:
+    """Compliance (j,) of the model's presses for a map, m/N."""
+    return model.evaluate(positive_modulus(stiffness, model.points_m)).compliance
+
+
+def positive_modulus(stiffness: GaussianMap, points: np.ndarray) -> np.ndarray:
+    """Modulus (p,) of a map at points (p, 3); raises `InadmissibleError` where it is <= 0."""
+    modulus = stiffness.modulus(points)
+    worst = int(np.argmin(modulus))
+    if not modulus[worst] > 0:
+        x, y, z = 1e3 * points[worst]
+        raise InadmissibleError(
+            f"the map has a modulus of {modulus[worst]:.3g} Pa at ({x:.1f}, {y:.1f}, {z:.1f}) mm: "
+            "it must be positive everywhere"
+        )
+    return modulus

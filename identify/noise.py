@@ -1,0 +1,116 @@
+"""Noise of displacement and force, as given or as estimated from the scan itself.
+
+It is estimated from differences along smooth ramps and not from a fit's residual, which holds the
+model's errors too. Along a phase of a press both columns are smooth functions of time (or of the
+sample's number); the divided difference of four neighbours removes anything that is quadratic
+across them and leaves noise.
+
+What remains of true motion (a robot that does not move quite smoothly) appears in both columns at
+once, in the ratio of the press's compliance C. So with the differences D of d and G of F,
+
+    sd_d^2 = var(D) - C cov(D, G)        sd_F^2 = var(G) - cov(D, G) / C
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+
+_POINTS = 4
+_FLOOR = 1e-6
+_MIN_DIFFERENCES = 8
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One standard deviation of displacement (m) and force (N); whether each was estimated."""
+
+    displacement_m: float
+    force_n: float
+    displacement_estimated: bool = False
+    force_estimated: bool = False
+
+    def __post_init__(self) -> None:
+        values = (self.displacement_m, self.force_n)
+        if not all(np.isfinite(v) and v >= 0 for v in values) or max(values) == 0:
+            raise InputError(
+                "the noise must be two numbers >= 0, not both zero, found "
+                f"displacement_m = {values[0]}, force_n = {values[1]}: "
+                "leave out of [noise] what is unknown, it is then estimated"
+            )
+
+    @property
+    def estimated(self) -> bool:
+        """Whether any of the two was estimated from the scan."""
+        return self.displacement_estimated or self.force_estimated
+
+
+def scan_noise(
+    scan: Scan, displacement_m: float | None = None, force_n: float | None = None
+) -> Noise:
+    """Return the noise as given, with what is None estimated from the scan's smooth ramps.
+
+    Raises `InputError` where it is to be estimated and the scan has too few runs of four samples.
+    An estimate is at least a millionth of the column's rms, so that weights stay finite.
+    """
+    if displacement_m is not None and force_n is not None:
+        return Noise(displacement_m, force_n)
+    d, f, compliance = _differences(scan)
+    if len(d) < _MIN_DIFFERENCES:
+        raise InputError(
+            f"the scan has {len(d)} runs of {_POINTS} samples within a phase of a press, at least "
+            f"{_MIN_DIFFERENCES} are needed to estimate its noise: state displacement_m and "
+            "force_n under [noise] in the study file"
+        )
+    variance_d = float(np.mean(d**2)) - _shared(compliance * d * f)
+    variance_f = float(np.mean(f**2)) - _shared(d * f / compliance)
+    floor_d = _FLOOR * float(np.sqrt(np.mean(scan.displacement_m**2)))
+    floor_f = _FLOOR * float(np.sqrt(np.mean(scan.force_n**2)))
+    return Noise(
+        max(np.sqrt(max(variance_d, 0.0)), floor_d) if displacement_m is None else displacement_m,
+        max(np.sqrt(max(variance_f, 0.0)), floor_f) if force_n is None else force_n,
+        displacement_m is None,
+        force_n is None,
+    )
+
+
+def _shared(products: np.ndarray) -> float:
+    """Mean of the products where it is seen (3 standard errors), else 0: its scatter is not."""
+    # Neighbouring differences share samples: about one in _POINTS is independent.
+    error = float(np.std(products)) / np.sqrt(len(products) / _POINTS)
+    mean = float(np.mean(products))
+    return mean if mean > 3 * error else 0.0
+
+
+def _differences(scan: Scan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normalised third divided differences of d and F, and the compliance of their press."""
+    change = np.flatnonzero((np.diff(scan.press) != 0) | (scan.phase[1:] != scan.phase[:-1])) + 1
+    timed = scan.has_time and bool(np.all(np.diff(scan.time_s) > 0))
+    place = scan.time_s if timed else np.arange(len(scan.press), dtype=float)
+    out_d, out_f, out_c = [], [], []
+    slope = np.bincount(scan.press_index, scan.force_n * scan.displacement_m) / np.maximum(
+        np.bincount(scan.press_index, scan.force_n**2), 1e-300
+    )
+    for run in np.split(np.arange(len(scan.press)), change):
+        if len(run) < _POINTS:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(run, _POINTS)
+        weight = _divided_difference(place[windows])
+        out_d.append(np.sum(weight * scan.displacement_m[windows], axis=1))
+        out_f.append(np.sum(weight * scan.force_n[windows], axis=1))
+        out_c.append(np.full(len(windows), slope[scan.press_index[run[0]]]))
+    if not out_d:
+        return np.empty(0), np.empty(0), np.empty(0)
+    return np.concatenate(out_d), np.concatenate(out_f), np.concatenate(out_c)
+
+
+def _divided_difference(place: np.ndarray) -> np.ndarray:
+    """Weights (r, 4) that annul quadratics at places (r, 4), of unit sum of squares."""
+    apart = place[:, :, None] - place[:, None, :]
+    apart[:, np.arange(_POINTS), np.arange(_POINTS)] = 1.0
+    weight = 1.0 / np.prod(apart, axis=2)
+    return weight / np.linalg.norm(weight, axis=1, keepdims=True)

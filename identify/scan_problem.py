@@ -1,0 +1,155 @@
+"""The least-squares problem of a scan: minimise from a map, from several, towards a finer model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem import PalpationModel
+from fem.errors import SolverError
+from identify.fit_record import FitIteration
+from identify.forward import Forward, compliance
+from identify.gaussian_map import GaussianMap
+from identify.misfit import PressTable
+from identify.noise import Noise
+from identify.optimize_result import InadmissibleError, OptimizeResult
+from identify.parameter_space import parameter_space
+from identify.start import scaled
+from models.errors import InputError
+
+Optimizer = Callable[..., OptimizeResult]
+Progress = Callable[[FitIteration], None]
+
+_KEPT_STARTS = 3
+_TRIAL_EVALUATIONS = 8
+_FINE_ROUNDS = 8
+# A round of defect correction that moves the estimate by fewer standard deviations is the last.
+_SETTLED = 0.03
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The end of a minimisation, the accepted steps that led there and all evaluations made."""
+
+    forward: Forward
+    result: OptimizeResult
+    history: tuple[FitIteration, ...]
+    nfev: int
+
+    @property
+    def map(self) -> GaussianMap:
+        """The map at the minimum."""
+        return self.forward.space.to_map(self.result.x)
+
+    def after(self, earlier: Minimum) -> Minimum:
+        """Return this minimum with the earlier path before its own."""
+        offset = len(earlier.history)
+        own = tuple(replace(step, iteration=offset + step.iteration) for step in self.history)
+        return replace(self, history=earlier.history + own, nfev=earlier.nfev + self.nfev)
+
+
+@dataclass(frozen=True)
+class ScanProblem:
+    """The compressed rows of a scan, their noise and the optimiser that fits a model to them."""
+
+    table: PressTable
+    noise: Noise
+    optimizer: Optimizer
+    progress: Progress | None = None
+
+    def chi2(self, prediction: np.ndarray) -> float:
+        """Chi-square of compliances (j,) over all rows."""
+        return float(np.sum(self.table.residuals(prediction, self.noise)[0] ** 2))
+
+    def jacobian(self, forward: Forward, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compliance (j,) and the whitened residuals' derivative (2 j, k) by the coordinates u."""
+        prediction, gradient = forward.evaluate(u)
+        _, slope = self.table.residuals(prediction, self.noise)
+        return prediction, (slope[:, :, None] * gradient[:, None, :]).reshape(-1, len(u))
+
+    def minimize(
+        self, forward: Forward, u: np.ndarray, limit: int = 100, progress: Progress | None = None
+    ) -> Minimum:
+        """Minimise from the scaled coordinates u with at most so many evaluations."""
+        history: list[FitIteration] = []
+        rms: dict[bytes, float] = {}
+        dof = self.table.dof(len(u))
+
+        def evaluate(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            prediction, jac = self.jacobian(forward, u)
+            rms[u.tobytes()] = self.table.rms(prediction)
+            return self.table.residuals(prediction, self.noise)[0].ravel(), jac
+
+        def accept(u: np.ndarray, fun: float) -> None:
+            stiffness = forward.space.to_map(u)
+            values = dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
+            step = FitIteration(len(history), values, 2 * fun, 2 * fun / dof, rms[u.tobytes()])
+            history.append(step)
+            if progress:
+                progress(step)
+
+        result = self.optimizer(
+            evaluate, u, bounds=forward.space.bounds, max_evaluations=limit, callback=accept
+        )
+        return Minimum(forward, result, tuple(history), result.nfev)
+
+    def continued(self, earlier: Minimum, forward: Forward) -> Minimum:
+        """Minimise onwards from an earlier minimum, reporting its own steps as the next ones."""
+        offset = len(earlier.history)
+
+        def progress(step: FitIteration) -> None:
+            if self.progress:
+                self.progress(replace(step, iteration=offset + step.iteration))
+
+        return self.minimize(forward, earlier.result.x, progress=progress).after(earlier)
+
+    def from_best(self, model: PalpationModel, maps: Sequence[GaussianMap], box: np.ndarray):
+        """Try all maps once, follow the best few a little, and the best of those to its end."""
+        tried = []
+        for stiffness in maps:
+            try:
+                prediction = compliance(model, stiffness)
+            except (InadmissibleError, SolverError):
+                continue
+            # The best common factor of all moduli is known without another solve.
+            factor = self.table.common_factor(prediction, self.noise)
+            if factor > 0:
+                tried.append((self.chi2(prediction / factor), scaled(stiffness, factor)))
+        if not tried:
+            raise InputError(
+                "no map explains the scan even roughly: check the signs and units of force_n and "
+                "displacement_m"
+            )
+        tried.sort(key=lambda pair: pair[0])
+        followed = []
+        for _, stiffness in tried[:_KEPT_STARTS]:
+            forward = Forward(model, parameter_space(stiffness, box))
+            u = forward.space.to_scaled(stiffness)
+            followed.append(self.minimize(forward, u, _TRIAL_EVALUATIONS))
+        best = min(followed, key=lambda minimum: minimum.result.fun)
+        if self.progress:
+            for step in best.history:
+                self.progress(step)
+        spent = len(maps) + sum(minimum.nfev for minimum in followed)
+        best = replace(best, nfev=spent)
+        return best if best.result.success else self.continued(best, best.forward)
+
+    def towards(self, fine: PalpationModel, minimum: Minimum) -> tuple[Minimum, np.ndarray, bool]:
+        """Correct the coarse model towards a finer one until the estimate no longer moves.
+
+        Returns the minimum, the relative error (j,) of the coarse model's compliance against the
+        finer one's there, and whether it settled.
+        """
+        ratio = np.ones(len(self.table.force))
+        for _ in range(_FINE_ROUNDS):
+            before = minimum.result.x
+            coarse, _ = replace(minimum.forward, ratio=1.0).evaluate(before)
+            ratio = compliance(fine, minimum.map) / coarse
+            minimum = self.continued(minimum, replace(minimum.forward, ratio=ratio))
+            minimum = replace(minimum, nfev=minimum.nfev + 2)
+            _, jac = self.jacobian(minimum.forward, minimum.result.x)
+            if np.linalg.norm(jac @ (minimum.result.x - before)) < _SETTLED:
+                return minimum, 1 / ratio - 1, True
+        return minimum, 1 / ratio - 1, False

@@ -1,0 +1,169 @@
+"""The layout in which a recording opens: the scene and the maps first, then what they rest on."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from palpmap import recording_parts as parts
+from palpmap.recording_maps import picture_bounds
+
+_DARK = (24, 26, 30)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where things are in the scene, for the eyes of the 3-D views.
+
+    Attributes
+    ----------
+    lower_m, upper_m : (3,) m, box around the body, body frame
+    position_m : (3,) m, origin of the body frame in the world
+    """
+
+    lower_m: NDArray[np.float64]
+    upper_m: NDArray[np.float64]
+    position_m: NDArray[np.float64]
+
+    @property
+    def size_m(self) -> NDArray[np.float64]:
+        """(3,) m, edges of the box around the body."""
+        return self.upper_m - self.lower_m
+
+    @property
+    def center_m(self) -> NDArray[np.float64]:
+        """(3,) m, centre of the body in its own frame."""
+        return 0.5 * (self.lower_m + self.upper_m)
+
+
+def layout(present: Collection[str], stage: Stage, residual_limit_um: float) -> rrb.Blueprint:
+    """Blueprint with the views for which there is something to see.
+
+    Parameters
+    ----------
+    present : names of parts (see `recording_parts.PARTS`), and "figures"
+    stage : Stage
+    residual_limit_um : residual at the ends of the colour scale, in um
+    """
+    left = [_scenes("robot" in present, stage)]
+    if "robot" in present:
+        left.append(
+            rrb.Horizontal(
+                _plot(parts.FORCE, "Contact force, N"),
+                _plot(parts.TRAVEL, "Travel of the tip since touch, mm"),
+            )
+        )
+    right = []
+    maps = [
+        _map(entity, name, stage)
+        for part, entity, name in (
+            ("truth", parts.TRUE_MAP, "Truth: Young's modulus"),
+            ("fit", parts.FOUND_MAP, "Found: Young's modulus"),
+        )
+        if part in present
+    ]
+    if maps:
+        right.append(rrb.Horizontal(*maps))
+    presses = []
+    if "presses" in present or "comparison" in present:
+        presses.append(
+            _plot(
+                "presses", "Each press: measured and modelled, mm", ["measured_mm", "modelled_mm"]
+            )
+        )
+    if "comparison" in present:
+        presses.append(_residuals(stage, residual_limit_um))
+    if presses:
+        right.append(rrb.Horizontal(*presses))
+    if "fit" in present:
+        right.append(
+            rrb.Horizontal(
+                _plot(parts.MODULI, "Parameters: kPa"),
+                _plot(parts.LENGTHS, "Parameters: mm"),
+                _plot(parts.MISFIT, "Misfit: log10"),
+            )
+        )
+    texts: list[rrb.View] = [
+        rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"),
+        rrb.TextLogView(origin=parts.EVENTS, name="Events"),
+    ]
+    if "figures" in present:
+        texts.append(rrb.Spatial2DView(origin=parts.FIGURES, name="Figures"))
+    left.append(rrb.Tabs(*texts, active_tab=0))
+    body = rrb.Vertical(
+        *left, row_shares=[3.2, 1.2, 1.1][: len(left)] if len(left) == 3 else [3, 1.2]
+    )
+    if right:
+        shares = [2.3] * bool(maps) + [1.3] * bool(presses) + [1.0] * ("fit" in present)
+        body = rrb.Horizontal(
+            body, rrb.Vertical(*right, row_shares=shares), column_shares=[1.25, 1]
+        )
+    return rrb.Blueprint(
+        body,
+        rrb.TimePanel(timeline=parts.SIM_TIME, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
+    """Show the arm as a whole beside the body from near, or the body alone."""
+    size = np.linalg.norm(stage.size_m)
+    center = stage.position_m + stage.center_m
+    near = rrb.Spatial3DView(
+        origin="world",
+        name="The body, coloured by Young's modulus",
+        background=_DARK,
+        line_grid=False,
+        eye_controls=_eye(center, center + size * np.array([-0.55, -1.05, 0.75])),
+    )
+    if not robot:
+        return near
+    reach = max(float(np.linalg.norm(center[:2])), 0.3)
+    target = np.array([0.5 * center[0], 0.5 * center[1], 0.65 * reach])
+    whole = rrb.Spatial3DView(
+        origin="world",
+        name="The arm presses on the body",
+        background=_DARK,
+        eye_controls=_eye(target, target + reach * np.array([0.9, -2.6, 0.9])),
+    )
+    return rrb.Horizontal(whole, near)
+
+
+def _eye(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0, 0, 1))
+
+
+def _residuals(stage: Stage, limit_um: float) -> rrb.View:
+    size = stage.size_m
+    above = np.array([0.0, -0.02 * size.max(), 1.25 * size[:2].max() + size[2]])
+    return rrb.Spatial3DView(
+        origin=parts.RESIDUAL_MAP,
+        name=f"Residual from above: red +{limit_um:.3g} um, blue -{limit_um:.3g} um",
+        background=_DARK,
+        line_grid=False,
+        eye_controls=_eye(stage.center_m, stage.center_m + above),
+    )
+
+
+def _map(entity: str, name: str, stage: Stage) -> rrb.View:
+    x_range, y_range = picture_bounds(stage.size_m)
+    return rrb.Spatial2DView(
+        origin=entity,
+        name=name,
+        background=_DARK,
+        visual_bounds=rrb.VisualBounds2D(x_range=x_range, y_range=y_range),
+    )
+
+
+def _plot(entity: str, name: str, under: Collection[str] = ()) -> rrb.View:
+    return rrb.TimeSeriesView(
+        origin=entity,
+        contents=[f"$origin/{u}" for u in under] or "$origin/**",
+        name=name,
+        plot_legend=rrb.PlotLegend(corner="RightTop"),
+    )

@@ -1,0 +1,55 @@
+"""The `palpmap` command."""
+
+from typing import Annotated
+
+import typer
+
+from palpmap import __version__
+from palpmap.cli.check import check
+from palpmap.cli.compare import compare
+from palpmap.cli.demo import demo
+from palpmap.cli.fit import fit
+from palpmap.cli.paper import paper
+from palpmap.cli.review import review
+from palpmap.cli.scan import scan
+from palpmap.console import answers
+
+app = typer.Typer(
+    name="palpmap",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"palpmap {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def palpmap(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    """Stiffness maps of soft bodies from robotic palpation: scan, identify, compare, replay.
+
+    Example: palpmap demo
+    """
+
+
+for _command in (demo, paper, scan, fit, compare, review, check):
+    app.command()(answers(_command))
+
+
+def main() -> None:
+    """Run the command line; exit codes: 0 done, 1 a criterion failed, 2 bad input."""
+    app(prog_name="palpmap")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""`palpmap check`: read a study and its scan, and say what is there."""
+
+import os
+from typing import Any
+
+import numpy as np
+
+from models.scan import Scan, read_scan
+from models.scan_checks import PHASES
+from palpmap.placement import Placement, place_scan
+from palpmap.run_folder import sha256
+from palpmap.study import Study, load_study
+
+SMALL_STRAIN_SHARE = 0.15
+
+
+def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a study and its scan, place the presses on the body, and sum up what was found.
+
+    Returns
+    -------
+    dict
+        A JSON record: counts of presses, samples by phase and ignored rows, ranges of force,
+        displacement and time, noise, placement, hashes, and notes that a user should read.
+
+    Raises
+    ------
+    InputError
+        At the first fault in study or scan.
+    """
+    study = load_study(path)
+    scan = read_scan(study.scan, study.study.units_checked)
+    placement = place_scan(scan, study)
+    used = scan.used()
+    radii, presses = np.unique(scan.contact_radii, return_counts=True)
+    return {
+        "schema": 1,
+        "study": study.name,
+        "scan": str(study.scan),
+        "sha256": {"study": sha256(path), "scan": sha256(study.scan)},
+        "body": study.body.model_dump(mode="json", exclude_none=True),
+        "presses": len(scan.press_ids),
+        "rows": len(scan),
+        "ignored_rows": scan.ignored_rows,
+        "samples": {
+            phase: count for phase in PHASES if (count := int(np.sum(scan.phase == phase)))
+        },
+        "force_n": _range(used.force_n),
+        "displacement_m": _range(used.displacement_m),
+        "time_s": _range(scan.time_s) if scan.has_time else None,
+        "tip": study.probe.tip,
+        "probe_radius_m": {f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
+        "noise": study.noise.model_dump(),
+        "inclusions": study.map.inclusions,
+        "effects": [effect.name for effect in study.effects],
+        "placement": {
+            "projected": placement.projected,
+            "largest_distance_m": float(placement.distance_m.max()),
+            "largest_angle_deg": float(placement.angle_deg.max()),
+        },
+        "notes": _notes(study, scan, placement),
+    }
+
+
+def _range(values: np.ndarray) -> list[float]:
+    return [float(values.min()), float(values.max())]
+
+
+def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
+    """Sentences about what was assumed, ignored or cannot be seen."""
+    notes = []
+    if scan.ignored_rows:
+        notes.append(f"{scan.ignored_rows} approach and retract rows are not used by models.")
+    if placement.projected:
+        notes.append(
+            "A block stands in for the body: contact points were moved onto its top by up to "
+            f"{placement.distance_m.max() * 1e3:.2f} mm and directions turned to its normal by up "
+            f"to {placement.angle_deg.max():.1f} degrees."
+        )
+    size = study.body.size_m
+    if size is not None and study.body.thickness_assumed:
+        notes.append(
+            f"The thickness of {size[2] * 1e3:g} mm is assumed, not measured: depths "
+            "and moduli depend on it."
+        )
+    if not scan.has_time:
+        notes.append("No times: creep, drift and other effects in time cannot be seen.")
+    unknown = [name for name, value in study.noise.model_dump().items() if value is None]
+    if unknown:
+        notes.append(f"Noise not given for {' and '.join(unknown)}: it will be estimated.")
+    other = int(np.sum(~np.isclose(scan.contact_radii, study.probe.radius_m, rtol=1e-3)))
+    if other:
+        notes.append(f"{other} presses were made with another tip radius than probe.radius_m.")
+    if size is not None:
+        share = float(scan.used().displacement_m.max()) / size[2]
+        if share > SMALL_STRAIN_SHARE:
+            notes.append(
+                f"The tip goes in by {share:.0%} of the body's thickness: beyond about 10 % the "
+                "linear model is no longer right."
+            )
+    return notes

@@ -1,0 +1,62 @@
+"""`palpmap check`."""
+
+from typing import TYPE_CHECKING, Any
+
+from palpmap.cli.options import Json, Quiet, StudyFile
+from palpmap.console import Output
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def check(study: StudyFile, quiet: Quiet = False, json: Json = False) -> None:
+    """Read a study and its scan and say what is there.
+
+    Example: palpmap check study.toml
+    """
+    from palpmap.check import check_study
+
+    found = check_study(study)
+    output = Output(quiet=quiet, json=json)
+    output.result(found, _table(found))
+    for note in found["notes"]:
+        output.say(f"- {note}")
+    output.say("Study and scan can be used.")
+
+
+def _table(found: dict[str, Any]) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    def span(values: list[float], scale: float, unit: str) -> str:
+        return f"{values[0] * scale:.4g} to {values[1] * scale:.4g} {unit}"
+
+    body, noise, placed = found["body"], found["noise"], found["placement"]
+    size = body.get("file") or " x ".join(f"{length * 1e3:g}" for length in body["size_m"]) + " mm"
+    spread = noise["displacement_m"], noise["force_n"]
+    table = Table(title=found["study"], box=box.SIMPLE, show_header=False, title_justify="left")
+    table.add_row("scan", found["scan"])
+    table.add_row("body", f"{body['shape']}, {size}, Poisson's ratio {body['poisson_ratio']:g}")
+    table.add_row("presses", str(found["presses"]))
+    phases = ", ".join(f"{count} {phase}" for phase, count in found["samples"].items())
+    table.add_row("rows", f"{found['rows']} ({phases}); {found['ignored_rows']} ignored")
+    radii = ", ".join(f"{float(r) * 1e3:g} mm ({n})" for r, n in found["probe_radius_m"].items())
+    table.add_row("tip, radius (presses)", f"{found['tip']}, {radii}")
+    table.add_row("force", span(found["force_n"], 1, "N"))
+    table.add_row("displacement", span(found["displacement_m"], 1e3, "mm"))
+    table.add_row("time", span(found["time_s"], 1, "s") if found["time_s"] else "unknown")
+    table.add_row(
+        "noise (1 sd)",
+        ", ".join(
+            f"{value * scale:g} {unit}" if value is not None else f"unknown ({unit})"
+            for value, scale, unit in zip(spread, (1e6, 1e3), ("um", "mN"), strict=True)
+        ),
+    )
+    table.add_row(
+        "contact points",
+        f"at most {placed['largest_distance_m'] * 1e3:.3g} mm off the surface, "
+        f"{placed['largest_angle_deg']:.3g} degrees off its normal",
+    )
+    table.add_row("inclusions in the map", str(found["inclusions"]))
+    table.add_row("effects in the model", ", ".join(found["effects"]) or "none")
+    return table

@@ -1,0 +1,27 @@
+"""`palpmap compare`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpmap.cli.options import Json, Out, Quiet
+from palpmap.console import Output
+
+
+def compare(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="RUN|STUDY", help="Run folder with a fit, or a study to fit first."),
+    ],
+    out: Out = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Say what of a scan the model does not explain: by place, force, time and order.
+
+    Example: palpmap compare runs/phantom
+    """
+    from palpmap.comparison import run_compare
+
+    return run_compare(source=source, out=out, output=Output(quiet=quiet, json=json))

@@ -1,0 +1,114 @@
+"""What a command says, and what its exit code means.
+
+Results go to stdout, progress and errors to stderr, so that `palpmap ... --json | jq` works.
+"""
+
+import functools
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from models.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress
+
+DONE = 0
+FAILED_CRITERION = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a command speaks.
+
+    Attributes
+    ----------
+    quiet : bool
+        Nothing but results asked for by `json`, and errors.
+    json : bool
+        The result as one JSON object on stdout; tables and texts are left out.
+    """
+
+    quiet: bool = False
+    json: bool = False
+
+    def say(self, *renderables: "RenderableType") -> None:
+        """Print text or rich renderables for a person, unless quiet or json."""
+        if not self.quiet and not self.json:
+            from rich.console import Console
+
+            Console(highlight=False).print(*renderables)
+
+    def result(self, record: Mapping[str, Any], *renderables: "RenderableType") -> None:
+        """Print a result: the record if json, else the renderables."""
+        if self.json:
+            sys.stdout.write(json.dumps(record, indent=1, allow_nan=False) + "\n")
+        else:
+            self.say(*renderables)
+
+    def progress(self) -> "Progress":
+        """Return a progress bar on stderr (a context), silent if quiet."""
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import TimeElapsedColumn as Elapsed
+
+        return Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            Elapsed(),
+            console=Console(stderr=True),
+            disable=self.quiet,
+        )
+
+
+def complain(sentence: str) -> None:
+    """Print one red sentence to stderr, unwrapped."""
+    from rich.console import Console
+    from rich.text import Text
+
+    Console(stderr=True).print(Text(f"palpmap: {sentence}", style="red"), soft_wrap=True)
+
+
+def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
+    """Wrap a command: what it returns or raises becomes sentence and exit code.
+
+    True or None: 0. False (a criterion failed): 1. Bad input, mesh or solver errors: one sentence,
+    2. Ctrl-C: 130. Anything else is a fault of the program and keeps its traceback.
+    """
+
+    @functools.wraps(command)
+    def answered(*args, **kwargs) -> None:
+        import typer
+
+        try:
+            passed = command(*args, **kwargs)
+        except ValueError as error:
+            if not _is_for_the_user(error):
+                raise
+            complain(str(error))
+            raise typer.Exit(BAD_INPUT) from error
+        except KeyboardInterrupt as error:
+            folder = getattr(error, "folder", None)
+            where = f", run folder is readable: {folder}" if folder else ""
+            complain(f"interrupted{where}")
+            raise typer.Exit(INTERRUPTED) from error
+        if passed is False:
+            raise typer.Exit(FAILED_CRITERION)
+
+    return answered
+
+
+def _is_for_the_user(error: ValueError) -> bool:
+    if isinstance(error, InputError):
+        return True
+    if "fem" not in sys.modules:
+        return False
+    from fem.errors import MeshError, SolverError
+
+    return isinstance(error, (MeshError, SolverError))

@@ -1,0 +1,223 @@
+"""The run folder: what a command leaves behind, and how it was made.
+
+`run.json` holds one entry a command that wrote into the folder: versions, seed, settings, hashes of
+the inputs, start, end and outcome. It is written first, so that a killed run can be read too.
+"""
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from models.errors import InputError
+
+SCHEMA = 1
+PACKAGES = (
+    "palpmap",
+    "numpy",
+    "scipy",
+    "numba",
+    "pypardiso",
+    "mujoco",
+    "pin",
+    "pytetwild",
+    "pyvista",
+    "rerun-sdk",
+    "pyarrow",
+    "pydantic",
+    "matplotlib",
+)
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a run; `folder` holds what was written until then."""
+
+    def __init__(self, folder: Path):
+        super().__init__(str(folder))
+        self.folder = folder
+
+
+class RunFolder:
+    """A folder for one run, as a context: `with RunFolder("fit", out, ...) as run: ...`.
+
+    Parameters
+    ----------
+    command : str
+        Name of the command, such as "fit".
+    out : path or None
+        The folder; None makes runs/<command>-<date>. An existing run folder is added to.
+    seed : int or None
+        Seed of all random numbers of the run.
+    settings : mapping
+        Whatever else decides the outcome; must be JSON.
+    inputs : sequence of paths
+        Files that were read, recorded with their SHA-256.
+
+    Raises
+    ------
+    InputError
+        If `out` is a file, or a folder with other things in it, or cannot be written.
+    """
+
+    def __init__(
+        self,
+        command: str,
+        out: str | os.PathLike[str] | None = None,
+        *,
+        seed: int | None = None,
+        settings: Mapping[str, Any] | None = None,
+        inputs: Sequence[str | os.PathLike[str]] = (),
+    ):
+        self.path = _default_folder(command) if out is None else Path(out)
+        entries = _earlier_runs(self.path)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{self.path}: the run folder cannot be made ({error.strerror}); "
+                "choose another with --out"
+            ) from error
+        self._entry: dict[str, Any] = {
+            "command": command,
+            "started": _now(),
+            "ended": None,
+            "outcome": "running",
+            "seed": seed,
+            "settings": dict(settings or {}),
+            "inputs": {str(path): sha256(path) for path in inputs},
+            "versions": versions(),
+        }
+        self._entries = [*entries, self._entry]
+        self._save()
+
+    def __enter__(self) -> "RunFolder":
+        """Return the folder itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Record how the run ended; Ctrl-C becomes RunInterrupted, which knows the folder."""
+        if error is None:
+            self.finish("done")
+        elif isinstance(error, KeyboardInterrupt):
+            self.finish("interrupted")
+            raise RunInterrupted(self.path) from error
+        else:
+            self.finish(f"failed: {error}")
+
+    def __truediv__(self, name: str) -> Path:
+        """Path of a file in the folder."""
+        return self.path / name
+
+    def finish(self, outcome: str) -> None:
+        """Record the outcome, unless one was recorded before."""
+        if self._entry["outcome"] == "running":
+            self._entry |= {"outcome": outcome, "ended": _now()}
+            self._save()
+
+    def _save(self) -> None:
+        write_record(self.path / "run.json", {"runs": self._entries}, SCHEMA)
+
+
+def write_record(
+    path: str | os.PathLike[str], record: Mapping[str, Any], schema: int = SCHEMA
+) -> None:
+    """Write a record as JSON with its schema version; the file is replaced in one step.
+
+    Raises
+    ------
+    ValueError
+        If the record holds NaN or infinity, which JSON does not know.
+    """
+    path = Path(path)
+    beside = path.with_name(path.name + ".part")
+    text = json.dumps({"schema": schema, **record}, indent=1, allow_nan=False)
+    beside.write_text(text + "\n", encoding="utf-8")
+    beside.replace(path)
+
+
+def read_record(path: str | os.PathLike[str], schema: int = SCHEMA) -> dict[str, Any]:
+    """Read a record that `write_record` wrote, with schema at most `schema`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is not JSON, or comes from a newer palpmap.
+    """
+    path = Path(path)
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}), expected a file of a run folder; "
+            "check the path or run the command that writes it"
+        ) from error
+    except ValueError as error:
+        raise InputError(
+            f"{path}: found text that is not JSON ({error}), expected a record of palpmap; "
+            "run the command that writes it again"
+        ) from error
+    found = record.get("schema") if isinstance(record, dict) else None
+    if not isinstance(found, int):
+        raise InputError(
+            f"{path}, key schema: found {found!r}, expected a number; this is no record of palpmap"
+        )
+    if found > schema:
+        raise InputError(
+            f"{path}, key schema: found {found}, expected at most {schema}; update palpmap"
+        )
+    return record
+
+
+def sha256(path: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file as hexadecimal text."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, the machine's kind and the packages that decide a result."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _earlier_runs(path: Path) -> list[dict[str, Any]]:
+    if path.is_file():
+        raise InputError(f"{path}: found a file, expected a folder; choose another with --out")
+    if (path / "run.json").is_file():
+        return list(read_record(path / "run.json")["runs"])
+    if path.is_dir() and any(path.iterdir()):
+        raise InputError(
+            f"{path}: found a folder with other things in it, expected a new, empty or earlier "
+            "run folder; choose another with --out"
+        )
+    return []
+
+
+def _default_folder(command: str) -> Path:
+    stamp = datetime.now().strftime("%Y-%m-%d-%H%M%S")
+    folder = Path("runs") / f"{command}-{stamp}"
+    number = 2
+    while folder.exists():
+        folder = Path("runs") / f"{command}-{stamp}-{number}"
+        number += 1
+    return folder
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

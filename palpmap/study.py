@@ -1,0 +1,337 @@
+"""The study file: what is known of an experiment, in TOML beside the scan that it names."""
+
+import difflib
+import os
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+
+from models.errors import InputError
+
+SCHEMA = 1
+LARGEST_BODY_M = 1.0
+LARGEST_RADIUS_M = 0.05
+LARGEST_NOISE_M = 0.005
+UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
+INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+
+
+def _three(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) == 3:
+        return tuple(value)
+    raise ValueError("three numbers [x, y, z] in m")
+
+
+def _path(value: Any) -> Any:
+    if isinstance(value, str) and value.strip():
+        return Path(value)
+    if isinstance(value, Path):
+        return value
+    raise ValueError("the name of a file, as text")
+
+
+Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_three)]
+Size = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
+File = Annotated[Path, BeforeValidator(_path)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class About(_Table):
+    """`[study]`: the experiment's name and its scan.
+
+    `units_checked` says that sizes which look like millimetres or grams are meant as they stand.
+    """
+
+    name: str = Field(min_length=1, description="a name for the study, as text")
+    scan: File = Field(description="the scan's file (.csv or .parquet), relative to this file")
+    units_checked: bool = Field(False, strict=True)
+    schema_version: int = Field(SCHEMA, alias="schema", ge=1, strict=True)
+
+
+class Body(_Table):
+    """`[body]`: the soft body.
+
+    A block's corner stands at `origin_m` in the scan's frame, x and y in [0, size], z up from the
+    base. With `project_points` a block stands in for a body with a curved surface: contact points
+    are moved along z onto its top and directions are replaced by the top's normal.
+    """
+
+    shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")
+    size_m: Size | None = None
+    file: File | None = None
+    poisson_ratio: Real = Field(ge=0, le=0.49, description="Poisson's ratio, 0 to 0.49")
+    support: Literal["base-bonded"] = "base-bonded"
+    origin_m: Point = (0.0, 0.0, 0.0)
+    project_points: bool = Field(False, strict=True)
+    thickness_assumed: bool = Field(False, strict=True)
+
+    @model_validator(mode="after")
+    def _shape_has_its_keys(self) -> "Body":
+        if self.shape == "block" and (self.size_m is None or self.file is not None):
+            raise ValueError('size_m = [x, y, z] in m and no file, as shape is "block"')
+        if self.shape == "surface" and (self.file is None or self.size_m is not None):
+            raise ValueError('file = "... .stl" and no size_m, as shape is "surface"')
+        if self.shape == "surface" and (self.project_points or self.thickness_assumed):
+            raise ValueError('project_points and thickness_assumed only with shape = "block"')
+        return self
+
+
+class Probe(_Table):
+    """`[probe]`: the tip that presses."""
+
+    tip: Literal["flat", "sphere"] = Field(description="'flat' or 'sphere'")
+    radius_m: Positive = Field(description="the tip's radius in m")
+
+
+class Noise(_Table):
+    """`[noise]`: one standard deviation of each reading; None is estimated from the scan."""
+
+    displacement_m: Positive | None = None
+    force_n: Positive | None = None
+
+
+class Map(_Table):
+    """`[map]`: number of inclusions; first guesses and fixed values by parameter name.
+
+    Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
+    positions are in the scan's frame.
+    """
+
+    inclusions: int | Literal["auto"] = 1
+    initial: dict[str, float] = Field(default_factory=dict)
+    fixed: dict[str, float] = Field(default_factory=dict)
+
+    @field_validator("inclusions", mode="before")
+    @classmethod
+    def _number_or_auto(cls, value: Any) -> Any:
+        if value == "auto" or (type(value) is int and value >= 0):
+            return value
+        raise ValueError('a whole number 0, 1, 2, ... or "auto"')
+
+    @field_validator("initial", "fixed", mode="before")
+    @classmethod
+    def _flatten(cls, value: Any) -> Any:
+        """`inclusion_1.x_m = 1` without quotation marks is a table in TOML; both are read."""
+        if not isinstance(value, dict):
+            raise ValueError("a table of parameter names and numbers")
+        flat = {}
+        for key, entry in value.items():
+            inner = entry.items() if isinstance(entry, dict) else [("", entry)]
+            flat |= {f"{key}.{name}" if name else key: number for name, number in inner}
+        for name, number in flat.items():
+            if type(number) not in (int, float) or number != number:
+                raise ValueError(f"a number for '{name}', not {number!r}")
+        return flat
+
+    @model_validator(mode="after")
+    def _names_exist(self) -> "Map":
+        count = 9 if self.inclusions == "auto" else self.inclusions
+        known = ["background_pa"] + [
+            f"inclusion_{i}.{value}" for i in range(1, count + 1) for value in INCLUSION_VALUES
+        ]
+        for name in [*self.initial, *self.fixed]:
+            if name not in known:
+                near = _nearest(name, known)
+                raise ValueError(
+                    f"parameters of {self.inclusions} inclusions; '{name}' is none{near}"
+                )
+        both = self.initial.keys() & self.fixed.keys()
+        if both:
+            raise ValueError(f"'{min(both)}' in [map.initial] or [map.fixed], not in both")
+        return self
+
+
+class Effect(_Table):
+    """One entry of `[[effects]]`: an effect that the model has, by its name in the catalogue."""
+
+    name: Literal[
+        "viscoelasticity",
+        "finite_strain",
+        "strain_stiffening",
+        "anisotropy",
+        "skin_layer",
+        "extra_inclusion",
+        "stiffness_gradient",
+        "poisson_ratio",
+        "preconditioning",
+        "hysteresis",
+        "spherical_tip",
+        "base_compliance",
+        "base_sliding",
+        "tool_compliance",
+        "force_bias",
+        "force_drift",
+        "force_saturation",
+        "contact_offset",
+        "surface_tilt",
+        "breathing",
+        "mesh_error",
+    ] = Field(description="the effect's name")
+
+
+class Study(_Table):
+    """A study file; paths are absolute after `load_study`."""
+
+    study: About = Field(description="the table [study] with name and scan")
+    body: Body = Field(description="the table [body]")
+    probe: Probe = Field(description="the table [probe]")
+    noise: Noise = Field(default_factory=Noise)
+    map: Map = Field(default_factory=Map)
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.study.name
+
+    @property
+    def scan(self) -> Path:
+        """Path of the scan."""
+        return self.study.scan
+
+
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Read and check a study file; relative paths in it start at its folder.
+
+    Raises
+    ------
+    InputError
+        Naming file, TOML key, what was found and what is expected; for text that is not TOML,
+        the line.
+    """
+    path = Path(path)
+    if not path.is_file():
+        kind = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {kind}, expected a study file (.toml); check the path")
+    if path.suffix.lower() in (".csv", ".parquet"):
+        raise InputError(
+            f"{path}: found a scan, expected a study file (.toml); write one that names the scan"
+        )
+    try:
+        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: found the byte 0x{error.object[error.start]:02x} at position {error.start}, "
+            "expected UTF-8 text; save the file as UTF-8"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: found text that is not TOML: {error}; correct it") from error
+    about = tables.get("study")
+    schema = about.get("schema", SCHEMA) if isinstance(about, dict) else SCHEMA
+    if isinstance(schema, int) and schema > SCHEMA:
+        raise InputError(
+            f"{path}, key study.schema: found {schema}, expected at most {SCHEMA}; update palpmap"
+        )
+    try:
+        study = Study.model_validate(tables)
+    except ValidationError as error:
+        raise InputError(_sentence(path, error)) from error
+    if not study.study.units_checked:
+        _check_units(path, study)
+    folder = path.resolve().parent
+    body = study.body
+    if body.file is not None:
+        body = body.model_copy(update={"file": folder / body.file})
+    about = study.study.model_copy(update={"scan": folder / study.study.scan})
+    return study.model_copy(update={"study": about, "body": body})
+
+
+def write_study(study: Study, path: str | os.PathLike[str]) -> None:
+    """Write a study file that `load_study` reads; paths inside its folder are written relative."""
+    import tomli_w
+
+    folder = Path(path).resolve().parent
+
+    def relative(file: Path) -> str:
+        inside = file.is_absolute() and file.is_relative_to(folder)
+        return (file.relative_to(folder) if inside else file).as_posix()
+
+    tables = study.model_dump(by_alias=True, exclude_defaults=True)
+    tables["study"] |= {"scan": relative(study.scan), "schema": SCHEMA}
+    tables["body"]["support"] = study.body.support
+    if study.body.file is not None:
+        tables["body"]["file"] = relative(study.body.file)
+    tables.setdefault("map", {})["inclusions"] = study.map.inclusions
+    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8")
+
+
+def _check_units(path: Path, study: Study) -> None:
+    """Refuse sizes that only make sense in millimetres or grams."""
+    lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
+    lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
+    lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
+    lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]
+    for table in ("initial", "fixed"):
+        for name, value in getattr(study.map, table).items():
+            if name.endswith("_m"):
+                lengths.append((f"map.{table}.{name}", abs(value), 3.0))
+    for key, value, limit in lengths:
+        if value > limit:
+            raise InputError(
+                f"{path}, key {key}: found {value:g} m, expected at most {limit:g} m; this looks "
+                f"like millimetres: divide by 1000 ({UNITS_ESCAPE})"
+            )
+    noise = study.noise.force_n or 0.0
+    if noise > 2.0:
+        raise InputError(
+            f"{path}, key noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
+            f"grams: divide by 101.97 ({UNITS_ESCAPE})"
+        )
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    match = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
+    return f"; the nearest right one is '{match[0]}'" if match else ""
+
+
+def _sentence(path: Path, error: ValidationError) -> str:
+    """Turn the first fault into a sentence; the number of further ones is said."""
+    # A misspelt key is a missing one too: the misspelling explains more.
+    faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
+    fault = faults[0]
+    key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
+    fields = _fields_of_table(fault["loc"][:-1])
+    last = str(fault["loc"][-1])
+    found = fault["input"]
+    expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if fault["type"] == "extra_forbidden":
+        what = f"unknown key{_nearest(last, list(fields))}; expected {', '.join(fields)}"
+    elif fault["type"] == "missing":
+        what = f"the key is missing; add {fields[last].description}"
+    elif fault["type"] == "model_type":
+        what = f"found {found!r}, expected a table"
+    elif isinstance(found, dict):
+        what = f"expected {expected}"
+    else:
+        what = f"found {found!r}, expected {expected}"
+        if fault["type"] == "literal_error":
+            what += _nearest(str(found), re.findall("'([^']+)'", expected))
+    others = len(faults) - 1
+    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
+    return f"{path}, key {key}: {what}{more}"
+
+
+def _fields_of_table(location: tuple[int | str, ...]) -> dict[str, FieldInfo]:
+    table: Any = Study
+    for part in location:
+        inner = Effect if isinstance(part, int) else table.model_fields[part].annotation
+        table = inner if isinstance(inner, type) and issubclass(inner, _Table) else table
+    return {field.alias or name: field for name, field in table.model_fields.items()}

@@ -113,8 +113,8 @@ def _record(
 ) -> Fit:
     """Evaluate the minimum row by row and gather the record."""
     u, space = minimum.result.x, minimum.forward.space
-    compliance, jac = problem.jacobian(minimum.forward, u)
-    scaled_covariance = covariance(jac)
+    compliance, gradient = minimum.forward.evaluate(u)
+    scaled_covariance = covariance(problem.whitened(compliance, gradient))
     slope = space.slope(u)
     c = compliance[rows.press_index]
     residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
@@ -135,6 +135,7 @@ def _record(
         sigma_m=sigma,
         residual_m=residual,
         compliance_m_per_n=compliance,
+        compliance_jacobian=gradient / slope,
         discretization_error=discretization,
         history=minimum.history,
         chi2=chi2,

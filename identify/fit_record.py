@@ -47,7 +47,8 @@ class Fit:
     Of each of the m used rows: `press_index`, measured `force_n` and `displacement_m`,
     `latent_force_n` (best estimate of the true force), `predicted_m` = C F, `residual_m` =
     measured - predicted, and its standard deviation `sigma_m` from both noises.
-    `compliance_m_per_n` (j,) is the fitted model's; `discretization_error` (j,) the relative error
+    `compliance_m_per_n` (j,) is the fitted model's, `compliance_jacobian` (j, k) its derivative by
+    the free parameters (m/N over their units); `discretization_error` (j,) the relative error
     of the coarse model's compliance against the finer one, None where there was none.
     """
 
@@ -64,6 +65,7 @@ class Fit:
     sigma_m: np.ndarray
     residual_m: np.ndarray
     compliance_m_per_n: np.ndarray
+    compliance_jacobian: np.ndarray
     discretization_error: np.ndarray | None
     history: tuple[FitIteration, ...]
     chi2: float

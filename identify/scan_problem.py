@@ -66,8 +66,12 @@ class ScanProblem:
     def jacobian(self, forward: Forward, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compliance (j,) and the whitened residuals' derivative (2 j, k) by the coordinates u."""
         prediction, gradient = forward.evaluate(u)
+        return prediction, self.whitened(prediction, gradient)
+
+    def whitened(self, prediction: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """Return the derivative (2 j, k) of the whitened residuals, given the compliance's (j, k)."""
         _, slope = self.table.residuals(prediction, self.noise)
-        return prediction, (slope[:, :, None] * gradient[:, None, :]).reshape(-1, len(u))
+        return (slope[:, :, None] * gradient[:, None, :]).reshape(-1, gradient.shape[1])
 
     def minimize(
         self, forward: Forward, u: np.ndarray, limit: int = 100, progress: Progress | None = None

@@ -266,7 +266,7 @@ def _check_samples(columns: Columns, where: Where) -> None:
     counts = np.add.reduceat(touching.astype(int), first)
     bad = np.flatnonzero(counts < 2)
     if len(bad):
-        found = counts[bad[0]]
+        found = int(counts[bad[0]])
         raise InputError(
             f"{where.cell(first[bad[0]], 'press')}: press {ids[bad[0]]:g} has {found} "
             f"sample{'s' * (found != 1)} with phase load, hold or unload, expected at least 2; "

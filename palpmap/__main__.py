@@ -18,6 +18,7 @@ app = typer.Typer(
     name="palpmap",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,  # boxes around the help would cost a third of its time
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"]},
 )

@@ -5,6 +5,7 @@ which a block reaches from 0 to its size, and refuses presses that are not on th
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -149,7 +150,9 @@ def _distance_to_surface(points: np.ndarray, study: Study) -> tuple[np.ndarray, 
     assert study.body.file is not None  # the study's own rule for a surface
     surface = read_surface(study.body.file)
     triangles = pyvista.PolyData.from_regular_faces(surface.vertices, surface.triangles)
-    cells, closest = map(np.asarray, triangles.find_closest_cell(points, return_closest_point=True))
+    # Any: the declared return type is a union that depends on the flag.
+    found: Any = triangles.find_closest_cell(points, return_closest_point=True)
+    cells, closest = found
     a, b, c = (surface.vertices[surface.triangles[cells, i]] for i in range(3))
     inward = np.cross(c - a, b - a)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)

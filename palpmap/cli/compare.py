@@ -18,7 +18,9 @@ def compare(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Say what of a scan the model does not explain: by place, force, time and order.
+    """Say what of a scan the model does not explain.
+
+    Residuals by place, force level, time and order, and whether they are noise.
 
     Example: palpmap compare runs/phantom
     """

@@ -11,7 +11,9 @@ def demo(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Scan a soft body in the virtual laboratory, find its map and compare it with the truth.
+    """Scan a virtual phantom, find its map, compare.
+
+    The found map is compared with the true one; recording and report are in the run folder.
 
     Example: palpmap demo --out runs/first
     """

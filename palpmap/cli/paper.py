@@ -26,7 +26,9 @@ def paper(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Repeat the paper's six tests on its own mesh (data and model are identical twins).
+    """Repeat the paper's six tests on its own mesh.
+
+    Data and model are identical twins: this proves the optimiser, not the physics.
 
     Example: palpmap paper --optimizer gauss-newton --out runs/paper
     """

@@ -32,7 +32,9 @@ def scan(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Let the simulated robot press on a soft body; writes scan, study file and recording.
+    """Let the simulated robot press on a soft body.
+
+    Scan, study file and recording are written to the run folder.
 
     Example: palpmap scan --force 0.3 --out runs/phantom
     """

@@ -22,8 +22,9 @@ from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
 from identify.misfit import press_table, whitening
 from identify.noise import Noise, scan_noise
+from identify.optimizers import Optimizer
 from identify.parameter_space import ParameterSpace, parameter_space
-from identify.scan_problem import Minimum, Optimizer, ScanProblem
+from identify.scan_problem import Minimum, ScanProblem
 from identify.start import apparent_modulus, start_maps
 from models.errors import InputError
 from models.scan import Scan
@@ -67,7 +68,7 @@ def fit_scan(
     free
         Names of the parameters to be found, None for all; the others stay at `start`.
     optimizer
-        `minimize_gauss_newton` or `minimize_bfgs_residuals`.
+        One of `identify.optimizers.OPTIMIZERS`.
     callback
         Called with each accepted iteration of the start that is kept.
 

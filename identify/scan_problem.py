@@ -15,11 +15,11 @@ from identify.gaussian_map import GaussianMap
 from identify.misfit import PressTable
 from identify.noise import Noise
 from identify.optimize_result import InadmissibleError, OptimizeResult
+from identify.optimizers import Optimizer
 from identify.parameter_space import parameter_space
 from identify.start import scaled
 from models.errors import InputError
 
-Optimizer = Callable[..., OptimizeResult]
 Progress = Callable[[FitIteration], None]
 
 _KEPT_STARTS = 3
@@ -69,7 +69,7 @@ class ScanProblem:
         return prediction, self.whitened(prediction, gradient)
 
     def whitened(self, prediction: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """Return the derivative (2 j, k) of the whitened residuals, given the compliance's (j, k)."""
+        """Whiten the derivative (j, k) of the compliance: that of the residuals (2 j, k)."""
         _, slope = self.table.residuals(prediction, self.noise)
         return (slope[:, :, None] * gradient[:, None, :]).reshape(-1, gradient.shape[1])
 

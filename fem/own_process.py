@@ -13,6 +13,7 @@ import numpy as np
 
 from fem.errors import MeshError
 
+_JOBS = {"read": "Reading the surface file", "tetrahedralize": "The mesher"}
 _WORKER = Path(__file__).with_name("surface_worker.py")
 
 
@@ -35,17 +36,17 @@ def run_job(job: str, time_limit_s: float, **given: Any) -> dict[str, np.ndarray
             )
         except subprocess.TimeoutExpired as error:
             raise MeshError(
-                f"The job '{job}' did not end within {time_limit_s:g} s: use a longer edge length, "
+                f"{_JOBS[job]} did not end within {time_limit_s:g} s: use a longer edge length, "
                 "a coarser surface, or a higher time limit."
             ) from error
         if done.returncode < 0:
             raise MeshError(
-                f"The job '{job}' crashed ({signal.Signals(-done.returncode).name}): the surface "
-                "is damaged in a way that the library behind it cannot bear; repair or remesh it."
+                f"{_JOBS[job]} crashed ({signal.Signals(-done.returncode).name}): it cannot "
+                "bear how the surface is damaged; repair it and export it again."
             )
         if done.returncode or not target.exists():
             lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-            raise MeshError(f"The job '{job}' failed: {lines[-1]}")
+            raise MeshError(f"{_JOBS[job]} failed: {lines[-1]}")
         with np.load(target, allow_pickle=False) as file:
             result = dict(file)
     if "error" in result:

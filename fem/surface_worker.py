@@ -27,10 +27,11 @@ def read(given: Mapping[str, np.ndarray]) -> Arrays:
         warnings.simplefilter("error")  # VTK's failures come as warnings and an empty surface
         try:
             surface = pyvista.read(str(given["path"]))
-        except Exception as error:
-            return {"error": np.array(str(error).strip().splitlines()[-1].strip())}
+        except Exception:  # what VTK says of it is no help
+            text = "it cannot be read: cut off, damaged, or not of the kind that its ending says"
+            return {"error": np.array(f"{text}; export it again.")}
     if not isinstance(surface, pyvista.PolyData):
-        return {"error": np.array(f"it holds a {type(surface).__name__}, not one surface")}
+        return {"error": np.array(f"it holds a {type(surface).__name__}, not one surface.")}
     surface = surface.triangulate()
     return {"vertices": np.array(surface.points, float), "triangles": surface.regular_faces}
 

@@ -22,6 +22,7 @@ from models.scan_checks import (
     CONTACT_PHASES,
     DIRECTION,
     FORCE_VECTOR,
+    PHASES,
     POINT,
     TIP_POSE,
     Where,
@@ -31,6 +32,7 @@ from models.scan_checks import (
 
 SCHEMA = 1
 _SCHEMA_KEY = b"palpmap.scan_schema"
+_PHASE = np.dtype(("U", max(map(len, PHASES))))
 _FINITE_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -64,7 +66,7 @@ class Scan:
     Raises
     ------
     ValueError
-        If the arrays' lengths differ or the press ids fall.
+        If the arrays' lengths differ, a phase is unknown or the press ids fall.
     """
 
     press: np.ndarray
@@ -81,12 +83,15 @@ class Scan:
     def __post_init__(self):
         m = len(self.press)
         widths = {"point_m": 3, "direction": 3, "force_vector_n": 3, "tip_pose": 7}
-        kinds = {"press": np.int64, "phase": np.str_}
+        kinds = {"press": np.int64, "phase": _PHASE}
         for field in fields(self):
             value = getattr(self, field.name)
             if value is None:
                 continue
-            array = np.array(value, dtype=kinds.get(field.name, np.float64))
+            array = np.array(value)
+            if field.name == "phase" and not np.isin(array, PHASES).all():
+                raise ValueError(f"phase holds {set(array.tolist()) - set(PHASES)}, expected {PHASES}")
+            array = array.astype(kinds.get(field.name, np.float64))
             shape = (m, widths[field.name]) if field.name in widths else (m,)
             if array.shape != shape:
                 raise ValueError(f"{field.name} has shape {array.shape}, expected {shape}")

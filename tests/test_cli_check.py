@@ -1,0 +1,133 @@
+"""`palpmap check` as a user runs it."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from models.scan import read_scan, write_scan
+from palpmap.__main__ import app
+from palpmap.run_folder import sha256
+
+HERE = Path(__file__).parent
+LAB = HERE / "data" / "lab"
+REAL = Path(os.environ.get("PALPMAP_REAL_DATA", HERE.parent.parent / "shared" / "data" / "real"))
+
+
+def check(*arguments: object):
+    return CliRunner().invoke(app, ["check", *map(str, arguments)])
+
+
+def checked(study: Path) -> dict:
+    result = check(study, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_a_good_study_is_summed_up_for_a_person():
+    result = check(LAB / "case_a" / "study.toml")
+    assert result.exit_code == 0
+    for text in (
+        "81",
+        "648 load, 648 hold, 486 unload",
+        "0 ignored",
+        "-0.01258 to 0.3166 N",
+        "5.705 mm",
+        "20 um, 5 mN",
+        "can be used",
+    ):
+        assert text in result.stdout
+
+
+@pytest.mark.parametrize("case", ["case_a", "case_k"])
+def test_a_good_study_is_summed_up_as_json(case):
+    found = checked(LAB / case / "study.toml")
+    assert found["presses"] == 81
+    assert found["samples"] == {"load": 648, "hold": 648, "unload": 486}
+    assert found["noise"] == {"displacement_m": 2e-5, "force_n": 5e-3}
+    assert found["placement"]["largest_distance_m"] < 1e-12
+    assert found["sha256"]["scan"] == sha256(LAB / case / "scan.csv")
+
+
+def test_quiet_says_nothing_of_a_good_study():
+    result = check(LAB / "case_a" / "study.toml", "--quiet")
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def copied(folder: Path) -> Path:
+    shutil.copytree(LAB / "case_a", folder)
+    return folder / "study.toml"
+
+
+def test_what_is_ignored_assumed_or_unknown_is_said(tmp_path):
+    study = copied(tmp_path / "a folder with spaces")
+    scan = read_scan(study.parent / "scan.csv")
+    phase = scan.phase.copy()
+    phase[scan.phase == "unload"] = "retract"
+    write_scan(
+        scan.replace(phase=phase, time_s=scan.time_s * float("nan")), study.parent / "scan.csv"
+    )
+    text = study.read_text().replace("force_n = 5.0e-3", "")
+    study.write_text(text.replace("[probe]", "thickness_assumed = true\n[probe]"))
+    found = checked(study)
+    assert found["ignored_rows"] == 486
+    notes = "\n".join(found["notes"])
+    assert "486 approach and retract rows" in notes
+    assert "48 mm is assumed" in notes
+    assert "No times" in notes
+    assert "Noise not given for force_n" in notes
+
+
+def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):
+    study = copied(tmp_path / "run")
+    study.write_text(study.read_text().replace("poisson_ratio", "poison_ratio"))
+    result = check(study)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1
+    assert "key body.poison_ratio: unknown key; the nearest right one is" in result.stderr
+
+
+def test_a_bad_scan_gives_one_sentence_and_exit_code_2(tmp_path):
+    study = copied(tmp_path / "run")
+    csv = study.parent / "scan.csv"
+    csv.write_text(csv.read_text().replace("0.042772", "NaN"))
+    result = check(study, "--json")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert "row 1 (line 2), column force_n: found 'NaN'" in result.stderr
+
+
+def test_a_press_off_the_body_gives_exit_code_2(tmp_path):
+    study = copied(tmp_path / "run")
+    study.write_text(study.read_text().replace("0.048]", "0.058]"))
+    result = check(study)
+    assert result.exit_code == 2
+    assert "row 1 (press 0), column z_m" in result.stderr
+    assert "10 mm off the body's top (81 of 81 presses)" in result.stderr
+
+
+def test_a_study_whose_scan_is_missing_gives_exit_code_2(tmp_path):
+    study = copied(tmp_path / "run")
+    (study.parent / "scan.csv").unlink()
+    result = check(study)
+    assert result.exit_code == 2
+    assert "scan.csv: no such file" in result.stderr
+
+
+def test_the_example_study_fits_the_measured_scan(tmp_path):
+    source = REAL / "arma_two_stiff" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    shutil.copy(HERE.parent / "examples" / "arma_two_stiff" / "study.toml", tmp_path)
+    (tmp_path / "scan.csv").symlink_to(source)
+    found = checked(tmp_path / "study.toml")
+    assert found["presses"] == 589
+    assert found["placement"]["projected"]
+    assert 0.003 < found["placement"]["largest_distance_m"] < 0.005
+    assert 30 < found["placement"]["largest_angle_deg"] < 31
+    assert "A block stands in for the body" in " ".join(found["notes"])
+    assert "30 mm is assumed" in " ".join(found["notes"])

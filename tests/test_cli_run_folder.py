@@ -1,0 +1,174 @@
+"""The run folder and the exit codes that go with how a run ended."""
+
+import json
+
+import pytest
+import typer
+
+from fem.errors import MeshError, SolverError
+from models.errors import InputError
+from palpmap.console import Output, answers
+from palpmap.run_folder import RunFolder, read_record, sha256, write_record
+
+
+def exit_code(command) -> int:
+    try:
+        answers(command)()
+    except typer.Exit as end:
+        return end.exit_code
+    return 0
+
+
+def test_a_run_says_how_it_was_made(tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_bytes(b"palpmap")
+    out = tmp_path / "my run"
+    with RunFolder("fit", out, seed=7, settings={"inclusions": 2}, inputs=[study]) as run:
+        assert read_record(out / "run.json")["runs"][0]["outcome"] == "running"
+        (run / "fit.json").touch()
+    (entry,) = read_record(out / "run.json")["runs"]
+    assert (entry["command"], entry["seed"], entry["outcome"]) == ("fit", 7, "done")
+    assert entry["settings"] == {"inclusions": 2}
+    # SHA-256 of the seven letters, from coreutils' sha256sum.
+    assert entry["inputs"] == {str(study): SHA_OF_PALPMAP}
+    assert entry["versions"]["palpmap"] == "0.1.0"
+    assert entry["versions"]["numpy"][0].isdigit()
+    assert entry["ended"] >= entry["started"]
+
+
+def test_a_second_command_adds_to_the_run(tmp_path):
+    with RunFolder("scan", tmp_path / "run", seed=1):
+        pass
+    with RunFolder("fit", tmp_path / "run"):
+        pass
+    runs = read_record(tmp_path / "run" / "run.json")["runs"]
+    assert [entry["command"] for entry in runs] == ["scan", "fit"]
+
+
+def test_without_out_each_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first, second = RunFolder("demo"), RunFolder("demo")
+    assert first.path != second.path
+    assert first.path.parent.name == "runs"
+    assert first.path.name.startswith("demo-2")
+
+
+def test_a_folder_with_other_things_in_it_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(InputError, match="a folder with other things in it"):
+        RunFolder("fit", tmp_path)
+    with pytest.raises(InputError, match="found a file, expected a folder"):
+        RunFolder("fit", tmp_path / "thesis.tex")
+    with pytest.raises(InputError, match="the run folder cannot be made"):
+        RunFolder("fit", tmp_path / "thesis.tex" / "run")
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_ctrl_c_leaves_a_readable_run_folder(tmp_path, capsys):
+    def command():
+        with RunFolder("scan", tmp_path / "run") as run:
+            (run / "scan.csv").write_text("so far")
+            raise KeyboardInterrupt
+
+    assert exit_code(command) == 130
+    assert f"interrupted, run folder is readable: {tmp_path / 'run'}\n" in capsys.readouterr().err
+    (entry,) = read_record(tmp_path / "run" / "run.json")["runs"]
+    assert entry["outcome"] == "interrupted"
+    assert (tmp_path / "run" / "scan.csv").read_text() == "so far"
+
+
+def test_a_failed_run_records_its_error(tmp_path):
+    with pytest.raises(InputError), RunFolder("fit", tmp_path / "run"):
+        raise InputError("scan.csv: the file is empty")
+    (entry,) = read_record(tmp_path / "run" / "run.json")["runs"]
+    assert entry["outcome"] == "failed: scan.csv: the file is empty"
+
+
+def raising(error):
+    def command():
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        (lambda: None, 0),
+        (lambda: True, 0),
+        (lambda: False, 1),
+        (raising(InputError("a sentence")), 2),
+        (raising(MeshError("a sentence")), 2),
+        (raising(SolverError("a sentence")), 2),
+        (raising(KeyboardInterrupt()), 130),
+    ],
+)
+def test_how_a_command_ends_decides_the_exit_code(command, code, capsys):
+    assert exit_code(command) == code
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err == {2: "palpmap: a sentence\n", 130: "palpmap: interrupted\n"}.get(code, "")
+
+
+def test_a_fault_of_the_program_is_not_dressed_up():
+    with pytest.raises(ValueError, match="broadcast"):
+        answers(raising(ValueError("could not broadcast")))()
+
+
+def test_a_record_is_read_back_with_its_schema(tmp_path):
+    write_record(tmp_path / "fit.json", {"rms_m": 1e-5}, schema=3)
+    assert read_record(tmp_path / "fit.json", schema=3) == {"schema": 3, "rms_m": 1e-5}
+    with pytest.raises(InputError, match="key schema: found 3, expected at most 2; update palpmap"):
+        read_record(tmp_path / "fit.json", schema=2)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (None, "cannot be read"),
+        ('{"schema": 1, "runs": [', "not JSON"),
+        ("[1, 2]", "key schema: found None"),
+        ('{"runs": []}', "key schema: found None"),
+    ],
+)
+def test_a_broken_record_is_refused(text, sentence, tmp_path):
+    if text is not None:
+        (tmp_path / "run.json").write_text(text)
+    with pytest.raises(InputError, match=rf"run.json.*{sentence}"):
+        read_record(tmp_path / "run.json")
+
+
+def test_nan_never_gets_into_a_record(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        write_record(tmp_path / "fit.json", {"rms_m": float("nan")})
+    assert not (tmp_path / "fit.json").exists()
+
+
+def test_json_and_text_never_mix_on_stdout(capsys):
+    output = Output(json=True)
+    output.say("for a person")
+    output.result({"a": 1}, "a table")
+    assert json.loads(capsys.readouterr().out) == {"a": 1}
+    Output(quiet=True, json=True).result({"a": 1}, "a table")
+    assert json.loads(capsys.readouterr().out) == {"a": 1}
+    Output(quiet=True).result({"a": 1}, "a table")
+    assert capsys.readouterr().out == ""
+    Output().result({"a": 1}, "a table")
+    assert capsys.readouterr().out == "a table\n"
+
+
+def test_progress_goes_to_stderr_and_is_silent_if_quiet(capsys):
+    for quiet, said in ((False, True), (True, False)):
+        with Output(quiet=quiet).progress() as progress:
+            progress.update(progress.add_task("presses", total=81), completed=81)
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert ("presses" in captured.err) is said
+
+
+def test_hash_of_a_file(tmp_path):
+    (tmp_path / "a").write_bytes(b"palpmap")
+    assert sha256(tmp_path / "a") == SHA_OF_PALPMAP
+
+
+SHA_OF_PALPMAP = "a0ed3939528f94a1ed9852f4efda6f6fc441547124a1f1fc7c0975a036fabcac"

@@ -1,0 +1,204 @@
+"""The found stiffness map beside the true one, cut through the inclusion, and how sure it is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identify.gaussian_map import GaussianMap, Inclusion
+from palpmap.figures import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
+from palpmap.finding import Finding
+
+CELLS = 160
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A plane through the body at `at_m` along the axis `normal` (0 x, 1 y, 2 z), body frame."""
+
+    normal: int
+    at_m: float
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """The axes drawn to the right and upwards."""
+        right, up = (a for a in range(3) if a != self.normal)
+        return right, up
+
+
+def draw_map(f: Finding) -> Figure:
+    """Draw true map, found map and their difference, seen from above and from the side."""
+    horizontal, vertical = cuts(f)
+    columns: list[tuple[str, Callable[[np.ndarray], np.ndarray], bool]] = [
+        ("Found", f.fit.map.modulus, False)
+    ]
+    if f.truth is not None:
+        truth = f.truth
+        columns.insert(0, ("True", truth.modulus, False))
+        columns.append(("Found − true", lambda p: f.fit.map.modulus(p) - truth.modulus(p), True))
+    ratio = _ratio(f, vertical)
+    width = 3.9 * len(columns) + 0.6
+    figure = new_figure(width, 3.9 * (1 + ratio) + 1.0)
+    grid = np.atleast_2d(
+        figure.subplots(2, len(columns), squeeze=False, height_ratios=[1.0, max(ratio, 0.35)])
+    )
+    fields = [[sample(f, cut, law) for _, law, _ in columns] for cut in (horizontal, vertical)]
+    plain = [
+        v for row in fields for v, (_, _, signed) in zip(row, columns, strict=True) if not signed
+    ]
+    low = min(np.nanmin(v) for v in plain) / 1e3
+    high = max(np.nanmax(v) for v in plain) / 1e3
+    for row, cut in enumerate((horizontal, vertical)):
+        for column, (title, _, signed) in enumerate(columns):
+            axes = grid[row, column]
+            values = fields[row][column] / 1e3
+            reach = max(
+                max(float(np.nanmax(np.abs(fields[r][column]))) / 1e3 for r in (0, 1)), 1e-3
+            )
+            span = (-reach, reach) if signed else (low, max(high, low + 1e-3))
+            image = _show(
+                axes, f, cut, values, DIFFERENCE_COLORS if signed else MODULUS_COLORS, span
+            )
+            _decorate(axes, f, cut, title == "True")
+            axes.set_title(f"{title}, {_where(f, cut)}" if column == 0 else title)
+            if column:
+                axes.set_ylabel("")
+            if row == 1:
+                figure.colorbar(
+                    image, ax=list(grid[:, column]), location="bottom", shrink=0.85, pad=0.02,
+                    label=("difference of " if signed else "") + "Young's modulus, kPa",
+                )  # fmt: skip
+    return figure
+
+
+def draw_uncertainty(f: Finding) -> Figure | None:
+    """Draw one standard deviation of the found map in per cent; None if nothing was fitted."""
+    if not f.fit.covariance_names:
+        return None
+    free = [f.fit.map.names.index(name) for name in f.fit.covariance_names]
+
+    def deviation(points: np.ndarray) -> np.ndarray:
+        gradient = f.fit.map.gradient(points)[:, free]
+        variance = np.einsum("pk,kl,pl->p", gradient, f.fit.covariance, gradient)
+        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.fit.map.modulus(points))
+
+    both = cuts(f)
+    size = [_size(f, cut) for cut in both]
+    figure = new_figure(8.6, 4.3)
+    grid = figure.subplots(1, 2, width_ratios=[s[0] for s in size])
+    fields = [sample(f, cut, deviation) for cut in both]
+    high = max(float(np.nanmax(v)) for v in fields)
+    image = None
+    for axes, cut, values in zip(grid, both, fields, strict=True):
+        image = _show(axes, f, cut, values, "magma_r", (0.0, max(high, 1e-6)))
+        _decorate(axes, f, cut, False)
+        axes.set_title(_where(f, cut).capitalize())
+    if image is not None:
+        figure.colorbar(
+            image, ax=list(grid), shrink=0.8,
+            label="one standard deviation of\nthe found modulus, %",
+        )  # fmt: skip
+    return figure
+
+
+def cuts(f: Finding) -> tuple[Cut, Cut]:
+    """Return a horizontal and a vertical cut through the found map's strongest inclusion.
+
+    The vertical one lies across x or y, whichever comes nearer to the other inclusions.
+    """
+    inclusions = f.fit.map.inclusions
+    middle = (f.outline.lower_m + f.outline.upper_m) / 2
+    if not inclusions:
+        return Cut(2, float(middle[2])), Cut(1, float(middle[1]))
+    strongest = max(inclusions, key=lambda i: abs(i.weight_pa))
+    distance = {
+        axis: sum((_centre(i)[axis] - _centre(strongest)[axis]) ** 2 for i in inclusions)
+        for axis in (1, 0)
+    }
+    axis = min(distance, key=lambda a: distance[a])
+    at = np.clip(_centre(strongest), f.outline.lower_m, f.outline.upper_m)
+    return Cut(2, float(at[2])), Cut(axis, float(at[axis]))
+
+
+def sample(f: Finding, cut: Cut, law: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (rows, columns) of a field on a cut, NaN outside the body."""
+    lower, upper = f.outline.lower_m, f.outline.upper_m
+    right, up = cut.axes
+    cell = max(upper - lower) / CELLS
+    counts = [max(round((upper[a] - lower[a]) / cell), 2) for a in (right, up)]
+    u, v = (
+        lower[a] + (np.arange(n) + 0.5) / n * (upper[a] - lower[a])
+        for a, n in zip((right, up), counts, strict=True)
+    )
+    points = np.empty((counts[1] * counts[0], 3))
+    points[:, right], points[:, up] = (g.ravel() for g in np.meshgrid(u, v))
+    points[:, cut.normal] = cut.at_m
+    values = np.where(f.outline.inside(points), law(points), np.nan)
+    return values.reshape(counts[1], counts[0])
+
+
+def _centre(inclusion: Inclusion) -> np.ndarray:
+    return np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
+
+
+def _size(f: Finding, cut: Cut) -> tuple[float, float]:
+    extent = f.outline.upper_m - f.outline.lower_m
+    return float(extent[cut.axes[0]]), float(extent[cut.axes[1]])
+
+
+def _ratio(f: Finding, vertical: Cut) -> float:
+    width, height = _size(f, vertical)
+    return height / width
+
+
+def _where(f: Finding, cut: Cut) -> str:
+    at = 1e3 * (cut.at_m + f.origin_m[cut.normal])
+    if cut.normal == 2:
+        depth = 1e3 * (f.outline.upper_m[2] - cut.at_m)
+        return f"from above, cut {depth:.0f} mm deep"
+    return f"from the side, cut at {'xyz'[cut.normal]} = {at:.0f} mm"
+
+
+def _show(
+    axes: Axes, f: Finding, cut: Cut, values: np.ndarray, colors: str, span: tuple[float, float]
+):
+    right, up = cut.axes
+    low = 1e3 * (f.outline.lower_m + f.origin_m)
+    high = 1e3 * (f.outline.upper_m + f.origin_m)
+    axes.set_xlabel(f"{'xyz'[right]}, mm")
+    axes.set_ylabel(f"{'xyz'[up]}, mm")
+    return axes.imshow(
+        values, origin="lower", cmap=colors, vmin=span[0], vmax=span[1],
+        extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
+    )  # fmt: skip
+
+
+def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
+    """Draw contact points and each inclusion's one-radius circle, dashed where it is the truth."""
+    right, up = cut.axes
+    points = 1e3 * (f.scan.contact_points + f.origin_m)
+    top = cut.normal == 2
+    if top:
+        axes.plot(points[:, right], points[:, up], ".", color="white", ms=3, alpha=0.55)
+    else:
+        axes.plot(points[:, right], points[:, up], "v", color="#222222", ms=3.5, clip_on=False)
+    if f.truth is not None:
+        _circles(axes, f, f.truth, cut, "--")
+    if not is_truth:
+        _circles(axes, f, f.fit.map, cut, "-")
+    low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
+    axes.set_xlim(low[right], high[right])
+    axes.set_ylim(low[up], high[up])
+
+
+def _circles(axes: Axes, f: Finding, found: GaussianMap, cut: Cut, line: str) -> None:
+    right, up = cut.axes
+    angle = np.linspace(0, 2 * np.pi, 73)
+    for inclusion in found.inclusions:
+        centre = 1e3 * (_centre(inclusion) + f.origin_m)
+        radius = 1e3 * inclusion.radius_m
+        x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)
+        axes.plot(x, y, line, color="black", lw=2.2)
+        axes.plot(x, y, line, color="white", lw=1.1)

@@ -1,0 +1,279 @@
+"""The report of a run: one HTML file with its pictures inside, for any browser, offline.
+
+Pictures come first: the found map beside the true one; then the numbers, then what the model does
+not explain, then how all this was made.  Every text from a file is escaped.
+"""
+
+import base64
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from identify.fit_record import Estimate
+from identify.residual_statement import length
+from palpmap.finding import Finding, matched
+from palpmap.fit_figures import plain_name
+
+CAPTIONS = {
+    "map": (
+        "Young's modulus. White circle: an inclusion of the found map, one radius around its "
+        "centre; dashed: of the true map. Dots and triangles: places that were pressed."
+    ),
+    "uncertainty": "How surely the modulus is known at each place, if the model is right.",
+    "residual_place": "Residual = measured less modelled displacement, over the surface.",
+    "residual_along": "Mean residual with one standard error; grey: 95 % of what noise alone shows.",
+    "residual_tests": "Left: residuals in units of the noise. Right: the questions asked of them.",
+    "measured_modelled": "Measured and modelled displacement of each press at its largest force.",
+    "presses": "Single presses: all readings that the fit used, and the fitted model.",
+    "convergence": "How the fit got there, iteration by iteration.",
+}
+
+
+def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) -> None:
+    """Write the report of a run.
+
+    Parameters
+    ----------
+    finding : Finding
+        What was found.
+    pictures : mapping
+        PNG by name, as `palpmap.figures.draw_figures` gives them; missing ones are left out.
+    path : Path
+        The HTML file, replaced in one step.
+    """
+    template = Template(files("palpmap").joinpath("report.html").read_text(encoding="utf-8"))
+    page = template.substitute(
+        title=escape(f"{finding.name} - palpmap"),
+        name=escape(finding.name),
+        lead=escape(_lead(finding)),
+        body="\n".join(_sections(finding, pictures)),
+    )
+    beside = path.with_name(path.name + ".part")
+    beside.write_text(page, encoding="utf-8")
+    beside.replace(path)
+
+
+def _lead(f: Finding) -> str:
+    presses, inclusions = len(f.scan.press_ids), len(f.fit.map.inclusions)
+    word = "inclusion" if inclusions == 1 else "inclusions"
+    return (
+        f"Stiffness map from {presses} presses ({len(f.scan)} readings): a background and "
+        f"{inclusions} {word}, found in {f.fit.nfev} evaluations of the model."
+    )
+
+
+def _sections(f: Finding, pictures: Mapping[str, bytes]) -> Iterable[str]:
+    def picture(name: str) -> str:
+        return _picture(name, pictures[name]) if name in pictures else ""
+
+    beside = "Found map beside the true map" if f.truth is not None else "Found map"
+    yield _section(beside, picture("map"))
+    yield _section("What was found", parameter_table(f) + _fit_line(f))
+    yield _verdict(f)
+    yield _section(
+        "What the model leaves over",
+        "".join(picture(n) for n in ("residual_place", "residual_along", "residual_tests"))
+        + _question_table(f),
+    )
+    yield _section("Largest misfits", _misfit_tables(f))
+    yield _section("Measured and modelled", picture("measured_modelled") + picture("presses"))
+    yield _section("How the fit got there", picture("convergence") + picture("uncertainty"))
+    yield _section("The scan and the time it took", _scan_tables(f))
+    yield _section("How far to trust this", _list(f.limits))
+    yield _section("How this was made", _table(("", ""), f.how.items(), numeric=False))
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>" if content else ""
+
+
+def _picture(name: str, data: bytes) -> str:
+    text = escape(CAPTIONS[name])
+    source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
+    return f'<figure><img alt="{text}" src="{source}"><figcaption>{text}</figcaption></figure>\n'
+
+
+def _list(items: Sequence[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(i)}</li>" for i in items) + "</ul>" if items else ""
+
+
+def _table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: bool = True, raw: bool = False
+) -> str:
+    """Return a table; all but the first column right-aligned if `numeric`."""
+    text = (lambda cell: cell) if raw else escape
+
+    def cells(tag: str, values: Sequence[str]) -> str:
+        out = [
+            f'<{tag} class="n">{text(v)}</{tag}>' if i and numeric else f"<{tag}>{text(v)}</{tag}>"
+            for i, v in enumerate(values)
+        ]
+        return f"<tr>{''.join(out)}</tr>"
+
+    lines = [cells("td", row) for row in rows]
+    if not lines:
+        return ""
+    header = f"<thead>{cells('th', head)}</thead>" if any(head) else ""
+    return f'<div class="wide"><table>{header}<tbody>{"".join(lines)}</tbody></table></div>\n'
+
+
+def shown(value: float, unit: str) -> str:
+    """Return a parameter's value in the unit that the report uses (kPa, mm).
+
+    Examples
+    --------
+    >>> shown(6012.3, "Pa"), shown(0.0123, "m")
+    ('6.012 kPa', '12.30 mm')
+    """
+    if unit == "Pa":
+        return f"{value / 1e3:.4g} kPa"
+    return f"{value * 1e3:.2f} mm" if unit == "m" else f"{value:.4g} {unit}".strip()
+
+
+def parameter_rows(f: Finding) -> list[tuple[str, str, str, str, bool | None]]:
+    """Return name, found, 95 % interval, true value, and whether it lies inside, per parameter.
+
+    Positions are in the scan's own frame.
+    """
+    true = {} if f.truth is None else matched(f.fit.map, f.truth)
+    rows = []
+    for name, estimate in f.fit.parameters.items():
+        shift = _shift(f, name)
+        found = shown(estimate.value + shift, estimate.unit)
+        interval = _interval(estimate, shift) if estimate.free else "held fixed"
+        if name not in true:
+            rows.append((plain_name(name), found, interval, "", None))
+            continue
+        inside = estimate.lower95 <= true[name] <= estimate.upper95 if estimate.free else None
+        rows.append(
+            (plain_name(name), found, interval, shown(true[name] + shift, estimate.unit), inside)
+        )
+    return rows
+
+
+def parameter_table(f: Finding) -> str:
+    """Return the table of parameters as HTML."""
+    head = ["Parameter", "Found", "95 % interval"] + ["True", ""] * (f.truth is not None)
+    rows = []
+    for name, found, interval, true, inside in parameter_rows(f):
+        row = [escape(name), escape(found), escape(interval)]
+        if f.truth is not None:
+            mark = {True: '<span class="yes">inside</span>', None: ""}.get(
+                inside, '<span class="no">outside</span>'
+            )
+            row += [escape(true), mark]
+        rows.append(row)
+    return _table(head, rows, raw=True)
+
+
+def _shift(f: Finding, name: str) -> float:
+    axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
+    return 0.0 if axis is None else float(f.origin_m[axis])
+
+
+def _interval(e: Estimate, shift: float) -> str:
+    low, high = shown(e.lower95 + shift, e.unit), shown(e.upper95 + shift, e.unit)
+    return f"{low.split()[0]} to {high}"
+
+
+def _fit_line(f: Finding) -> str:
+    c = f.comparison
+    text = (
+        f"Error of the displacement {length(c.rms_m, signed=False)} rms, of which noise explains "
+        f"{length(c.expected_rms_m, signed=False)}; chi-square per degree of freedom "
+        f"{c.chi2_per_dof:.3f}. {f.fit.message}"
+    )
+    return f"<p>{escape(text.rstrip('.'))}.</p>"
+
+
+def _verdict(f: Finding) -> str:
+    c = f.comparison
+    kind = "verdict" if c.is_noise else "verdict not"
+    head = "The model explains the scan" if c.is_noise else "The model does not explain all"
+    return (
+        f'<section class="{kind}">\n<h2>{head}</h2>\n<p class="say">{escape(c.statement)}</p>\n'
+        f"{_list(c.notes)}</section>"
+    )
+
+
+def _question_table(f: Finding) -> str:
+    rows = []
+    for t in f.comparison.tests:
+        if t.untestable:
+            answer, chance = "cannot be tested", ""
+        else:
+            answer = '<span class="no">yes</span>' if t.fires else "no"
+            chance = "&lt; 1e-12" if t.p_adjusted < 1e-12 else f"{t.p_adjusted:.2g}"
+        size = f"{t.times_noise:.2g}" if t.times_noise else ""
+        rows.append([escape(t.question), answer, size, chance])
+    head = ("Question", "Answer", "Size, noise = 1", "Chance under noise")
+    return _table(head, rows, raw=True)
+
+
+def _misfit_tables(f: Finding) -> str:
+    def place(point: Sequence[float]) -> str:
+        return ", ".join(f"{1e3 * v:.1f}" for v in np.array(point) + f.origin_m)
+
+    presses = [
+        (
+            f"press {p.press}" + (" (stands out)" if p.bad else ""),
+            place(p.point_m),
+            length(p.mean_m),
+            f"{p.sigmas:.1f}",
+            f"{100 * p.softer:+.1f} %",
+            f"{p.influence:.2f}",
+        )
+        for p in f.comparison.worst_presses[:8]
+    ]
+    readings = [
+        (
+            f"press {r.press}, {r.phase}",
+            place(r.point_m),
+            "" if r.time_s is None else f"{r.time_s:.2f} s",
+            f"{r.force_n:.3g} N",
+            length(r.residual_m),
+            f"{r.sigmas:+.1f}",
+        )
+        for r in f.comparison.largest
+    ]
+    return (
+        _table(
+            ("Press", "x, y, z in mm", "Mean residual", "Sigmas", "Softer than modelled",
+             "Pull on the map, sigmas"),
+            presses,
+        )
+        + "<p></p>"
+        + _table(("Reading", "x, y, z in mm", "Time", "Force", "Residual", "Sigmas"), readings)
+    )  # fmt: skip
+
+
+def _scan_tables(f: Finding) -> str:
+    scan, noise = f.scan, f.fit.noise
+    phases = ", ".join(f"{np.sum(scan.phase == p)} {p}" for p in np.unique(scan.phase))
+    given = "estimated from the scan" if noise.estimated else "as given"
+    radii = ", ".join(f"{1e3 * r:.4g}" for r in np.unique(scan.contact_radii))
+    rows = [
+        ("Presses", str(len(scan.press_ids))),
+        ("Readings", f"{len(scan)} ({phases})"),
+        ("Force", f"{scan.force_n.min():.3g} to {scan.force_n.max():.3g} N"),
+        ("Displacement", f"up to {1e3 * scan.displacement_m.max():.3g} mm"),
+        ("Tip radius", f"{radii} mm"),
+        (
+            "Noise (1 sd)",
+            f"{length(noise.displacement_m, signed=False)} and {1e3 * noise.force_n:.3g} mN, "
+            f"{given}",
+        ),
+    ]
+    if scan.has_time:
+        rows.insert(2, ("Duration", f"{np.ptp(scan.time_s):.1f} s"))
+    times = [(name, f"{seconds:.1f} s") for name, seconds in f.stage_s.items()]
+    return (
+        '<div class="pair">'
+        + _table(("", ""), rows, numeric=False)
+        + _table(("Stage", "Time"), times)
+        + "</div>"
+    )

@@ -90,7 +90,8 @@ class Scan:
                 continue
             array = np.array(value)
             if field.name == "phase" and not np.isin(array, PHASES).all():
-                raise ValueError(f"phase holds {set(array.tolist()) - set(PHASES)}, expected {PHASES}")
+                unknown = set(array.tolist()) - set(PHASES)
+                raise ValueError(f"phase holds {unknown}, expected {PHASES}")
             array = array.astype(kinds.get(field.name, np.float64))
             shape = (m, widths[field.name]) if field.name in widths else (m,)
             if array.shape != shape:

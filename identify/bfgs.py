@@ -17,6 +17,8 @@ from fem.errors import SolverError
 from identify.line_search import Trial, wolfe_step
 from identify.optimize_result import InadmissibleError, OptimizeResult, free_directions
 
+_ROUNDING = 8 * np.finfo(float).eps
+
 Callback = Callable[[np.ndarray, float], None]
 
 
@@ -45,7 +47,8 @@ def minimize_bfgs(
     first_step, max_step
         Largest change of a coordinate in the first and in any step.
     gtol
-        Converged when no component of the projected gradient exceeds it.
+        Converged when no component of the projected gradient exceeds it (or when what is left to
+        gain is below the rounding of the value).
     max_evaluations
         Limit of evaluations.
     callback
@@ -69,6 +72,8 @@ def minimize_bfgs(
         length = float(np.abs(direction).max())
         # The first direction has no scale of its own; later ones are only kept from leaping.
         direction *= first_step / length if nit == 0 else min(1.0, max_step / length)
+        if -float(current.gradient @ direction) <= _ROUNDING * abs(current.fun):
+            return search.result(current, nit, 0, "a further decrease would drown in rounding")
         after = search.along(current, direction, max_step)
         if after is None:
             if np.array_equal(inverse, np.eye(inverse.shape[0])):

@@ -14,7 +14,7 @@ from palpmap.recording_fit import Iteration, log_iteration, log_residuals, style
 from palpmap.recording_frames import Frame, FrameBatch
 from palpmap.recording_layout import Stage, layout
 from palpmap.recording_maps import MapViews, log_map, log_outlines, modulus_colors
-from palpmap.recording_scene import LinkShape, drawn_shape, link_names, vertex_normals, xyzw
+from palpmap.recording_scene import LinkShape, drawn_shape, lifted, link_names, vertex_normals, xyzw
 from palpmap.recording_story import story
 from palpmap.recording_stream import Log, RecordingFile
 
@@ -24,6 +24,8 @@ _MEASURED = (255, 200, 60)
 _MODELLED = (80, 190, 255)
 _FORCE = (255, 90, 40)
 _GREY = (150, 155, 160)
+_DARK_GREY = (90, 94, 100)
+_LIFT = 0.004  # m, by which the painted residuals stand off the surface
 
 
 class Recording:
@@ -66,6 +68,7 @@ class Recording:
         self._showing: tuple[frozenset[str], float] | None = None
         self._text = ""
         self._stage: Stage | None = None
+        self._surface: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         self._modulus_pa: NDArray[np.float64] | None = None  # true, at the surface's vertices
         self._frames: FrameBatch | None = None
         self._true: MapViews | None = None
@@ -113,7 +116,8 @@ class Recording:
         Parameters
         ----------
         body_vertices_m, body_triangles : (n, 3) m in the body frame, and (t, 3) indices, outward.
-            Every drawn shape of the surface costs 24 n bytes: give a coarse surface.
+            A coarse surface looks smoother in time: see `recording_frames.SURFACE_BYTES`; more than
+            6,000 vertices make a recording larger than 25 MB.
         links : shapes of the arm; a frame has the poses of `link_names(links)`
         body_modulus_pa : (n,) Pa, true Young's modulus at the vertices, to colour them
         body_position_m, body_quaternion : pose of the body frame in the world (w, x, y, z)
@@ -129,6 +133,7 @@ class Recording:
         static(names.BODY, rr.Transform3D(translation=position, quaternion=rotation))
         static(names.SURFACE, rr.Mesh3D.from_fields(triangle_indices=triangles))
         normals = vertex_normals(vertices, triangles)
+        self._surface = vertices, normals
         start(
             names.SURFACE,
             rr.Mesh3D.from_fields(vertex_positions=vertices, vertex_normals=normals),
@@ -139,7 +144,7 @@ class Recording:
                 vertex_positions=vertices,
                 triangle_indices=triangles,
                 vertex_normals=normals,
-                albedo_factor=_GREY,
+                albedo_factor=_DARK_GREY,
             ),
         )
         for i, shape in enumerate(links):
@@ -312,6 +317,8 @@ class Recording:
         self._send_presses(names.MODELLED, ids, 1e3 * np.asarray(modelled_m, float))
         self._send_presses(names.RESIDUAL, ids, residual_um)
         points = np.array([self._points[p] for p in ids.tolist()])
+        if self._surface is not None:
+            points = lifted(points, *self._surface, _LIFT)
         self._residual_limit_um = float(np.abs(residual_um).max())
         log_residuals(self._end(), ids, points, residual_um, self._residual_limit_um)
         for name, path in (figures or {}).items():
@@ -320,7 +327,7 @@ class Recording:
 
     def event(self, text: str, level: str = "INFO", time_s: float | None = None) -> None:
         """Write a line of the event log, at `time_s` or now; INFO, WARN or ERROR."""
-        log = self._file.at(sim_time=self._now if time_s is None else time_s)
+        log = self._end(time_s)
         log(names.EVENTS, rr.TextLog(text, level=level))
         self._file.flush()
 
@@ -328,11 +335,13 @@ class Recording:
         """End the recording; one without this end is known as the recording of a stopped run."""
         self._file.close()
 
-    def _end(self) -> Log:
+    def _end(self, time_s: float | None = None) -> Log:
         """Bind a place at the present end of all timelines."""
-        iteration = self._last_step.iteration if self._last_step else 0
-        last_press = list(self._times)[-1] if self._times else 0
-        return self._file.at(sim_time=self._now, press=last_press, iteration=iteration)
+        return self._file.at(
+            sim_time=self._now if time_s is None else time_s,
+            press=list(self._times)[-1] if self._times else 0,
+            iteration=self._last_step.iteration if self._last_step else 0,
+        )
 
     def _step_done(self, *parts: str) -> None:
         """Bring text and layout up to date, and flush."""
@@ -362,5 +371,6 @@ class Recording:
         )
         self._file.static(names.MEASURED, dots)
         self._file.static(
-            names.FORCE_ARROW, rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.0015])
+            names.FORCE_ARROW,
+            rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.0015], show_labels=True),
         )

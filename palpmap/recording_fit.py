@@ -40,7 +40,7 @@ def style_parameters(file: RecordingFile, names: list[str], true_names: list[str
         if name in true_names:
             true_entity, _ = parts.parameter_entity(name, true=True)
             pale = tuple(c // 2 for c in color)
-            file.static(true_entity, rr.SeriesLines(colors=pale, widths=1, names=f"{label} true"))
+            file.static(true_entity, rr.SeriesLines(colors=pale, widths=1, names="true (thin)"))
 
 
 def log_iteration(log: Log, step: Iteration, true_parameters: Mapping[str, float]) -> None:
@@ -87,6 +87,7 @@ def log_residuals(
             points_m[named],
             radii=0.0,
             labels=[f"press {press_ids[i]}: {residual_um[i]:+.3g} um" for i in named],
+            colors=(255, 255, 255),
             show_labels=True,
         ),
     )

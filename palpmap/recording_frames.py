@@ -11,9 +11,12 @@ from palpmap import recording_parts as parts
 from palpmap.recording_scene import vertex_normals, xyzw
 from palpmap.recording_stream import Log, RecordingFile
 
-SURFACE_BYTES = 14e6  # what all drawn shapes of the body's surface may take in a recording
+SURFACE_BYTES = 26e6  # of drawn shapes of the surface in a recording, before compression halves it
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
-_ARROW_FORCE = 0.02  # share of the largest force below which no arrow is drawn
+_RELEASED = 0.02  # share of the largest force below which the body is seen as released
+_STEADY, _OFF = 0.03, 0.05  # shares: change from frame to frame, and from the drawn shape
+_ASIDE = 0.012  # m, by which the arrow stands beside the tip, which would hide it
+_TO_THE_EYE = np.array([-0.46, -0.89, 0.0])
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ class FrameBatch:
         self._share = 2 / np.clip(shapes, 2, _MOST_SHAPES)
         self._largest = np.zeros(2)  # force and travel, over the whole scan
         self._drawn = np.zeros(2)
+        self._before = np.zeros(2)
         self._frames: list[Frame] = []
         self._last: Frame | None = None
         self._shapes: list[tuple[float, NDArray[np.float32]]] = []
@@ -84,11 +88,18 @@ class FrameBatch:
         self._frames.append(frame)
         now = np.abs([frame.force_n, frame.displacement_m])
         self._largest = np.maximum(self._largest, now)
-        if frame.surface is None:
+        steady = np.abs(now - self._before) <= _STEADY * self._largest
+        self._before = now
+        if frame.surface is None or not self._largest.all():
             return
-        changed = np.abs(now - self._drawn) >= self._share * self._largest
-        released = now[0] == 0 and self._drawn[0] > 0
-        if (changed.any() and self._largest.any()) or released:
+        off = (np.abs(now - self._drawn) / self._largest).max()
+        released = _RELEASED * self._largest[0]
+        pressed, was_pressed = now[0] > released, self._drawn[0] > released
+        if (
+            off >= self._share
+            or (off >= _OFF and pressed and steady.all())
+            or pressed < was_pressed
+        ):
             shape = self._rest + np.asarray(frame.surface(), np.float32)
             self._shapes.append((frame.time_s, shape))
             self._drawn = now
@@ -129,7 +140,7 @@ class FrameBatch:
 
     def _send_arrows(self) -> None:
         """Arrows while there is force, and one empty row when it ends."""
-        pressing = [f.force_n > _ARROW_FORCE * self._largest[0] for f in self._frames]
+        pressing = [f.force_n > _RELEASED * self._largest[0] for f in self._frames]
         kept = [
             (frame, here)
             for i, (frame, here) in enumerate(zip(self._frames, pressing, strict=True))
@@ -140,14 +151,17 @@ class FrameBatch:
         columns = rr.Arrows3D.columns(
             origins=np.reshape([a[0] for a in arrows], (-1, 3)),
             vectors=np.reshape([a[1] for a in arrows], (-1, 3)),
+            labels=[_newtons(frame) for frame, here in kept if here],
         ).partition(lengths)
         when = [rr.TimeColumn(parts.SIM_TIME, duration=[f.time_s for f, _ in kept])]
         self._file.stream.send_columns(parts.FORCE_ARROW, when, columns)
 
     def _arrow_of(self, frame: Frame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origin and vector of the force on the body; its head is at the contact point."""
-        vector = np.asarray(frame.force_vector_n) * self._arrow
-        return np.asarray(frame.contact_point_m) - vector, vector
+        """Origin and vector of the force on the body; its head is beside the contact point."""
+        vector = np.asarray(frame.force_vector_n, float) * self._arrow
+        along = vector / max(float(np.linalg.norm(vector)), 1e-30)
+        aside = _TO_THE_EYE - (_TO_THE_EYE @ along) * along
+        return np.asarray(frame.contact_point_m) - vector + _ASIDE * aside, vector
 
     def _send_shapes(self) -> None:
         if not self._shapes:
@@ -165,7 +179,12 @@ class FrameBatch:
         log = self._file.at(press=press)
         self._log_links(log, frame.link_poses)
         origin, vector = self._arrow_of(frame)
-        log(parts.FORCE_ARROW, rr.Arrows3D.from_fields(origins=[origin], vectors=[vector]))
+        arrow = rr.Arrows3D.from_fields(
+            origins=[origin], vectors=[vector], labels=[_newtons(frame)]
+        )
+        log(parts.FORCE_ARROW, arrow)
+        log(parts.FORCE, rr.Scalars(frame.force_n))
+        log(parts.TRAVEL, rr.Scalars(1e3 * frame.displacement_m))
         if shape is not None:
             log(
                 parts.SURFACE,
@@ -181,3 +200,7 @@ class FrameBatch:
                 f"{parts.ROBOT}/{name}",
                 rr.Transform3D(translation=pose[:3], quaternion=rr.Quaternion(xyzw=xyzw(pose[3:]))),
             )
+
+
+def _newtons(frame: Frame) -> str:
+    return f"{frame.force_n:.2g} N"

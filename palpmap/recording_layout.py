@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
@@ -11,6 +12,7 @@ from palpmap import recording_parts as parts
 from palpmap.recording_maps import picture_bounds
 
 _DARK = (24, 26, 30)
+_WHOLE = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
 
 @dataclass(frozen=True)
@@ -80,28 +82,25 @@ def layout(present: Collection[str], stage: Stage, residual_limit_um: float) -> 
     if "fit" in present:
         right.append(
             rrb.Horizontal(
-                _plot(parts.MODULI, "Parameters: kPa"),
-                _plot(parts.LENGTHS, "Parameters: mm"),
-                _plot(parts.MISFIT, "Misfit: log10"),
+                _plot(parts.MODULI, "Parameters: kPa", whole=False),
+                _plot(parts.LENGTHS, "Parameters: mm", whole=False),
+                _plot(parts.MISFIT, "Misfit: log10", whole=False),
             )
         )
-    texts: list[rrb.View] = [
-        rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"),
-        rrb.TextLogView(origin=parts.EVENTS, name="Events"),
-    ]
+    events: rrb.View | rrb.Tabs = rrb.TextLogView(origin=parts.EVENTS, name="Events")
     if "figures" in present:
-        texts.append(rrb.Spatial2DView(origin=parts.FIGURES, name="Figures"))
-    left.append(rrb.Tabs(*texts, active_tab=0))
-    body = rrb.Vertical(
-        *left, row_shares=[3.2, 1.2, 1.1][: len(left)] if len(left) == 3 else [3, 1.2]
-    )
+        figures = rrb.Spatial2DView(origin=parts.FIGURES, name="Figures")
+        events = rrb.Tabs(figures, events, active_tab=0)
+    about = rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen")
+    left.append(rrb.Horizontal(about, events, column_shares=[1.3, 1]))
+    whole = rrb.Vertical(*left, row_shares=[3.0, 1.0, 1.5] if len(left) == 3 else [3, 1.2])
     if right:
-        shares = [2.3] * bool(maps) + [1.3] * bool(presses) + [1.0] * ("fit" in present)
-        body = rrb.Horizontal(
-            body, rrb.Vertical(*right, row_shares=shares), column_shares=[1.25, 1]
+        shares = [2.3] * bool(maps) + [1.3] * bool(presses) + [1.1] * ("fit" in present)
+        whole = rrb.Horizontal(
+            whole, rrb.Vertical(*right, row_shares=shares), column_shares=[1.25, 1]
         )
     return rrb.Blueprint(
-        body,
+        whole,
         rrb.TimePanel(timeline=parts.SIM_TIME, state="collapsed", play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
@@ -140,7 +139,7 @@ def _eye(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.EyeC
 
 def _residuals(stage: Stage, limit_um: float) -> rrb.View:
     size = stage.size_m
-    above = np.array([0.0, -0.02 * size.max(), 1.25 * size[:2].max() + size[2]])
+    above = np.array([0.0, -0.02 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])
     return rrb.Spatial3DView(
         origin=parts.RESIDUAL_MAP,
         name=f"Residual from above: red +{limit_um:.3g} um, blue -{limit_um:.3g} um",
@@ -160,10 +159,12 @@ def _map(entity: str, name: str, stage: Stage) -> rrb.View:
     )
 
 
-def _plot(entity: str, name: str, under: Collection[str] = ()) -> rrb.View:
+def _plot(entity: str, name: str, under: Collection[str] = (), whole: bool = True) -> rrb.View:
+    """Plot against the timeline, from its start on or only where there are values."""
     return rrb.TimeSeriesView(
         origin=entity,
         contents=[f"$origin/{u}" for u in under] or "$origin/**",
         name=name,
         plot_legend=rrb.PlotLegend(corner="RightTop"),
+        axis_x=rrb.TimeAxis(view_range=_WHOLE) if whole else None,
     )

@@ -97,7 +97,7 @@ def picture_bounds(size_m: NDArray[np.float64]) -> tuple[tuple[float, float], tu
     """Ranges of x and y, in mm, that show both pictures of a map with colour bar and captions."""
     width, depth, height = size_m * 1e3
     gap = GAP * width
-    return (-0.5 * gap, width + 3.2 * gap), (-1.2 * gap, depth + height + 1.6 * gap)
+    return (-0.5 * gap, width + 3.2 * gap), (-1.2 * gap, depth + height + 2.4 * gap)
 
 
 def log_map(
@@ -135,7 +135,11 @@ def log_map(
                 translation=[*corner, 0.0], scale=[extent[0] / columns, extent[1] / rows, 1.0]
             ),
             rr.DepthImage(
-                image.astype(np.float32), meter=1.0, colormap="viridis", depth_range=range_pa
+                image.astype(np.float32),
+                meter=1.0,
+                colormap="viridis",
+                depth_range=range_pa,
+                magnification_filter="linear",
             ),
         )
     texts = {

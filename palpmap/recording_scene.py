@@ -94,3 +94,14 @@ def vertex_normals(
         )
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return (total / np.maximum(length, 1e-300)).astype(np.float32)
+
+
+def lifted(
+    points: NDArray[np.float64],
+    vertices: NDArray[np.floating],
+    normals: NDArray[np.floating],
+    height_m: float,
+) -> NDArray[np.float64]:
+    """Move points (j, 3) off the surface along the normal of their nearest vertex."""
+    distance = ((points[:, None] - vertices[None]) ** 2).sum(axis=2)
+    return points + height_m * normals[distance.argmin(axis=1)]

@@ -47,7 +47,7 @@ def story(
     present : names of parts that there are
     found, true : parameters in SI units by name; empty where there are none
     """
-    lines = [f"# {name}", ""]
+    lines = [f"### {name}", ""]
     if found:
         lines += _table(found, true)
     for part, text in _SEEN.items():

@@ -1,0 +1,167 @@
+"""The Rerun viewer as a process: in a window, or headless for a picture."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models.errors import InputError
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+PICTURE_SIZE = (1800, 1100)
+_HOST = "127.0.0.1"
+_SETTLE_S = 1.5  # the views need some frames after the data are there
+INSTALL_DRIVER = (
+    "rendering a recording needs a Vulkan driver, and none works here; on Debian or Ubuntu: "
+    "apt-get install --no-install-recommends mesa-vulkan-drivers libvulkan1 "
+    "(on Fedora: dnf install mesa-vulkan-drivers vulkan-loader), then run the command again"
+)
+
+
+class ViewerError(RuntimeError):
+    """The viewer could not do its work; the message says why and what to do."""
+
+
+def viewer_program() -> str:
+    """Path of the `rerun` program that belongs to this Python."""
+    beside = Path(sysconfig.get_path("scripts")) / ("rerun.exe" if os.name == "nt" else "rerun")
+    program = str(beside) if beside.exists() else shutil.which("rerun")
+    if program is None:
+        raise InputError("the program 'rerun' is not installed; run: pip install rerun-sdk")
+    return program
+
+
+def has_display() -> bool:
+    """Tell whether a window can be opened."""
+    if sys.platform != "linux":
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def open_window(recording: Path) -> int:
+    """Show a recording until the window is closed, and return the exit code of the viewer."""
+    with _private_settings() as environment:
+        command = [viewer_program(), str(recording), "--bind", _HOST, "--port", "auto"]
+        return subprocess.run(command, env=environment, check=False).returncode
+
+
+def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
+    """Render the layout of a recording, at the end of the run, into a PNG file.
+
+    Raises
+    ------
+    ViewerError
+        If there is no Vulkan driver, or the viewer does not finish in time.
+    """
+    deadline = time.monotonic() + time_limit_s
+    with _private_settings() as environment, tempfile.TemporaryFile() as words:
+        port = _free_port()
+        command = [viewer_program(), "--headless", "--hide-welcome-screen", "--bind", _HOST]
+        command += ["--port", str(port), "--window-size", "{}x{}".format(*PICTURE_SIZE)]
+        viewer = subprocess.Popen(command, env=environment, stdout=words, stderr=words)
+        try:
+            _wait_for_port(viewer, port, deadline)
+            picture.write_bytes(_picture(recording, port, deadline))
+        except (RuntimeError, ConnectionError) as error:
+            words.seek(0)
+            raise ViewerError(_reason(words.read().decode(errors="replace"), error)) from error
+        finally:
+            _stop(viewer)
+
+
+def _picture(recording: Path, port: int, deadline: float) -> bytes:
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
+    client.open(str(recording.resolve()))
+    _wait_for_views(client, deadline)
+    time.sleep(_SETTLE_S)
+    return client.take_screenshot()
+
+
+def _wait_for_views(client: "ViewerClient", deadline: float) -> None:
+    """Wait until the recording is loaded and its layout is on screen."""
+    while time.monotonic() < deadline:
+        state = client.get_state()
+        if state.recordings and state.views and not state.loading:
+            return
+        time.sleep(0.2)
+    raise ViewerError("the viewer did not load the recording in time; try again, or open it")
+
+
+def _wait_for_port(viewer: subprocess.Popen[bytes], port: int, deadline: float) -> None:
+    while time.monotonic() < deadline:
+        if viewer.poll() is not None:
+            raise ViewerError(f"the viewer stopped with exit code {viewer.returncode}")
+        try:
+            socket.create_connection((_HOST, port), timeout=1).close()
+            return
+        except OSError:
+            time.sleep(0.1)
+    raise ViewerError("the viewer did not start in time; try again on an idle machine")
+
+
+def _reason(words: str, error: Exception) -> str:
+    """Say in a sentence why the viewer failed; a panic of its graphics means: no driver."""
+    if any(sign in words for sign in ("No graphics adapter", "adapter", "panicked", "wgpu")):
+        return INSTALL_DRIVER
+    return str(error)
+
+
+def _stop(viewer: subprocess.Popen[bytes]) -> None:
+    viewer.terminate()
+    try:
+        viewer.wait(timeout=5)
+    except subprocess.TimeoutExpired:
+        viewer.kill()
+        viewer.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_HOST, 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def _private_settings() -> Iterator[dict[str, str]]:
+    """Environment in which the viewer sends no usage data and leaves the user's home alone."""
+    with tempfile.TemporaryDirectory(prefix="palpmap-viewer-") as folder:
+        home = Path(folder)
+        settings = json.dumps(
+            {
+                "analytics_enabled": False,
+                "analytics_id": "",
+                "metadata": {},
+                "config_file_path": str(home / "rerun" / "analytics.json"),
+                "data_dir_path": str(home / "rerun" / "analytics"),
+            }
+        )
+        places = [home / "rerun"]
+        if sys.platform == "darwin":
+            places = [home / "Library" / "Application Support" / "rerun"]
+        for place in places:
+            place.mkdir(parents=True)
+            (place / "analytics.json").write_text(settings)
+        private = {"TELEMETRY_ENABLED": "false"}
+        match sys.platform:
+            case "darwin":
+                private["HOME"] = folder
+            case "win32":
+                private |= {"APPDATA": folder}
+            case _:
+                private |= {"XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
+                if "XDG_RUNTIME_DIR" not in os.environ:
+                    private["XDG_RUNTIME_DIR"] = folder
+        yield os.environ | private

@@ -33,7 +33,6 @@ def _table(found: dict[str, Any]) -> "Table":
 
     body, noise, placed = found["body"], found["noise"], found["placement"]
     size = body.get("file") or " x ".join(f"{length * 1e3:g}" for length in body["size_m"]) + " mm"
-    spread = noise["displacement_m"], noise["force_n"]
     table = Table(title=found["study"], box=box.SIMPLE, show_header=False, title_justify="left")
     table.add_row("scan", found["scan"])
     table.add_row("body", f"{body['shape']}, {size}, Poisson's ratio {body['poisson_ratio']:g}")
@@ -48,8 +47,11 @@ def _table(found: dict[str, Any]) -> "Table":
     table.add_row(
         "noise (1 sd)",
         ", ".join(
-            f"{value * scale:g} {unit}" if value is not None else f"unknown ({unit})"
-            for value, scale, unit in zip(spread, (1e6, 1e3), ("um", "mN"), strict=True)
+            f"{what} {'unknown' if value is None else f'{value * scale:g} {unit}'}"
+            for what, value, scale, unit in (
+                ("displacement", noise["displacement_m"], 1e6, "um"),
+                ("force", noise["force_n"], 1e3, "mN"),
+            )
         ),
     )
     table.add_row(

@@ -1,0 +1,84 @@
+"""How a scan is made: times, speeds, noise, sampling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from models.errors import InputError
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """Settings of the scan program; SI units.
+
+    Attributes
+    ----------
+    seed : of all noise and of the pauses
+    force_noise_n, displacement_noise_m : one standard deviation of a sample's force (each
+        component) and of its displacement
+    ramp_s, hold_s, unload_s : duration of the three parts of a press
+    load_samples, hold_samples, unload_samples : rows of the scan a press, evenly over each part
+    pause_s : shortest and longest pause between two presses, drawn at random
+    lift_m : height of the tip above the surface between presses
+    approach_m_per_s, touch_m_per_s : speed of the tip far from the surface and within `slow_m` of
+        it
+    touch_force_n : measured force at which the robot says that it touches
+    residual : part of the set force at which unloading ends, so that the tip is still in contact
+    stiffness_n_per_m : the robot's first guess of the body's stiffness; it learns better ones as
+        it presses
+    depth_m : largest depth, None for 30 mm a newton of set force and at least 20 mm
+    timestep_s : of simulation and control
+    frames_per_s : rate of the frames handed to `on_frame`
+    """
+
+    seed: int = 0
+    force_noise_n: float = 5e-3
+    displacement_noise_m: float = 2e-5
+    ramp_s: float = 1.0
+    hold_s: float = 2.0
+    unload_s: float = 1.0
+    load_samples: int = 8
+    hold_samples: int = 8
+    unload_samples: int = 6
+    pause_s: tuple[float, float] = (0.1, 0.7)
+    lift_m: float = 0.005
+    slow_m: float = 0.0005
+    approach_m_per_s: float = 0.02
+    touch_m_per_s: float = 0.0015
+    touch_force_n: float = 0.025
+    residual: float = 0.06
+    stiffness_n_per_m: float = 150.0
+    depth_m: float | None = None
+    timestep_s: float = 0.002
+    frames_per_s: float = 25.0
+
+    def __post_init__(self) -> None:
+        may_be_zero = ("seed", "force_noise_n", "displacement_noise_m")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in (*may_be_zero, "pause_s", "depth_m"):
+                continue
+            if not value > 0:
+                raise InputError(
+                    f"The scan setting {field.name} is {value}; it has to be positive."
+                )
+        for name in may_be_zero:
+            if getattr(self, name) < 0:
+                raise InputError(f"The scan setting {name} is negative; give zero or more.")
+        if not 0 <= self.pause_s[0] <= self.pause_s[1]:
+            raise InputError(
+                f"The scan setting pause_s is {self.pause_s}; give the shortest and the "
+                "longest pause in s."
+            )
+        if self.depth_m is not None and not self.depth_m > 0:
+            raise InputError(f"The scan setting depth_m is {self.depth_m}; it has to be positive.")
+        if self.touch_force_n < 4.5 * self.force_noise_n:
+            raise InputError(
+                f"A touch force of {self.touch_force_n:g} N is lost in a force noise of "
+                f"{self.force_noise_n:g} N; "
+                "set touch_force_n to five times the noise or more."
+            )
+
+    def largest_depth(self, force_n: float) -> float:
+        """Depth in m that the plan provides for a set force."""
+        return self.depth_m if self.depth_m is not None else max(0.02, 0.03 * force_n)

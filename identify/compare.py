@@ -103,8 +103,8 @@ def compare_residual(w: Whitened) -> Comparison:
 def _size_test(view: ResidualView) -> Test:
     ratio = view.chi2 / view.dof
     if view.w.noise_estimated:
-        # The noise came from about half as many independent differences of the same readings.
-        p = float(stats.f.sf(ratio, view.dof, max(view.dof / 2, 1)))
+        # The noise came from third differences: 0.4 times as many independent numbers.
+        p = float(stats.f.sf(ratio, view.dof, max(0.4 * view.dof, 1)))
     else:
         p = float(stats.chi2.sf(view.chi2, view.dof))
     return Test("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))

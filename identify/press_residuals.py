@@ -98,12 +98,10 @@ class PressSpace:
 
     def misfits(self) -> np.ndarray:
         """chi2(2) of each press on its own, (j,)."""
-        return np.array([self._misfit(j) for j in range(self.presses)])
-
-    def _misfit(self, press: int) -> float:
-        at = self.block(press)
-        inverse = np.linalg.pinv(self.covariance[np.ix_(at, at)], rcond=1e-6, hermitian=True)
-        return float(self.values[at] @ inverse @ self.values[at])
+        at = np.column_stack([self.block(j) for j in range(self.presses)]).T
+        blocks = self.covariance[at[:, :, None], at[:, None, :]]
+        inverse = np.linalg.pinv(blocks, rcond=1e-6, hermitian=True)
+        return np.einsum("ja,jab,jb->j", self.values[at], inverse, self.values[at])
 
     def without(self, press: int) -> None:
         """Add a press's own directions to the nuisance: the others are judged as if it were not."""

@@ -75,20 +75,17 @@ def _times(c: Comparison, name: str) -> str:
 
 
 def _span(levels: tuple[Level, ...], name: str) -> str:
-    """Return the levels at both ends, and the extreme between them where it is larger."""
+    """Return the two extreme levels in their order along the dimension, or all phases."""
     if name == "phase":
         return ", ".join(f"{length(v.mean_m)} in {v.label}" for v in levels)
-    first, last = levels[0], levels[-1]
-    text = f"{length(first.mean_m)} at {first.label}, {length(last.mean_m)} at {last.label}"
+    ends = {min(levels, key=lambda v: v.mean_m), max(levels, key=lambda v: v.mean_m)}
+    first, last = sorted(ends, key=lambda v: v.low)
     if name == "order":
-        text = (
-            f"{length(first.mean_m)} in presses {first.low:.0f}-{first.high:.0f}, "
-            f"{length(last.mean_m)} in presses {last.low:.0f}-{last.high:.0f}"
+        return (
+            f"from {length(first.mean_m)} in presses {first.low:.0f}-{first.high:.0f} "
+            f"to {length(last.mean_m)} in presses {last.low:.0f}-{last.high:.0f}"
         )
-    middle = max(levels[1:-1], key=lambda v: abs(v.mean_m), default=first)
-    if abs(middle.mean_m) > 1.2 * max(abs(first.mean_m), abs(last.mean_m)):
-        text += f", {length(middle.mean_m)} at {middle.label} between"
-    return text
+    return f"from {length(first.mean_m)} at {first.label} to {length(last.mean_m)} at {last.label}"
 
 
 def _places(c: Comparison) -> str:

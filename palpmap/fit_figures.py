@@ -12,11 +12,8 @@ HUES = (BLUE, ORANGE, GREEN, PINK, SKY, "#E69F00")
 
 
 def draw_measured(f: Finding) -> Figure:
-    """Draw the displacement of each press at its largest force, measured and modelled."""
-    index = f.fit.press_index
-    rows = np.array([_largest_force(f, j) for j in range(len(f.scan.press_ids))])
-    measured, modelled = 1e3 * f.fit.displacement_m[rows], 1e3 * f.fit.predicted_m[rows]
-    sigma = 1e3 * f.fit.sigma_m[rows]
+    """Draw the mean displacement of each press near its largest force, measured and modelled."""
+    measured, modelled, sigma = near_largest_force(f)
     figure = new_figure(10.4, 4.1)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.9])
     ends = np.array([min(measured.min(), modelled.min()), max(measured.max(), modelled.max())])
@@ -27,8 +24,8 @@ def draw_measured(f: Finding) -> Figure:
     left.set_aspect("equal")
     left.set_xlabel("modelled, mm")
     left.set_ylabel("measured, mm")
-    left.set_title("Displacement at the largest force")
-    ids = f.scan.press_ids[index[rows]]
+    left.set_title("Displacement near the largest force")
+    ids = f.scan.press_ids
     panel_grid(right)
     right.errorbar(
         ids, measured, 2 * sigma, fmt="o", ms=4, lw=0.8, color=BLUE, label="measured, ± 2 sd"
@@ -121,9 +118,22 @@ def plain_name(name: str) -> str:
     return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
 
 
-def _largest_force(f: Finding, press: int) -> int:
-    rows = np.flatnonzero(f.fit.press_index == press)
-    return int(rows[np.argmax(f.fit.force_n[rows])])
+def near_largest_force(f: Finding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean measured and modelled displacement of each press and its standard deviation, mm (j,).
+
+    Over all readings within 10 % of the press's largest force: the single largest would be the one
+    whose noise is largest.
+    """
+    index, force = f.fit.press_index, f.fit.force_n
+    presses = len(f.scan.press_ids)
+    largest = np.full(presses, -np.inf)
+    np.maximum.at(largest, index, force)
+    near = (force >= 0.9 * largest[index]).astype(float)
+    count = np.bincount(index, near, presses)
+    measured = np.bincount(index, near * f.fit.displacement_m, presses) / count
+    modelled = np.bincount(index, near * f.fit.predicted_m, presses) / count
+    sigma = np.sqrt(np.bincount(index, near * f.fit.sigma_m**2, presses)) / count
+    return 1e3 * measured, 1e3 * modelled, 1e3 * sigma
 
 
 def _curve(axes: Axes, f: Finding, press: int) -> None:

@@ -28,55 +28,51 @@ class Cut:
         return right, up
 
 
+Law = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One field over both cuts: title, points (p, 3) -> values (p,), label, colours, sign."""
+
+    title: str
+    law: Law
+    label: str
+    colors: str = MODULUS_COLORS
+    signed: bool = False
+
+
 def draw_map(f: Finding) -> Figure:
-    """Draw true map, found map and their difference, seen from above and from the side."""
-    horizontal, vertical = cuts(f)
-    columns: list[tuple[str, Callable[[np.ndarray], np.ndarray], bool]] = [
-        ("Found", f.fit.map.modulus, False)
-    ]
+    """Draw true map, found map and their difference, from above and from the side.
+
+    Without a truth: the found map and its standard deviation.
+    """
+    columns = [Column("Found", lambda p: f.fit.map.modulus(p) / 1e3, "Young's modulus, kPa")]
     if f.truth is not None:
         truth = f.truth
-        columns.insert(0, ("True", truth.modulus, False))
-        columns.append(("Found − true", lambda p: f.fit.map.modulus(p) - truth.modulus(p), True))
-    ratio = _ratio(f, vertical)
-    width = 3.9 * len(columns) + 0.6
-    figure = new_figure(width, 3.9 * (1 + ratio) + 1.0)
-    grid = np.atleast_2d(
-        figure.subplots(2, len(columns), squeeze=False, height_ratios=[1.0, max(ratio, 0.35)])
-    )
-    fields = [[sample(f, cut, law) for _, law, _ in columns] for cut in (horizontal, vertical)]
-    plain = [
-        v for row in fields for v, (_, _, signed) in zip(row, columns, strict=True) if not signed
-    ]
-    low = min(np.nanmin(v) for v in plain) / 1e3
-    high = max(np.nanmax(v) for v in plain) / 1e3
-    for row, cut in enumerate((horizontal, vertical)):
-        for column, (title, _, signed) in enumerate(columns):
-            axes = grid[row, column]
-            values = fields[row][column] / 1e3
-            reach = max(
-                max(float(np.nanmax(np.abs(fields[r][column]))) / 1e3 for r in (0, 1)), 1e-3
+        columns.insert(0, Column("True", lambda p: truth.modulus(p) / 1e3, columns[0].label))
+        columns.append(
+            Column(
+                "Found − true",
+                lambda p: (f.fit.map.modulus(p) - truth.modulus(p)) / 1e3,
+                "difference of Young's modulus, kPa",
+                DIFFERENCE_COLORS,
+                signed=True,
             )
-            span = (-reach, reach) if signed else (low, max(high, low + 1e-3))
-            image = _show(
-                axes, f, cut, values, DIFFERENCE_COLORS if signed else MODULUS_COLORS, span
-            )
-            _decorate(axes, f, cut, title == "True")
-            axes.set_title(f"{title}, {_where(f, cut)}" if column == 0 else title)
-            if column:
-                axes.set_ylabel("")
-            if row == 1:
-                figure.colorbar(
-                    image, ax=list(grid[:, column]), location="bottom", shrink=0.85, pad=0.02,
-                    label=("difference of " if signed else "") + "Young's modulus, kPa",
-                )  # fmt: skip
-    return figure
+        )
+    elif f.fit.covariance_names:
+        columns.append(_uncertainty(f))
+    return _draw_columns(f, columns)
 
 
 def draw_uncertainty(f: Finding) -> Figure | None:
-    """Draw one standard deviation of the found map in per cent; None if nothing was fitted."""
-    if not f.fit.covariance_names:
+    """Draw the found map's standard deviation, where `draw_map` does not; None without one."""
+    if f.truth is None or not f.fit.covariance_names:
         return None
+    return _draw_columns(f, [_uncertainty(f)])
+
+
+def _uncertainty(f: Finding) -> Column:
     free = [f.fit.map.names.index(name) for name in f.fit.covariance_names]
 
     def deviation(points: np.ndarray) -> np.ndarray:
@@ -84,23 +80,44 @@ def draw_uncertainty(f: Finding) -> Figure | None:
         variance = np.einsum("pk,kl,pl->p", gradient, f.fit.covariance, gradient)
         return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.fit.map.modulus(points))
 
+    return Column("How sure", deviation, "one standard deviation, %", "magma_r")
+
+
+def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
     both = cuts(f)
-    size = [_size(f, cut) for cut in both]
-    figure = new_figure(8.6, 4.3)
-    grid = figure.subplots(1, 2, width_ratios=[s[0] for s in size])
-    fields = [sample(f, cut, deviation) for cut in both]
-    high = max(float(np.nanmax(v)) for v in fields)
-    image = None
-    for axes, cut, values in zip(grid, both, fields, strict=True):
-        image = _show(axes, f, cut, values, "magma_r", (0.0, max(high, 1e-6)))
-        _decorate(axes, f, cut, False)
-        axes.set_title(_where(f, cut).capitalize())
-    if image is not None:
-        figure.colorbar(
-            image, ax=list(grid), shrink=0.8,
-            label="one standard deviation of\nthe found modulus, %",
-        )  # fmt: skip
+    width, height = _size(f, both[1])
+    ratio = max(height / width, 0.3)
+    across = _size(f, both[0])
+    upper = across[1] / across[0]
+    figure = new_figure(3.9 * len(columns) + 0.6, 3.7 * (upper + ratio) + 1.6)
+    grid = figure.subplots(2, len(columns), squeeze=False, height_ratios=[upper, ratio])
+    fields = [[sample(f, cut, column.law) for column in columns] for cut in both]
+    for i, column in enumerate(columns):
+        alike = [j for j, other in enumerate(columns) if other.label == column.label]
+        span = _span([fields[row][j] for row in (0, 1) for j in alike], column.signed)
+        image = None
+        for row, cut in enumerate(both):
+            axes = grid[row, i]
+            image = _show(axes, f, cut, fields[row][i], column.colors, span)
+            _decorate(axes, f, cut, column.title == "True")
+            axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
+            if i:
+                axes.set_ylabel("")
+        if image is not None:
+            figure.colorbar(
+                image, ax=list(grid[:, i]), location="bottom", shrink=0.85, pad=0.02,
+                label=column.label,
+            )  # fmt: skip
     return figure
+
+
+def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
+    low = min(float(np.nanmin(v)) for v in fields)
+    high = max(float(np.nanmax(v)) for v in fields)
+    if signed:
+        reach = max(-low, high, 1e-6)
+        return -reach, reach
+    return low, max(high, low + 1e-6)
 
 
 def cuts(f: Finding) -> tuple[Cut, Cut]:
@@ -146,11 +163,6 @@ def _centre(inclusion: Inclusion) -> np.ndarray:
 def _size(f: Finding, cut: Cut) -> tuple[float, float]:
     extent = f.outline.upper_m - f.outline.lower_m
     return float(extent[cut.axes[0]]), float(extent[cut.axes[1]])
-
-
-def _ratio(f: Finding, vertical: Cut) -> float:
-    width, height = _size(f, vertical)
-    return height / width
 
 
 def _where(f: Finding, cut: Cut) -> str:

@@ -15,19 +15,24 @@ import numpy as np
 
 from identify.fit_record import Estimate
 from identify.residual_statement import length
+from palpmap.figures import DPI
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
+
+SCREEN_DPI = 88
+"""Screen pixels an inch of a picture."""
 
 CAPTIONS = {
     "map": (
         "Young's modulus. White circle: an inclusion of the found map, one radius around its "
-        "centre; dashed: of the true map. Dots and triangles: places that were pressed."
+        "centre; dashed: of the true map, where that is known. Dots and triangles: places that "
+        "were pressed."
     ),
     "uncertainty": "How surely the modulus is known at each place, if the model is right.",
     "residual_place": "Residual = measured less modelled displacement, over the surface.",
-    "residual_along": "Mean residual with one standard error; grey: 95 % of what noise alone shows.",
+    "residual_along": "Mean residual with one standard error; grey: where 95 % of pure noise lies.",
     "residual_tests": "Left: residuals in units of the noise. Right: the questions asked of them.",
-    "measured_modelled": "Measured and modelled displacement of each press at its largest force.",
+    "measured_modelled": "Each press near its largest force: mean displacement and model.",
     "presses": "Single presses: all readings that the fit used, and the fitted model.",
     "convergence": "How the fit got there, iteration by iteration.",
 }
@@ -94,7 +99,10 @@ def _section(title: str, content: str) -> str:
 def _picture(name: str, data: bytes) -> str:
     text = escape(CAPTIONS[name])
     source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
-    return f'<figure><img alt="{text}" src="{source}"><figcaption>{text}</figcaption></figure>\n'
+    # One scale for all pictures, so that their letters have one size.
+    width = round(int.from_bytes(data[16:20], "big") * SCREEN_DPI / DPI)
+    image = f'<img alt="{text}" style="max-width: {width}px" src="{source}">'
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>\n"
 
 
 def _list(items: Sequence[str]) -> str:
@@ -185,9 +193,9 @@ def _fit_line(f: Finding) -> str:
     text = (
         f"Error of the displacement {length(c.rms_m, signed=False)} rms, of which noise explains "
         f"{length(c.expected_rms_m, signed=False)}; chi-square per degree of freedom "
-        f"{c.chi2_per_dof:.3f}. {f.fit.message}"
+        f"{c.chi2_per_dof:.3f}."
     )
-    return f"<p>{escape(text.rstrip('.'))}.</p>"
+    return f"<p>{escape(text)}</p><p>The fit says: {escape(f.fit.message)}.</p>"
 
 
 def _verdict(f: Finding) -> str:

@@ -160,7 +160,7 @@ def _steps(axes: Axes, levels: tuple[Level, ...], name: str) -> None:
     else:
         low = np.array([v.low for v in levels])
         high = np.array([v.high for v in levels])
-        x, half = (low + high) / 2, np.maximum((high - low) / 2, 0.004 * (high[-1] - low[0]))
+        x, half = (low + high) / 2, np.maximum((high - low) / 2, 0.015 * (high[-1] - low[0]))
     panel_grid(axes)
     # Two standard errors: what 95 % of the means of pure noise stay within.
     axes.bar(x, 4 * error, 2 * half, -2 * error, color="#d9dde3", label="pure noise, 95 %")

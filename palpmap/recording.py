@@ -365,7 +365,10 @@ class Recording:
             (f"{names.MISFIT}/rms_um", _MEASURED, "log10 rms, um"),
             (f"{names.MISFIT}/chi2_per_dof", _MODELLED, "log10 chi2/dof"),
         ):
-            self._file.static(entity, rr.SeriesLines(colors=color, names=label, widths=1.5))
+            self._file.static(
+                entity,
+                rr.SeriesLines(colors=color, names=label, widths=1.5, aggregation_policy="MinMax"),
+            )
         dots = rr.SeriesPoints(
             colors=_MEASURED, names="measured", markers="Circle", marker_sizes=2.5
         )

@@ -12,6 +12,7 @@ from palpmap import recording_parts as parts
 from palpmap.recording_maps import picture_bounds
 
 _DARK = (24, 26, 30)
+_SINGLE = (parts.FORCE, parts.TRAVEL)  # plots of one curve, which their title names
 _WHOLE = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
 
@@ -87,7 +88,11 @@ def layout(present: Collection[str], stage: Stage, residual_limit_um: float) -> 
                 _plot(parts.MISFIT, "Misfit: log10", whole=False),
             )
         )
-    events: rrb.View | rrb.Tabs = rrb.TextLogView(origin=parts.EVENTS, name="Events")
+    events: rrb.View | rrb.Tabs = rrb.TextLogView(
+        origin=parts.EVENTS,
+        name="Events",
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+    )
     if "figures" in present:
         figures = rrb.Spatial2DView(origin=parts.FIGURES, name="Figures")
         events = rrb.Tabs(figures, events, active_tab=0)
@@ -165,6 +170,6 @@ def _plot(entity: str, name: str, under: Collection[str] = (), whole: bool = Tru
         origin=entity,
         contents=[f"$origin/{u}" for u in under] or "$origin/**",
         name=name,
-        plot_legend=rrb.PlotLegend(corner="RightTop"),
+        plot_legend=rrb.PlotLegend(corner="RightTop", visible=entity not in _SINGLE),
         axis_x=rrb.TimeAxis(view_range=_WHOLE) if whole else None,
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 PICTURE_SIZE = (1800, 1100)
 _HOST = "127.0.0.1"
-_SETTLE_S = 1.5  # the views need some frames after the data are there
+_PAUSE_S = 0.7  # between looks at a picture that still moves
 INSTALL_DRIVER = (
     "rendering a recording needs a Vulkan driver, and none works here; on Debian or Ubuntu: "
     "apt-get install --no-install-recommends mesa-vulkan-drivers libvulkan1 "
@@ -51,7 +51,7 @@ def has_display() -> bool:
 
 def open_window(recording: Path) -> int:
     """Show a recording until the window is closed, and return the exit code of the viewer."""
-    with _private_settings() as environment:
+    with private_settings() as environment:
         command = [viewer_program(), str(recording), "--bind", _HOST, "--port", "auto"]
         return subprocess.run(command, env=environment, check=False).returncode
 
@@ -65,7 +65,7 @@ def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
         If there is no Vulkan driver, or the viewer does not finish in time.
     """
     deadline = time.monotonic() + time_limit_s
-    with _private_settings() as environment, tempfile.TemporaryFile() as words:
+    with private_settings() as environment, tempfile.TemporaryFile() as words:
         port = _free_port()
         command = [viewer_program(), "--headless", "--hide-welcome-screen", "--bind", _HOST]
         command += ["--port", str(port), "--window-size", "{}x{}".format(*PICTURE_SIZE)]
@@ -86,7 +86,10 @@ def _picture(recording: Path, port: int, deadline: float) -> bytes:
     client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
     client.open(str(recording.resolve()))
     _wait_for_views(client, deadline)
-    time.sleep(_SETTLE_S)
+    before, now = b"", b"not yet"
+    while now != before and time.monotonic() < deadline:  # plots glide to their ranges
+        time.sleep(_PAUSE_S)
+        before, now = now, client.take_screenshot(max_size=max(PICTURE_SIZE) // 2)
     return client.take_screenshot()
 
 
@@ -135,7 +138,7 @@ def _free_port() -> int:
 
 
 @contextmanager
-def _private_settings() -> Iterator[dict[str, str]]:
+def private_settings() -> Iterator[dict[str, str]]:
     """Environment in which the viewer sends no usage data and leaves the user's home alone."""
     with tempfile.TemporaryDirectory(prefix="palpmap-viewer-") as folder:
         home = Path(folder)

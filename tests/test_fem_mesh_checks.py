@@ -127,6 +127,8 @@ def test_overlapping_cells_are_named():
     same_side = np.array([[0, 1, 2, 3], [0, 1, 2, 4], [0, 2, 1, 5]])
     with pytest.raises(MeshError, match="Cells 0 and 1 overlap"):
         check_mesh(Mesh(nodes, same_side, {}))
+    with pytest.raises(MeshError, match="Cells 0 and 1 overlap"):
+        check_mesh(Mesh(nodes[:5], same_side[:2], {}))
 
 
 def test_parts_that_share_only_an_edge_are_refused():

@@ -78,11 +78,14 @@ def test_two_patterns_do_not_disturb_each_other(solver):
 def test_changing_the_arrays_after_the_call_does_not_change_the_solution(solver):
     upper = upper_of(stiffness_like())
     rhs = np.ones(upper.shape[0])
-    factor = solver.analyse(upper.indptr, upper.indices).factorize(upper.data)
+    values = upper.data.copy()
+    pattern = solver.analyse(upper.indptr, upper.indices)
+    factor = pattern.factorize(upper.data)
     before = factor.solve(rhs)
     for array in (upper.indptr, upper.indices, upper.data):
         array[:] = 0
     np.testing.assert_allclose(factor.solve(rhs), before, rtol=1e-12)
+    np.testing.assert_allclose(pattern.factorize(values).solve(rhs), before, rtol=1e-12)
     np.testing.assert_array_equal(rhs, 1.0)
 
 

@@ -8,7 +8,19 @@ a tip is positive inwards.
 """
 
 from fem.block import block_mesh, paper_mesh
+from fem.contact import Contacts
 from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh, promote_to_tet10
+from fem.palpation import PalpationModel, Response
 
-__all__ = ["Mesh", "MeshError", "SolverError", "block_mesh", "paper_mesh", "promote_to_tet10"]
+__all__ = [
+    "Contacts",
+    "Mesh",
+    "MeshError",
+    "PalpationModel",
+    "Response",
+    "SolverError",
+    "block_mesh",
+    "paper_mesh",
+    "promote_to_tet10",
+]

@@ -1,0 +1,247 @@
+"""Stiffness matrix of a tetrahedral mesh on a fixed sparsity pattern, and its strain energies.
+
+The modulus enters at the quadrature points of the cells, E_eq; K is linear in it,
+
+    K = sum_eq E_eq K_eq,    K_eq = w_q V_e B_eq' D B_eq,    D for E = 1 (paper, eqs. 8-10),
+
+so a new modulus field refills the values of the same pattern. Degrees of freedom are numbered node
+by node; nodes of the fixed surface are left out.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from fem.errors import MeshError
+from fem.mesh import TET_EDGES, Mesh
+from fem.quadrature import TET_RULES
+
+
+def lame(poisson_ratio: float) -> tuple[float, float]:
+    """Lame constants (lambda, mu) for E = 1, eq. (10) of the paper."""
+    if not -1 < poisson_ratio < 0.5:
+        raise MeshError(f"Poisson's ratio must lie between -1 and 0.5, got {poisson_ratio}")
+    nu = poisson_ratio
+    return nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
+
+
+def barycentric_gradients(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Gradients of the four barycentric coordinates of each cell, (e, 4, 3) 1/m."""
+    v = nodes[cells[:, :4]]
+    inverse = np.linalg.inv(v[:, 1:] - v[:, :1])  # columns are grad lambda_1..3
+    gradients = np.empty((len(cells), 4, 3))
+    gradients[:, 1:] = inverse.transpose(0, 2, 1)
+    gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
+    return gradients
+
+
+def shape_functions(barycentric: np.ndarray, order: int) -> np.ndarray:
+    """Shape functions at barycentric points of a tetrahedron or a triangle.
+
+    Parameters
+    ----------
+    barycentric : (p, 4) or (p, 3)
+    order : 1 or 2
+
+    Returns
+    -------
+    (p, nodes of the cell)
+    """
+    if order == 1:
+        return barycentric
+    pairs = TET_EDGES if barycentric.shape[1] == 4 else TET_EDGES[:3]
+    mids = 4 * barycentric[:, pairs[:, 0]] * barycentric[:, pairs[:, 1]]
+    return np.hstack([barycentric * (2 * barycentric - 1), mids])
+
+
+def shape_derivatives(barycentric: np.ndarray, order: int) -> np.ndarray:
+    """Return the derivatives dN/dlambda at barycentric points of a tetrahedron, (p, nodes, 4)."""
+    p = len(barycentric)
+    if order == 1:
+        return np.broadcast_to(np.eye(4), (p, 4, 4)).copy()
+    d = np.zeros((p, 10, 4))
+    for v in range(4):
+        d[:, v, v] = 4 * barycentric[:, v] - 1
+    for m, (i, j) in enumerate(TET_EDGES):
+        d[:, 4 + m, i] = 4 * barycentric[:, j]
+        d[:, 4 + m, j] = 4 * barycentric[:, i]
+    return d
+
+
+class Stiffness:
+    """The stiffness matrix of one mesh and support, to be refilled for any modulus field.
+
+    Attributes
+    ----------
+    points_m : (e q, 3) where Young's modulus is sampled, q quadrature points a cell, cell by cell.
+    indptr, indices : the upper triangle's CSR pattern over the free degrees of freedom.
+    free_nodes : (f,) nodes that may move; degree of freedom 3 i + a is axis a of `free_nodes[i]`.
+    """
+
+    def __init__(self, mesh: Mesh, poisson_ratio: float, fixed_surface: str = "base") -> None:
+        if mesh.cell_volumes.min() <= 0:
+            worst = int(mesh.cell_volumes.argmin())
+            raise MeshError(f"cell {worst} has volume {mesh.cell_volumes[worst]:.3g} m^3; "
+                            "its nodes are in the wrong order or it is flat")  # fmt: skip
+        self.mesh = mesh
+        self.poisson_ratio = poisson_ratio
+        self.rule = TET_RULES[1 if mesh.order == 1 else 2]
+        self.gradients = barycentric_gradients(mesh.nodes, mesh.cells)
+        self.volumes = mesh.cell_volumes
+        points = np.einsum("qv,evi->eqi", self.rule[0], mesh.nodes[mesh.cells[:, :4]])
+        self.points_m = points.reshape(-1, 3)
+        self._lame = lame(poisson_ratio)
+        self._derivatives = shape_derivatives(self.rule[0], mesh.order)
+        free = np.ones(len(mesh.nodes), bool)
+        free[mesh.surface_nodes(fixed_surface)] = False
+        self.free_nodes = np.flatnonzero(free)
+        self._free_number = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
+        self._build_pattern()
+
+    @property
+    def samples(self) -> int:
+        """Number of modulus samples a cell."""
+        return len(self.rule[1])
+
+    def _build_pattern(self) -> None:
+        cells = self._free_number[self.mesh.cells]
+        a, b = np.triu_indices(cells.shape[1])
+        low = np.minimum(cells[:, a], cells[:, b]).ravel()
+        high = np.maximum(cells[:, a], cells[:, b]).ravel()
+        f = len(self.free_nodes)
+        keys = np.where(low >= 0, low.astype(np.int64) * f + high, -1)
+        pairs, inverse = np.unique(keys, return_inverse=True)
+        if pairs[0] < 0:
+            pairs, inverse = pairs[1:], inverse - 1
+        i, j = np.divmod(pairs, f)
+        first = np.searchsorted(i, np.arange(f + 1))
+        neighbours = np.diff(first)  # of node i, itself included, none below it
+        lengths = (3 * neighbours[:, None] - np.arange(3)).ravel()
+        self.indptr = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+        self.indices = np.empty(self.indptr[-1], np.int32)
+        # Where the 3 x 3 block of a node pair begins in rows 3 i, 3 i + 1, 3 i + 2.
+        rank = np.arange(len(pairs)) - first[i]
+        for axis in range(3):
+            start = self.indptr[3 * i + axis] + 3 * rank - axis
+            for column in range(3):
+                keep = (rank > 0) | (column >= axis)
+                self.indices[(start + column)[keep]] = (3 * j + column)[keep]
+        self._pair_node = i.astype(np.int32)
+        self._pair_rank = rank.astype(np.int32)
+        self._pairs = inverse.reshape(len(cells), -1).astype(np.int32)
+
+    def values(self, modulus_pa: np.ndarray) -> np.ndarray:
+        """CSR values of the upper triangle for the modulus at `points_m`."""
+        modulus = np.ascontiguousarray(modulus_pa, float).reshape(len(self.volumes), -1)
+        weights = modulus * self.rule[1] * self.volumes[:, None]
+        data = np.zeros(len(self.indices))
+        _fill(data, self.indptr, self._free_number[self.mesh.cells], self._pairs, self._pair_node,
+              self._pair_rank, self.gradients, self._derivatives, weights, *self._lame)  # fmt: skip
+        return data
+
+    def energies(self, displacement: np.ndarray) -> np.ndarray:
+        """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q).
+
+        Parameters
+        ----------
+        displacement : (j, n, 3) m
+        """
+        by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
+        out = np.empty((len(self.volumes), self.samples, len(displacement)))
+        weights = self.volumes[:, None] * self.rule[1]
+        _energies(out, by_node, self.mesh.cells, self.gradients, self._derivatives, weights,
+                  *self._lame)  # fmt: skip
+        return out.reshape(-1, len(displacement)).T
+
+    def restrict(self, nodal: np.ndarray) -> np.ndarray:
+        """Nodal (r, n, 3) -> free degrees of freedom (3 f, r), Fortran order."""
+        return np.asfortranarray(nodal[:, self.free_nodes].reshape(len(nodal), -1).T)
+
+    def prolong(self, free: np.ndarray) -> np.ndarray:
+        """Free degrees of freedom (3 f, r) -> nodal (r, n, 3), zero where held."""
+        nodal = np.zeros((free.shape[1], len(self.mesh.nodes), 3))
+        nodal[:, self.free_nodes] = free.T.reshape(free.shape[1], -1, 3)
+        return nodal
+
+
+@numba.njit(cache=True, fastmath=True)
+def _fill(data, indptr, cells, pairs, pair_node, pair_rank, gradients, derivatives, weights,
+          lam, mu):  # fmt: skip
+    nodes = cells.shape[1]
+    points = weights.shape[1]
+    g = np.empty((points, nodes, 3))
+    for e in range(cells.shape[0]):
+        for q in range(points):
+            for i in range(nodes):
+                for a in range(3):
+                    s = 0.0
+                    for v in range(4):
+                        s += derivatives[q, i, v] * gradients[e, v, a]
+                    g[q, i, a] = s
+        m = -1
+        for i in range(nodes):
+            for j in range(i, nodes):
+                m += 1
+                pair = pairs[e, m]
+                if pair < 0:
+                    continue
+                # h = sum_q E w g_i g_j'; the block is lam h + mu h' + mu tr(h) I
+                h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
+                swap = cells[e, i] > cells[e, j]
+                r, c = (j, i) if swap else (i, j)
+                for q in range(points):
+                    w = weights[e, q]
+                    x, y, z = w * g[q, r, 0], w * g[q, r, 1], w * g[q, r, 2]
+                    u, v_, t = g[q, c, 0], g[q, c, 1], g[q, c, 2]
+                    h00 += x * u
+                    h01 += x * v_
+                    h02 += x * t
+                    h10 += y * u
+                    h11 += y * v_
+                    h12 += y * t
+                    h20 += z * u
+                    h21 += z * v_
+                    h22 += z * t
+                trace = mu * (h00 + h11 + h22)
+                row = 3 * pair_node[pair]
+                k = pair_rank[pair]
+                s0 = indptr[row] + 3 * k
+                s1 = indptr[row + 1] + 3 * k - 1
+                s2 = indptr[row + 2] + 3 * k - 2
+                data[s0] += (lam + mu) * h00 + trace
+                data[s0 + 1] += lam * h01 + mu * h10
+                data[s0 + 2] += lam * h02 + mu * h20
+                data[s1 + 1] += (lam + mu) * h11 + trace
+                data[s1 + 2] += lam * h12 + mu * h21
+                data[s2 + 2] += (lam + mu) * h22 + trace
+                if k > 0:
+                    data[s1] += lam * h10 + mu * h01
+                    data[s2] += lam * h20 + mu * h02
+                    data[s2 + 1] += lam * h21 + mu * h12
+
+
+@numba.njit(cache=True, fastmath=True, parallel=True)
+def _energies(out, u, cells, gradients, derivatives, weights, lam, mu):
+    nodes = cells.shape[1]
+    presses = u.shape[2]
+    for e in numba.prange(cells.shape[0]):
+        d = np.empty((3, 3, presses))
+        for q in range(weights.shape[1]):
+            d[:] = 0.0
+            for i in range(nodes):
+                for b in range(3):
+                    g = 0.0
+                    for v in range(4):
+                        g += derivatives[q, i, v] * gradients[e, v, b]
+                    for a in range(3):
+                        for j in range(presses):
+                            d[a, b, j] += g * u[cells[e, i], a, j]
+            w = weights[e, q]
+            for j in range(presses):
+                trace = d[0, 0, j] + d[1, 1, j] + d[2, 2, j]
+                xy = d[0, 1, j] + d[1, 0, j]
+                xz = d[0, 2, j] + d[2, 0, j]
+                yz = d[1, 2, j] + d[2, 1, j]
+                squares = d[0, 0, j] ** 2 + d[1, 1, j] ** 2 + d[2, 2, j] ** 2
+                out[e, q, j] = w * (lam * trace**2 + mu * (2 * squares + xy**2 + xz**2 + yz**2))

@@ -22,7 +22,7 @@ _TRUE = (245, 245, 245)
 _FOUND = (255, 140, 60)
 _MEASURED = (255, 200, 60)
 _MODELLED = (80, 190, 255)
-_FORCE = (255, 90, 40)
+_FORCE = (255, 235, 90)
 _GREY = (150, 155, 160)
 _DARK_GREY = (90, 94, 100)
 _LIFT = 0.004  # m, by which the painted residuals stand off the surface
@@ -64,6 +64,7 @@ class Recording:
         self.path = Path(path)
         self.name = name
         self._planned = planned_presses
+        self._dot_m = 0.001
         self._present: set[str] = set()
         self._showing: tuple[frozenset[str], float] | None = None
         self._text = ""
@@ -128,6 +129,7 @@ class Recording:
         position = np.asarray(body_position_m, float)
         lower, upper = vertices.min(axis=0).astype(float), vertices.max(axis=0).astype(float)
         self._stage = Stage(lower, upper, position)
+        self._dot_m = 0.1 * float((upper - lower).max()) / np.sqrt(self._planned)
         rotation = rr.Quaternion(xyzw=xyzw(body_quaternion))
         static, start = self._file.static, self._file.at(sim_time=0, press=0, iteration=0)
         static(names.BODY, rr.Transform3D(translation=position, quaternion=rotation))
@@ -256,7 +258,7 @@ class Recording:
 
     def _log_points(self, log: Log) -> None:
         points = np.array(list(self._points.values()))
-        log(names.PRESSES_MADE, rr.Points3D(points, radii=0.001, colors=_TRUE))
+        log(names.PRESSES_MADE, rr.Points3D(points, radii=self._dot_m, colors=_TRUE))
 
     def iteration(
         self,
@@ -361,7 +363,6 @@ class Recording:
         for entity, color, label in (
             (names.FORCE, _FORCE, "contact force"),
             (names.TRAVEL, _MEASURED, "travel"),
-            (names.MODELLED, _MODELLED, "modelled"),
             (f"{names.MISFIT}/rms_um", _MEASURED, "log10 rms, um"),
             (f"{names.MISFIT}/chi2_per_dof", _MODELLED, "log10 chi2/dof"),
         ):
@@ -369,10 +370,12 @@ class Recording:
                 entity,
                 rr.SeriesLines(colors=color, names=label, widths=1.5, aggregation_policy="MinMax"),
             )
-        dots = rr.SeriesPoints(
-            colors=_MEASURED, names="measured", markers="Circle", marker_sizes=2.5
-        )
-        self._file.static(names.MEASURED, dots)
+        for entity, color, label, marker, size in (
+            (names.MEASURED, _MEASURED, "measured", rr.components.MarkerShape.Circle, 2.5),
+            (names.MODELLED, _MODELLED, "modelled", rr.components.MarkerShape.Cross, 3.5),
+        ):
+            dots = rr.SeriesPoints(colors=color, names=label, markers=marker, marker_sizes=size)
+            self._file.static(entity, dots)
         self._file.static(
             names.FORCE_ARROW,
             rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.0015], show_labels=True),

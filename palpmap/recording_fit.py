@@ -11,7 +11,17 @@ from palpmap import recording_parts as parts
 from palpmap.recording_maps import residual_colors
 from palpmap.recording_stream import Log, RecordingFile
 
-_PALETTE = ((255, 140, 60), (80, 190, 255), (120, 220, 120), (240, 110, 160), (200, 160, 255))
+_PALETTE = (
+    (255, 140, 60),
+    (80, 190, 255),
+    (120, 220, 120),
+    (240, 110, 160),
+    (200, 160, 255),
+    (240, 220, 90),
+    (90, 220, 210),
+    (210, 150, 110),
+    (170, 180, 190),
+)
 _LABELLED = 3  # largest residuals that are named on the map
 
 
@@ -76,7 +86,7 @@ def log_residuals(
         f"{parts.RESIDUAL_MAP}/points",
         rr.Points3D(
             points_m,
-            radii=0.4 * _spacing(points_m),
+            radii=0.45 * _share_of_area(points_m),
             colors=residual_colors(residual_um, limit_um),
         ),
     )
@@ -93,10 +103,7 @@ def log_residuals(
     )
 
 
-def _spacing(points: NDArray[np.float64]) -> float:
-    """Median distance in m from a point to its nearest neighbour; 5 mm for a single point."""
-    if len(points) < 2:
-        return 0.005
-    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
-    np.fill_diagonal(distances, np.inf)
-    return float(np.median(distances.min(axis=1)))
+def _share_of_area(points: NDArray[np.float64]) -> float:
+    """Return the edge in m of the square that each point has for itself; 5 mm for a single one."""
+    extent = float(np.ptp(points, axis=0).max())
+    return extent / np.sqrt(len(points)) if extent > 0 else 0.005

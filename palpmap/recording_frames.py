@@ -15,8 +15,8 @@ SURFACE_BYTES = 26e6  # of drawn shapes of the surface in a recording, before co
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
 _RELEASED = 0.02  # share of the largest force below which the body is seen as released
 _STEADY, _OFF = 0.03, 0.05  # shares: change from frame to frame, and from the drawn shape
-_ASIDE = 0.012  # m, by which the arrow stands beside the tip, which would hide it
-_TO_THE_EYE = np.array([-0.46, -0.89, 0.0])
+_ASIDE = 0.014  # m, by which the arrow stands beside the tip, which would hide it
+_TO_THE_RIGHT = np.array([0.89, -0.46, 0.0])  # as the layout looks at the body
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class FrameBatch:
         """Origin and vector of the force on the body; its head is beside the contact point."""
         vector = np.asarray(frame.force_vector_n, float) * self._arrow
         along = vector / max(float(np.linalg.norm(vector)), 1e-30)
-        aside = _TO_THE_EYE - (_TO_THE_EYE @ along) * along
+        aside = _TO_THE_RIGHT - (_TO_THE_RIGHT @ along) * along
         return np.asarray(frame.contact_point_m) - vector + _ASIDE * aside, vector
 
     def _send_shapes(self) -> None:

@@ -131,6 +131,7 @@ def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
     target = np.array([0.5 * center[0], 0.5 * center[1], 0.65 * reach])
     whole = rrb.Spatial3DView(
         origin="world",
+        contents=["$origin/**", f"- /{parts.FORCE_ARROW}", f"- /{parts.PRESSES_MADE}"],
         name="The arm presses on the body",
         background=_DARK,
         eye_controls=_eye(target, target + reach * np.array([0.9, -2.6, 0.9])),
@@ -147,7 +148,7 @@ def _residuals(stage: Stage, limit_um: float) -> rrb.View:
     above = np.array([0.0, -0.02 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])
     return rrb.Spatial3DView(
         origin=parts.RESIDUAL_MAP,
-        name=f"Residual from above: red +{limit_um:.3g} um, blue -{limit_um:.3g} um",
+        name=f"Residual: red +{limit_um:.3g}, blue -{limit_um:.3g} um",
         background=_DARK,
         line_grid=False,
         eye_controls=_eye(stage.center_m, stage.center_m + above),

@@ -16,7 +16,7 @@ _SEEN = {
         "orange circles: inclusions. Below: parameters (pale: true values) and misfit "
         "(log10 of the rms in um and of chi-square per degree of freedom)."
     ),
-    "presses": "**Each press**: displacement as measured (dots) and as the fitted model has it.",
+    "presses": "**Each press**: displacement as measured (dots) and as modelled (crosses).",
     "comparison": (
         "**Residual**: measured minus modelled displacement, painted where the press was; red "
         "gave way more than modelled, blue less. Noise looks like confetti; patches mean that the "

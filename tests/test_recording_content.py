@@ -283,7 +283,7 @@ def test_the_layout_shows_scene_maps_presses_and_fit(whole_run):
         "Contact force, N",
         "Events",
         "What is seen",
-        "Residual from above: red +40 um, blue -40 um",
+        "Residual: red +40, blue -40 um",
     } <= names
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from palpmap.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY, new_figure, panel_grid
+from palpmap.figure_style import BLUE, GREEN, GREY, ORANGE, PINK, SKY, new_figure, panel_grid
 from palpmap.finding import Finding, matched
 
 MARKS = {"load": "o", "hold": "s", "unload": "^"}

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identify.gaussian_map import GaussianMap, Inclusion
-from palpmap.figures import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
+from palpmap.figure_style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.finding import Finding
 
 CELLS = 160

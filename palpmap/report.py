@@ -15,7 +15,7 @@ import numpy as np
 
 from identify.fit_record import Estimate
 from identify.residual_statement import length
-from palpmap.figures import DPI
+from palpmap.figure_style import DPI
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
 

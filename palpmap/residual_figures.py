@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identify.comparison import Comparison, Level
-from palpmap.figures import (
+from palpmap.figure_style import (
     BLUE,
     DIFFERENCE_COLORS,
     GREY,

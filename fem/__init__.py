@@ -11,7 +11,11 @@ from fem.block import block_mesh, paper_mesh
 from fem.contact import Contacts
 from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh, promote_to_tet10
+from fem.mesh_checks import check_mesh
 from fem.palpation import PalpationModel, Response
+from fem.solver import default_solver
+from fem.surface import Surface, check_surface, read_surface
+from fem.tetrahedralize import tetrahedralize_surface
 
 __all__ = [
     "Contacts",
@@ -20,7 +24,13 @@ __all__ = [
     "PalpationModel",
     "Response",
     "SolverError",
+    "Surface",
     "block_mesh",
+    "check_mesh",
+    "check_surface",
+    "default_solver",
     "paper_mesh",
     "promote_to_tet10",
+    "read_surface",
+    "tetrahedralize_surface",
 ]

@@ -150,8 +150,8 @@ class _Surface:
             x, y, z = centre * 1e3
             raise MeshError(
                 f"press {j}: the tip of radius {radius * 1e3:.3g} mm at "
-                f"({x:.1f}, {y:.1f}, {z:.1f}) mm hangs over the edge of the body or does not lie on its surface; move the "
-                "contact point inwards or check the body's size and place"
+                f"({x:.1f}, {y:.1f}, {z:.1f}) mm hangs over the edge of the body or does not lie "
+                "on its surface; move the contact point inwards or check the body's size and place"
             )
         chosen = rank.argmin(axis=1)
         points = np.arange(len(disc))

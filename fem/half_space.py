@@ -1,14 +1,15 @@
 r"""Exact fields of a half-space under a unit force, spread as a flat punch or a Hertz contact.
 
 Axisymmetric, frictionless; z is the depth, r the distance from the axis, the displacements are
-positive into the body and outwards; Young's modulus 1. With the Boussinesq potentials of the pressure
-(Johnson, Contact Mechanics, eq. 3.4; V = int p/R, psi_z = V) and k = (1 + nu)/(2 pi),
+positive into the body and outwards; Young's modulus 1. With the Boussinesq potentials of the
+pressure (Johnson, Contact Mechanics, eq. 3.4; V = int p/R, psi_z = V) and k = (1 + nu)/(2 pi),
 
     u_z = k [2 (1 - nu) V - z V_z],     u_r = -k [(1 - 2 nu) psi_r + z V_r].
 
 For the rigid flat punch, p = 1/(2 pi a^2 sqrt(1 - r^2/a^2)), they are closed forms of the
-complex distance R = sqrt(r^2 + zeta^2), zeta = z + i a (a V = Im ln(R + zeta), and so on); the Hertz
-pressure is the superposition of punches of radius s <= a with weight 3 s^2/a^3, integrated in closed form.
+complex distance R = sqrt(r^2 + zeta^2), zeta = z + i a (a V = Im ln(R + zeta), and so on); the
+Hertz pressure is the superposition of punches of radius s <= a with weight 3 s^2/a^3, integrated
+in closed form.
 """
 
 from __future__ import annotations

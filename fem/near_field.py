@@ -2,13 +2,13 @@
 
 Under the rim of a tip the pressure and the strain are singular, so that any affordable mesh is
 10-50 % too stiff and refinement helps only like h. The singular part is known, though: it is the
-field v of the same pressure on a half-space (`fem.half_space`), whatever the map of the modulus, the
-supports and the shape of the rest do. So each press j gets the functions
+field v of the same pressure on a half-space (`fem.half_space`), whatever the map of the modulus,
+the supports and the shape of the rest do. So each press j gets the functions
 
     phi_m = f_m v_j - I_h (f_m v_j)      in the cells around the tip, 0 elsewhere,
 
 with f = 1, x, y, z from the contact point (a modulus that varies under the tip bends v linearly)
-and I_h the interpolation at the nodes. The Galerkin solution in the enriched space V_h + span(phi_m) is
+and I_h the interpolation at the nodes. The Galerkin solution in the enriched space is
 
     K u = B,   K z = k,   (a - k'z) alpha = l - k'u,   u* = u + (phi - z) alpha,
     C = B'u + (l - k'u)' alpha,

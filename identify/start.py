@@ -15,6 +15,7 @@ import numpy as np
 from fem import PalpationModel
 from identify.forward import compliance
 from identify.gaussian_map import GaussianMap, Inclusion
+from models.errors import InputError
 
 _DEPTHS = (0.15, 0.35, 0.6)
 _RADII = (0.12, 0.25, 0.45)
@@ -33,10 +34,19 @@ class ApparentModulus:
 def apparent_modulus(
     slope: np.ndarray, points: np.ndarray, directions: np.ndarray, model: PalpationModel
 ) -> ApparentModulus:
-    """Compare each press's slope (j,) m/N with the homogeneous body's compliance."""
+    """Compare each press's slope (j,) m/N with the homogeneous body's compliance.
+
+    Raises `InputError` where most presses have no positive slope.
+    """
     homogeneous = compliance(model, GaussianMap(_REFERENCE_PA))
+    positive = slope > 0
+    if 2 * np.count_nonzero(positive) <= len(slope):
+        raise InputError(
+            f"in {np.count_nonzero(~positive)} of {len(slope)} presses the displacement does not "
+            "grow with the force: check the signs of force_n and displacement_m in the scan"
+        )
     # A press without a positive slope says nothing; it must not become the stiffest one.
-    usable = np.where(slope > 0, slope, np.median(slope[slope > 0]))
+    usable = np.where(positive, slope, np.median(slope[positive]))
     return ApparentModulus(_REFERENCE_PA * homogeneous / usable, points, directions)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpmap import __version__
 from palpmap import recording_parts as names
+from palpmap import recording_style as style
 from palpmap.recording_fit import Iteration, log_iteration, log_residuals, style_parameters
 from palpmap.recording_frames import Frame, FrameBatch
 from palpmap.recording_layout import Stage, layout
@@ -18,13 +19,6 @@ from palpmap.recording_scene import LinkShape, drawn_shape, lifted, link_names, 
 from palpmap.recording_story import story
 from palpmap.recording_stream import Log, RecordingFile
 
-_TRUE = (245, 245, 245)
-_FOUND = (255, 140, 60)
-_MEASURED = (255, 200, 60)
-_MODELLED = (80, 190, 255)
-_FORCE = (255, 235, 90)
-_GREY = (150, 155, 160)
-_DARK_GREY = (90, 94, 100)
 _LIFT = 0.004  # m, by which the painted residuals stand off the surface
 
 
@@ -85,7 +79,7 @@ class Recording:
         if seed is not None:
             run["seed"] = seed
         self._file.static(names.RUN, rr.AnyValues(name=name, **run))
-        self._style_plots()
+        style.style_plots(self._file)
         self._file.flush()
 
     def __enter__(self) -> "Recording":
@@ -146,7 +140,7 @@ class Recording:
                 vertex_positions=vertices,
                 triangle_indices=triangles,
                 vertex_normals=normals,
-                albedo_factor=_DARK_GREY,
+                albedo_factor=style.DARK_GREY,
             ),
         )
         for i, shape in enumerate(links):
@@ -161,7 +155,7 @@ class Recording:
 
     def _color_body(self, log: Log, vertices: int) -> None:
         """Colour the surface by its true modulus on the scale of the maps; grey if unknown."""
-        colors = np.tile(np.array(_GREY, np.uint8), (vertices, 1))
+        colors = np.tile(np.array(style.GREY, np.uint8), (vertices, 1))
         if self._modulus_pa is not None:
             own = (float(self._modulus_pa.min()), float(self._modulus_pa.max()))
             colors = modulus_colors(self._modulus_pa, self._range_pa or own)
@@ -179,7 +173,7 @@ class Recording:
         self._true_parameters = dict(parameters or {})
         self._range_pa = views.range_pa
         log_map(self._file.static, names.TRUE_MAP, views, self._range_pa)
-        log_outlines(self._file.static, names.TRUE_MAP, self._true_parameters, views, _TRUE)
+        log_outlines(self._file.static, names.TRUE_MAP, self._true_parameters, views, style.TRUE)
         if self._modulus_pa is not None:
             start = self._file.at(sim_time=0, press=0, iteration=0)
             self._color_body(start, len(self._modulus_pa))
@@ -258,7 +252,7 @@ class Recording:
 
     def _log_points(self, log: Log) -> None:
         points = np.array(list(self._points.values()))
-        log(names.PRESSES_MADE, rr.Points3D(points, radii=self._dot_m, colors=_TRUE))
+        log(names.PRESSES_MADE, rr.Points3D(points, radii=self._dot_m, colors=style.TRUE))
 
     def iteration(
         self,
@@ -290,7 +284,7 @@ class Recording:
             if self._true is None:
                 self._range_pa = views.range_pa
             log_map(log, names.FOUND_MAP, views, self._range_pa or views.range_pa)
-            log_outlines(log, names.FOUND_MAP, step.parameters, views, _FOUND)
+            log_outlines(log, names.FOUND_MAP, step.parameters, views, style.FOUND)
         if surface_modulus_pa is not None and self._range_pa is not None:
             colors = modulus_colors(surface_modulus_pa, self._range_pa)
             log(names.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
@@ -358,25 +352,3 @@ class Recording:
             self._file.show(layout(self._present, self._stage, self._residual_limit_um))
             self._showing = showing
         self._file.flush()
-
-    def _style_plots(self) -> None:
-        for entity, color, label in (
-            (names.FORCE, _FORCE, "contact force"),
-            (names.TRAVEL, _MEASURED, "travel"),
-            (f"{names.MISFIT}/rms_um", _MEASURED, "log10 rms, um"),
-            (f"{names.MISFIT}/chi2_per_dof", _MODELLED, "log10 chi2/dof"),
-        ):
-            self._file.static(
-                entity,
-                rr.SeriesLines(colors=color, names=label, widths=1.5, aggregation_policy="MinMax"),
-            )
-        for entity, color, label, marker, size in (
-            (names.MEASURED, _MEASURED, "measured", rr.components.MarkerShape.Circle, 2.5),
-            (names.MODELLED, _MODELLED, "modelled", rr.components.MarkerShape.Cross, 3.5),
-        ):
-            dots = rr.SeriesPoints(colors=color, names=label, markers=marker, marker_sizes=size)
-            self._file.static(entity, dots)
-        self._file.static(
-            names.FORCE_ARROW,
-            rr.Arrows3D.from_fields(colors=[_FORCE], radii=[0.0015], show_labels=True),
-        )

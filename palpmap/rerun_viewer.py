@@ -10,7 +10,7 @@ import sysconfig
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PICTURE_SIZE = (1800, 1100)
 _HOST = "127.0.0.1"
+_LAST_WORDS_S = 3.0
 _PAUSE_S = 0.7  # between looks at a picture that still moves
 INSTALL_DRIVER = (
     "rendering a recording needs a Vulkan driver, and none works here; on Debian or Ubuntu: "
@@ -74,8 +75,11 @@ def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
             _wait_for_port(viewer, port, deadline)
             picture.write_bytes(_picture(recording, port, deadline))
         except (RuntimeError, ConnectionError) as error:
+            with suppress(subprocess.TimeoutExpired):
+                viewer.wait(timeout=_LAST_WORDS_S)  # the port answers until it has panicked
             words.seek(0)
-            raise ViewerError(_reason(words.read().decode(errors="replace"), error)) from error
+            reason = _reason(viewer, words.read().decode(errors="replace"), error)
+            raise ViewerError(reason) from error
         finally:
             _stop(viewer)
 
@@ -115,11 +119,12 @@ def _wait_for_port(viewer: subprocess.Popen[bytes], port: int, deadline: float) 
     raise ViewerError("the viewer did not start in time; try again on an idle machine")
 
 
-def _reason(words: str, error: Exception) -> str:
-    """Say in a sentence why the viewer failed; a panic of its graphics means: no driver."""
-    if any(sign in words for sign in ("No graphics adapter", "adapter", "panicked", "wgpu")):
+def _reason(viewer: subprocess.Popen[bytes], words: str, error: Exception) -> str:
+    """Say in a sentence why the viewer failed; if its graphics ended it, there is no driver."""
+    graphics = any(sign in words for sign in ("graphics adapter", "render context", "wgpu"))
+    if graphics and viewer.poll() is not None:
         return INSTALL_DRIVER
-    return str(error)
+    return f"the viewer could not render the recording: {str(error).splitlines()[0]}"
 
 
 def _stop(viewer: subprocess.Popen[bytes]) -> None:

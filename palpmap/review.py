@@ -93,6 +93,8 @@ def _render(recording: Path, file: Path, output: Output) -> bool:
     except ViewerError as error:
         complain(str(error))
         return False
+    except PermissionError as error:
+        raise InputError(f"{picture} cannot be written; make its folder writable") from error
     output.result({"picture": str(picture)}, f"picture: {picture}")
     return True
 

@@ -56,7 +56,7 @@ def small_scan(origin=(0.0, 0.0, 0.0), offset_n=0.0):
 
 def small_fit(scan):
     """The record of a fit whose compliance is the scan's, with one common parameter free."""
-    e, s, latent = whitening(scan.displacement_m, scan.force_n, 0.01, NOISE)
+    e, s, latent = whitening(scan.displacement_m, scan.force_n, np.array(0.01), NOISE)
     std = dict(zip(FOUND.names, (30.0, 900.0, 1e-4, 1e-4, 8e-4, 3e-4), strict=True))
     estimates = {
         name: Estimate(v, std[name], "Pa" if name.endswith("_pa") else "m",

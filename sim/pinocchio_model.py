@@ -76,8 +76,6 @@ def _add_joint(
     result: pin.Model, model: mujoco.MjModel, j: int, parent: int, in_parent: pin.SE3
 ) -> tuple[int, pin.SE3]:
     """Append MuJoCo's joint `j`; return its index and the body's pose in the moving joint frame."""
-    if model.qpos0[model.jnt_qposadr[j]] != 0:
-        raise ValueError(f"joint {model.joint(j).name!r}: a shifted zero (ref) is not supported")
     axis = model.jnt_axis[j].copy()
     if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
         kind = pin.JointModelRevoluteUnaligned(axis)
@@ -87,6 +85,8 @@ def _add_joint(
         raise ValueError(
             f"joint {model.joint(j).name!r}: only hinge and slide joints are supported"
         )
+    if model.qpos0[model.jnt_qposadr[j]] != 0:
+        raise ValueError(f"joint {model.joint(j).name!r}: a shifted zero (ref) is not supported")
     low, high = model.jnt_range[j] if model.jnt_limited[j] else (-np.inf, np.inf)
     effort = np.abs(model.jnt_actfrcrange[j]).max() if model.jnt_actfrclimited[j] else np.inf
     anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())

@@ -13,13 +13,11 @@ from sim.clearance import Clearance
 from sim.inverse_kinematics import Reached, TipKinematics
 from sim.laboratory import Laboratory
 from sim.press_path import PressPath, press_path
+from sim.quintic import PEAK_SPEED
 from sim.scan_plan import ScanPlan
 
 SPEED_FRACTION = 0.5
 """Part of the joints' velocity limits that a planned motion may use."""
-
-PEAK_SPEED = 15 / 8
-"""Largest rate of the quintic blend 10 s^3 - 15 s^4 + 6 s^5 over its mean rate."""
 
 CLEARANCE_M = 0.003
 TRANSIT_CLEARANCE_M = 0.001
@@ -56,7 +54,7 @@ def plan_motion(
     laboratory: Laboratory,
     lift_m: float = 0.005,
     depth_m: float = 0.02,
-    fastest_m_per_s: float = 0.02,
+    fastest_m_per_s: float = 0.1,
 ) -> tuple[PlannedPress, ...]:
     """Find configurations and paths for all presses, or say which press cannot be made and why.
 

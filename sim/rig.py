@@ -75,11 +75,13 @@ class Rig:
         self.tip_m = self._tip
         self.wrist_n, self.contact_n = np.zeros(3), 0.0
 
-    def step(self, q_wanted: np.ndarray, v_wanted: np.ndarray) -> None:
-        """Servo towards a configuration and velocity for one time step."""
+    def step(
+        self, q_wanted: np.ndarray, v_wanted: np.ndarray, a_wanted: np.ndarray | float = 0.0
+    ) -> None:
+        """Servo towards a configuration, velocity and acceleration for one time step."""
         q, v, data = self.q, self.v, self.data
         gain = SERVO_RAD_PER_S
-        wanted = (gain * gain) * (q_wanted - q) + (2 * gain) * (v_wanted - v)
+        wanted = a_wanted + (gain * gain) * (q_wanted - q) + (2 * gain) * (v_wanted - v)
         torque = pin.rnea(self._arm, self._arm_data, q, v, wanted) + self._damping * v
         data.ctrl[:] = torque
         mujoco.mj_step(self.model, data)

@@ -11,11 +11,12 @@ import numpy as np
 from models.arm import LINKS
 from models.errors import InputError
 from sim.coupling import Body, MatchedContact
-from sim.force_control import ACCELERATION_M_PER_S2, ForceControl
+from sim.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.inverse_kinematics import TipKinematics
 from sim.laboratory import build_laboratory
 from sim.planner import PlannedPress, plan_motion
 from sim.press_result import PressLog, press_result
+from sim.quintic import quintic
 from sim.rig import Rig
 from sim.scan_plan import ScanPlan
 from sim.scan_run import PHASES, Frame, PressResult, ScanRun
@@ -101,7 +102,7 @@ class _Program:
         )
         self.depth_limit = settings.largest_depth(plan.force_n)
         self.presses = plan_motion(
-            plan, laboratory, settings.lift_m, self.depth_limit, settings.approach_m_per_s
+            plan, laboratory, settings.lift_m, self.depth_limit, FASTEST_M_PER_S
         )
         wrist_seed, encoder_seed, pause_seed = np.random.SeedSequence(settings.seed).spawn(3)
         self.encoder_rng = np.random.default_rng(encoder_seed)
@@ -162,13 +163,9 @@ class _Program:
     def _transit(self, waypoints: tuple[tuple[np.ndarray, float], ...]) -> None:
         """Quintic joint motion through the waypoints, standing still at each."""
         for goal, duration in waypoints:
-            start, change = self.posture, goal - self.posture
-            count = max(1, round(duration / self.dt))
+            start, count = self.posture, max(1, round(duration / self.dt))
             for i in range(1, count + 1):
-                s = i / count
-                blend = s**3 * (10 - 15 * s + 6 * s * s)
-                rate = 30 * s * s * (1 - s) ** 2 / duration
-                self._step(TRANSIT, start + blend * change, rate * change)
+                self._step(TRANSIT, *quintic(start, goal, i / count, duration))
             self.posture = goal
 
     def _pause(self, duration: float) -> None:
@@ -212,9 +209,9 @@ class _Program:
         self.contact.follow(self.rig.contact_n)
         self.posture = q
 
-    def _step(self, phase: int, q: np.ndarray, v: np.ndarray) -> None:
+    def _step(self, phase: int, q: np.ndarray, v: np.ndarray, a: np.ndarray | float = 0.0) -> None:
         rig = self.rig
-        rig.step(q, v)
+        rig.step(q, v, a)
         if self._used == len(self._rows):
             self._rows = np.vstack([self._rows, np.empty_like(self._rows)])
         row = self._rows[self._used]

@@ -11,6 +11,7 @@ from models.errors import InputError
 from sim.inverse_kinematics import TipKinematics
 from sim.laboratory import Laboratory
 from sim.planner import transit_duration
+from sim.quintic import quintic
 from sim.rig import Rig
 
 
@@ -39,7 +40,7 @@ class Tracking:
     time_s : (t,)
     wanted_m, tip_m : (t, 3) m, wanted and true centre of the tip
     largest_error_m : of their distance
-    largest_force_n : largest contact force that the wrist sensor reports although nothing is touched
+    largest_force_n : largest contact force that the wrist sensor reports, nothing being touched
     """
 
     time_s: np.ndarray
@@ -73,12 +74,11 @@ def run_script(script: Sequence[TipPose], laboratory: Laboratory) -> Tracking:
                 f"Pose {i} of the script at {pose.point_m} m {why}; its duration is "
                 f"{pose.duration_s:g} s. Move the pose nearer or give it more time."
             )
-        count, change = round(pose.duration_s / rig.dt), reached.q - start
+        count = round(pose.duration_s / rig.dt)
         for k in range(1, count + 1):
-            s = k / count
-            q = start + s**3 * (10 - 15 * s + 6 * s * s) * change
-            rig.step(q, 30 * s * s * (1 - s) ** 2 / pose.duration_s * change)
-            tips.append(kinematics.pose(rig.q)[0])
+            q, v, a = quintic(start, reached.q, k / count, pose.duration_s)
+            rig.step(q, v, a)
+            tips.append(rig.tip_m.copy())
             wanted.append(kinematics.pose(q)[0])
             force = max(force, float(np.abs(rig.wrist_n).max()))
         start = reached.q

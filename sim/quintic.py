@@ -1,0 +1,32 @@
+"""The quintic blend: from 0 to 1 with no speed and no acceleration at either end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+PEAK_SPEED = 15 / 8
+"""Largest rate of the blend over its mean rate."""
+
+
+def quintic(
+    start: np.ndarray, end: np.ndarray, s: float, duration_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration on the way from `start` to `end`.
+
+    Parameters
+    ----------
+    start, end : (n,)
+    s : part of the duration that has passed, 0 to 1
+    duration_s : of the whole motion
+
+    Examples
+    --------
+    >>> where, speed, _ = quintic(np.zeros(1), np.ones(1), 0.5, 2.0)
+    >>> float(where[0]), float(speed[0]) == PEAK_SPEED / 2.0
+    (0.5, True)
+    """
+    change = end - start
+    position = start + s**3 * (10 - 15 * s + 6 * s * s) * change
+    velocity = 30 * s * s * (1 - s) ** 2 / duration_s * change
+    acceleration = 60 * s * (1 - s) * (1 - 2 * s) / duration_s**2 * change
+    return position, velocity, acceleration

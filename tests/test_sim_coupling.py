@@ -1,0 +1,103 @@
+"""Contact and soft body agree, from very soft to hard, for linear and stiffening laws."""
+
+import numpy as np
+import pytest
+
+from models.errors import InputError
+from sim.scan_plan import ScanPlan
+from sim.scan_program import run_scan
+from sim.settings import ScanSettings
+from sim.soft_body import SoftBody
+from sim.truth_map import Inclusion, TruthMap
+
+SIZE = (0.096, 0.096, 0.048)
+POINTS = np.array([[0.030, 0.041, 0.048], [0.052, 0.060, 0.048]])
+DOWN = np.tile([0.0, 0.0, -1.0], (2, 1))
+SHORT = {"hold_s": 1.0, "pause_s": (0.05, 0.05)}
+
+
+def body_of(scale):
+    """The standard body with its modulus scaled."""
+    truth = TruthMap(6000 * scale, (Inclusion(12000 * scale, (0.05, 0.06, 0.03), 0.012),))
+    return SoftBody(SIZE, truth, 0.49, 0.005, POINTS, DOWN, divisions=(6, 6, 3))
+
+
+@pytest.fixture(scope="module")
+def local_stiffness():
+    """Of the first press on the unscaled body, N/m."""
+    return body_of(1.0).tangent(0, 0.0)
+
+
+class Stiffening:
+    """Closed-form law F = k1 u + k3 u^3."""
+
+    def __init__(self, k1, k3):
+        self.k1, self.k3 = k1, k3
+
+    def displacement(self, press, force_n):
+        roots = np.roots([self.k3, 0, self.k1, -force_n])
+        return float(roots[np.abs(roots.imag).argmin()].real)
+
+    def tangent(self, press, force_n):
+        return self.k1 + 3 * self.k3 * self.displacement(press, force_n) ** 2
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "force"), [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (100_000, 3)]
+)
+def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiffness, force):
+    body = body_of(stiffness / local_stiffness)
+    assert body.tangent(0, 0.0) == pytest.approx(stiffness)
+    run = run_scan(ScanPlan(POINTS, DOWN, force), body, ScanSettings(**SHORT))
+    for press in run.statistics:
+        assert abs(press.force_error) < 0.01
+        assert press.overshoot < 0.05
+        assert press.coupling_error < 1e-3
+
+
+def test_a_small_force_on_a_hard_body_bounces_at_touch_down_and_still_settles(local_stiffness):
+    body = body_of(100_000 / local_stiffness)
+    run = run_scan(ScanPlan(POINTS, DOWN, 0.25), body, ScanSettings(**SHORT))
+    assert all(abs(press.force_error) < 0.01 for press in run.statistics)
+    assert all(press.coupling_error < 1e-3 for press in run.statistics)
+
+
+@pytest.mark.parametrize(("k1", "k3", "force"), [(60, 1e7, 0.25), (300, 3e8, 3.0)])
+def test_a_stiffening_body_is_met_on_its_own_law(k1, k3, force):
+    settings = ScanSettings(force_noise_n=0, displacement_noise_m=0, **SHORT)
+    run = run_scan(ScanPlan(POINTS, DOWN, force), Stiffening(k1, k3), settings)
+    for press in run.statistics:
+        assert abs(press.force_error) < 0.01
+        assert press.coupling_error < 1e-3
+        assert press.fem_calls > 20
+
+
+def test_every_sample_lies_on_the_law_also_while_the_tip_moves():
+    body = body_of(1.0)
+    settings = ScanSettings(force_noise_n=0, displacement_noise_m=0, **SHORT)
+    run = run_scan(ScanPlan(POINTS, DOWN), body, settings)
+    for press in run.presses:
+        own = [body.displacement(press.statistics.press, f) for f in press.true_force_n]
+        np.testing.assert_allclose(press.true_displacement_m, own, atol=1e-6)
+
+
+@pytest.mark.parametrize("guess", [20.0, 150.0, 1500.0])
+def test_a_wrong_guess_of_the_stiffness_does_no_harm(guess):
+    settings = ScanSettings(stiffness_n_per_m=guess, **SHORT)
+    first = run_scan(ScanPlan(POINTS, DOWN), body_of(1.0), settings).statistics[0]
+    assert abs(first.force_error) < 0.01
+    assert first.overshoot < 0.05
+
+
+def test_three_newton_press_the_soft_body_deep_without_falling_through():
+    body = body_of(1.0)
+    run = run_scan(ScanPlan(POINTS, DOWN, 3.0), body, ScanSettings(**SHORT))
+    depth = [body.displacement(j, 3.0) for j in (0, 1)]
+    assert depth[0] > 0.02
+    found = [press.true_displacement_m.max() for press in run.presses]
+    np.testing.assert_allclose(found, depth, rtol=0.02)
+
+
+def test_a_body_softer_than_the_plan_provides_for_stops_the_scan():
+    with pytest.raises(InputError, match=r"Press 0: the tip has gone 2.* Set a smaller force"):
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), body_of(0.2), ScanSettings(depth_m=0.02))

@@ -13,6 +13,7 @@ from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh, promote_to_tet10
 from fem.mesh_checks import check_mesh
 from fem.palpation import PalpationModel, Response
+from fem.refined import RefinedModel
 from fem.solver import default_solver
 from fem.surface import Surface, check_surface, read_surface
 from fem.tetrahedralize import tetrahedralize_surface
@@ -22,6 +23,7 @@ __all__ = [
     "Mesh",
     "MeshError",
     "PalpationModel",
+    "RefinedModel",
     "Response",
     "SolverError",
     "Surface",

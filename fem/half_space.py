@@ -32,7 +32,10 @@ def mean_displacement(radius_m: float, poisson_ratio: float, profile: int) -> fl
 def potentials(r: float, z: float, a: float, profile: int):
     """V, V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
     zeta = complex(z, a)
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * z * a))
+    # abs: the sign of a zero depth would pick the branch; the rim itself is finite in displacement
+    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
+    if abs(root) < 1e-12 * a:
+        root = complex(1e-12 * a, 0.0)
     total = root + zeta
     log = np.log(total)
     if profile == FLAT:

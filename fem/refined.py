@@ -1,0 +1,77 @@
+"""Two meshes of one body, extrapolated to the limit of vanishing cell size.
+
+With the near field of each press in the space (`fem.near_field`), what is left of the
+discretisation error is regular: on the blocks of the tests it falls like h^2.4 to h^2.9 (edges of
+the bonded base, the map's own gradient), so that two meshes give the limit,
+
+    C = C_fine + (C_fine - C_coarse)/((h_coarse/h_fine)^p - 1),    p = 2.5.
+
+Against an independent solver the pair 8 x 8 x 4, 12 x 12 x 6 is right to 0.1 % rms, where its
+meshes alone are 0.9 and 0.35 % too stiff. The extrapolated part is the scale of the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.contact import Contacts
+from fem.errors import MeshError
+from fem.palpation import PalpationModel
+
+RATE = 2.5
+
+
+@dataclass(frozen=True)
+class RefinedResponse:
+    """Extrapolated compliance of every press.
+
+    Attributes
+    ----------
+    compliance : (j,) m/N
+    extrapolated : (j,) relative part that the extrapolation added to the finer mesh's: the scale of
+        the discretisation error
+    """
+
+    compliance: np.ndarray
+    extrapolated: np.ndarray
+
+
+@dataclass(frozen=True)
+class RefinedModel:
+    """The same presses on two meshes of the same body, the second finer.
+
+    Evaluated like a `PalpationModel`: for the modulus at `points_m` (p, 3).
+    """
+
+    coarse: PalpationModel
+    fine: PalpationModel
+
+    def __post_init__(self) -> None:
+        if len(self.coarse.contacts) != len(self.fine.contacts) or self._ratio <= 1.05:
+            raise MeshError("extrapolation needs the same presses on two meshes, the second finer")
+
+    @property
+    def _ratio(self) -> float:
+        """Ratio of the cell sizes."""
+        return (len(self.fine.mesh.cells) / len(self.coarse.mesh.cells)) ** (1 / 3)
+
+    @property
+    def contacts(self) -> Contacts:
+        """The presses."""
+        return self.fine.contacts
+
+    @property
+    def points_m(self) -> np.ndarray:
+        """Where the modulus is sampled: the coarse mesh's points, then the fine one's."""
+        return np.vstack([self.coarse.points_m, self.fine.points_m])
+
+    def evaluate(self, modulus_pa: np.ndarray) -> RefinedResponse:
+        """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`."""
+        modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
+        split = len(self.coarse.points_m)
+        coarse = self.coarse.evaluate(modulus[:split]).compliance
+        fine = self.fine.evaluate(modulus[split:]).compliance
+        added = (fine - coarse) / (self._ratio**RATE - 1)
+        return RefinedResponse(fine + added, added / fine)

@@ -150,6 +150,8 @@ def limits_of(fit: Fit, study: Study, displacement_m: np.ndarray) -> tuple[str, 
             f"The coarse model is off the finer one by up to {100 * largest:.2g} %; this was "
             "corrected, the finer one's own error was not."
         )
+    else:
+        limits.append("No finer model was compared: the mesh's own error is not counted.")
     if fit.noise.estimated:
         limits.append("Noise that the study does not give was estimated from the scan.")
     return tuple(limits)

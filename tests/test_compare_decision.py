@@ -249,3 +249,10 @@ def test_influence_is_the_shift_of_the_map_when_the_press_is_left_out():
     # The influence is linearised at the fit with the press.
     assert influence == pytest.approx(exact, rel=0.25)
     assert exact > 3
+
+
+def test_an_offset_common_to_all_readings_belongs_to_the_force_alone():
+    comparison = compare_residual(scan_of(1, lambda s, c: np.full(len(s), 1.5e-4)))
+    assert comparison.varies_with == "force"
+    assert not comparison.test("phase").fires
+    assert not comparison.test("time").fires

@@ -41,7 +41,6 @@ class Rig:
         probe; the probe's weight and inertia are taken out by the model from measured q, v and
         acceleration
     contact_n : N, true contact force during the last step
-    peak_torque : largest part of a joint's torque limit that was used
     """
 
     def __init__(
@@ -62,7 +61,8 @@ class Rig:
         self._tip = self.data.site_xpos[model.site("tcp").id]
         self._force_noise, self._rng = force_noise_n, rng
         self._noise, self._drawn = np.zeros((BLOCK, 3)), BLOCK
-        self.peak_torque = 0.0
+        self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._peak = np.zeros(model.nv)
         self.place(laboratory.home)
 
     def place(self, q: np.ndarray) -> None:
@@ -75,6 +75,11 @@ class Rig:
         self.tip_m = self._tip
         self.wrist_n, self.contact_n = np.zeros(3), 0.0
 
+    @property
+    def peak_torque(self) -> float:
+        """Largest part of a joint's torque limit that was used."""
+        return float((self._peak / self._limit).max())
+
     def step(
         self, q_wanted: np.ndarray, v_wanted: np.ndarray, a_wanted: np.ndarray | float = 0.0
     ) -> None:
@@ -83,13 +88,13 @@ class Rig:
         gain = SERVO_RAD_PER_S
         wanted = a_wanted + (gain * gain) * (q_wanted - q) + (2 * gain) * (v_wanted - v)
         torque = pin.rnea(self._arm, self._arm_data, q, v, wanted) + self._damping * v
-        data.ctrl[:] = torque
+        self._ctrl[:] = torque
         mujoco.mj_step(self.model, data)
-        q_next, v_next = data.qpos.copy(), data.qvel.copy()
+        q_next, v_next = self._qpos.copy(), self._qvel.copy()
         self.contact_n = float(data.efc_force[-1]) if data.ncon else 0.0
         self.wrist_n = self._contact_from_wrist(q, v, (v_next - v) / self.dt)
         self.q_seen, self.q, self.v = q, q_next, v_next
-        self.peak_torque = max(self.peak_torque, float(np.abs(torque / self._limit).max()))
+        np.maximum(self._peak, np.abs(torque), out=self._peak)
 
     def _contact_from_wrist(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Force of the tip on the body: raw wrist force less what moves and holds the probe."""

@@ -273,6 +273,7 @@ class Recording:
             style_parameters(self._file, list(step.parameters), list(self._true_parameters))
             log = self._file.at(iteration=step.iteration)
             if self._frames is not None:
+                self._frames.send(None)
                 self._frames.log_last(log)
             if self._points:
                 self._log_points(log)
@@ -329,6 +330,8 @@ class Recording:
 
     def close(self) -> None:
         """End the recording; one without this end is known as the recording of a stopped run."""
+        if self._frames is not None:
+            self._frames.send(None)
         self._file.close()
 
     def _end(self, time_s: float | None = None) -> Log:

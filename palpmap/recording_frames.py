@@ -13,7 +13,7 @@ from palpmap.recording_stream import Log, RecordingFile
 
 SURFACE_BYTES = 26e6  # of drawn shapes of the surface in a recording, before compression halves it
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
-_RELEASED = 0.02  # share of the largest force below which the body is seen as released
+_RELEASED = 0.08  # share of the largest force, above its noise, below which the body is released
 _STEADY, _OFF = 0.03, 0.05  # shares: change from frame to frame, and from the drawn shape
 _ASIDE = 0.014  # m, by which the arrow stands beside the tip, which would hide it
 _TO_THE_RIGHT = np.array([0.89, -0.46, 0.0])  # as the layout looks at the body
@@ -98,7 +98,7 @@ class FrameBatch:
         if (
             off >= self._share
             or (off >= _OFF and pressed and steady.all())
-            or pressed < was_pressed
+            or (was_pressed and not pressed)
         ):
             shape = self._rest + np.asarray(frame.surface(), np.float32)
             self._shapes.append((frame.time_s, shape))
@@ -106,15 +106,20 @@ class FrameBatch:
             if self._peak is None or now[0] >= self._peak[0].force_n:
                 self._peak = (frame, shape)
 
-    def send(self, press: int) -> None:
-        """Send all frames on the simulation time, and the one of largest force on the presses."""
+    def send(self, press: int | None) -> None:
+        """Send all frames on the simulation time, and the one of largest force on the presses.
+
+        Parameters
+        ----------
+        press : id of the press that the frames belong to; None for frames of no press
+        """
         if not self._frames:
             return
         self._send_frames()
         self._send_shapes()
-        largest = max(self._frames, key=lambda f: f.force_n)
-        frame, shape = self._peak or (largest, None)
-        self._log_at_press(press, frame, shape)
+        if press is not None:
+            largest = max(self._frames, key=lambda f: f.force_n)
+            self._log_at_press(press, *(self._peak or (largest, None)))
         self._last = self._frames[-1]
         self._frames, self._shapes, self._peak = [], [], None
 

@@ -165,6 +165,22 @@ def test_the_force_arrow_points_at_the_force_and_ends_with_it(whole_run):
     assert vectors[-1] == []
     longest = min((v for v in vectors if v), key=lambda v: v[0][2])
     assert_allclose(longest, [[0, 0, -0.05 * 0.3]], rtol=FLOAT32, atol=1e-9)
+    tails = rows(path, "world/body/force", "Arrows3D:origins", "press")
+    heads = np.squeeze(tails) + np.squeeze(longest)
+    aside = heads - [0.01, 0.02, 0.04]
+    assert_allclose(aside[:, 2], 0, atol=1e-8)  # level with the contact point, beside the tip
+    assert (np.linalg.norm(aside, axis=1) < 0.02).all()
+
+
+def test_the_way_home_after_the_last_press_is_recorded_too(tmp_path):
+    path = tmp_path / "recording.rrd"
+    with Recording(path, "home") as recording:
+        frames = record_scan(recording, presses=1)
+        for frame in press_frames(np.random.default_rng(2), press=1, peak_n=0.0):
+            recording.frame(frame)
+    force = scalar_series(chunks_of(path), "scan/force_n", "sim_time")
+    assert len(force) == len(frames) + 30
+    assert read_summary(path).presses == 1
 
 
 def test_measured_modelled_and_residual_stand_at_their_press(whole_run):

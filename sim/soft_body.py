@@ -16,7 +16,7 @@ import numpy as np
 
 from fem import Contacts, PalpationModel, block_mesh
 
-DIVISIONS = (16, 16, 8)
+DIVISIONS = (14, 14, 7)
 GRADING = 1.4
 SPLIT = "alternating"
 

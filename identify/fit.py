@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from fem import PalpationModel
+from identify.discretization import FineModel, shift_covariance
 from identify.fit_record import Estimate, Fit, FitIteration
 from identify.forward import Forward
 from identify.gauss_newton import covariance, minimize_gauss_newton
@@ -24,7 +25,7 @@ from identify.misfit import press_table, whitening
 from identify.noise import Noise, scan_noise
 from identify.optimizers import Optimizer
 from identify.parameter_space import ParameterSpace, parameter_space
-from identify.scan_problem import Minimum, ScanProblem
+from identify.scan_problem import Correction, Minimum, ScanProblem
 from identify.start import apparent_modulus, start_maps
 from models.errors import InputError
 from models.scan import Scan
@@ -42,7 +43,7 @@ def fit_scan(
     *,
     inclusions: int = 1,
     noise: Noise | None = None,
-    fine_model: PalpationModel | None = None,
+    fine_model: FineModel | None = None,
     start: GaussianMap | None = None,
     free: Sequence[str] | None = None,
     optimizer: Optimizer = minimize_gauss_newton,
@@ -62,7 +63,8 @@ def fit_scan(
     noise
         Standard deviations of both columns; None estimates them from the scan's ramps.
     fine_model
-        The same presses on a finer mesh, for the defect correction.
+        The same presses on a finer mesh, or extrapolated from two, for the defect correction.
+        Without it the intervals hold the noise only, not the mesh's error.
     start
         The one map to start from, in place of those that the scan suggests.
     free
@@ -99,29 +101,32 @@ def fit_scan(
             table.slope, rows.contact_points, rows.contact_directions, model
         )
         minimum = problem.from_best(model, start_maps(apparent, box, inclusions), box)
-    discretization, settled = None, True
-    if fine_model is not None:
-        minimum, discretization, settled = problem.towards(fine_model, minimum)
-    return _record(rows, problem, minimum, discretization, settled)
+    correction = None if fine_model is None else problem.towards(fine_model, minimum)
+    return _record(rows, problem, minimum if correction is None else correction.minimum, correction)
 
 
 def _record(
     rows: Scan,
     problem: ScanProblem,
     minimum: Minimum,
-    discretization: np.ndarray | None,
-    settled: bool,
+    correction: Correction | None,
 ) -> Fit:
     """Evaluate the minimum row by row and gather the record."""
     u, space = minimum.result.x, minimum.forward.space
     compliance, gradient = minimum.forward.evaluate(u)
-    scaled_covariance = covariance(problem.whitened(compliance, gradient))
+    jac = problem.whitened(compliance, gradient)
+    scaled_covariance = covariance(jac)
+    if correction is not None:
+        _, by_compliance = problem.table.residuals(compliance, problem.noise)
+        shift = by_compliance * (compliance * correction.own_error)[:, None]
+        by_press = jac.reshape(*shift.shape, -1)
+        scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, by_press, shift)
     slope = space.slope(u)
     c = compliance[rows.press_index]
     residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
     chi2 = float(np.sum((residual / sigma) ** 2))
     dof = problem.table.dof(len(u))
-    success = minimum.result.success and settled
+    settled = correction is None or correction.settled
     return Fit(
         map=minimum.map,
         parameters=_estimates(space, u, scaled_covariance),
@@ -137,14 +142,15 @@ def _record(
         residual_m=residual,
         compliance_m_per_n=compliance,
         compliance_jacobian=gradient / slope,
-        discretization_error=discretization,
+        discretization_error=None if correction is None else correction.coarse_error,
         history=minimum.history,
         chi2=chi2,
         chi2_per_dof=chi2 / dof,
         rms_m=float(np.sqrt(np.mean(residual**2))),
-        success=success,
+        success=minimum.result.success and settled,
         message=_message(minimum, chi2 / dof, dof, settled),
         nfev=minimum.nfev + 1,
+        model_error=None if correction is None else correction.own_error,
     )
 
 

@@ -18,6 +18,7 @@ SCHEMA = 1
 _ARRAYS = (
     "covariance", "press_index", "force_n", "displacement_m", "latent_force_n", "predicted_m",
     "sigma_m", "residual_m", "compliance_m_per_n", "compliance_jacobian", "discretization_error",
+    "model_error",
 )  # fmt: skip
 
 

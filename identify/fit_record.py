@@ -49,7 +49,9 @@ class Fit:
     measured - predicted, and its standard deviation `sigma_m` from both noises.
     `compliance_m_per_n` (j,) is the fitted model's, `compliance_jacobian` (j, k) its derivative by
     the free parameters (m/N over their units); `discretization_error` (j,) the relative error
-    of the coarse model's compliance against the finer one, None where there was none.
+    of the coarse model's compliance against the finer one, and `model_error` (j,) the estimated
+    relative error of the finer one, which covariance and intervals count in; both None where there
+    was no finer model.
     """
 
     map: GaussianMap
@@ -74,6 +76,7 @@ class Fit:
     success: bool
     message: str
     nfev: int
+    model_error: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))

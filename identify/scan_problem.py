@@ -9,6 +9,7 @@ import numpy as np
 
 from fem import PalpationModel
 from fem.errors import SolverError
+from identify.discretization import FineModel, fine_compliance
 from identify.fit_record import FitIteration
 from identify.forward import Forward, compliance
 from identify.gaussian_map import GaussianMap
@@ -45,9 +46,24 @@ class Minimum:
 
     def after(self, earlier: Minimum) -> Minimum:
         """Return this minimum with the earlier path before its own."""
-        offset = len(earlier.history)
-        own = tuple(replace(step, iteration=offset + step.iteration) for step in self.history)
+        steps = enumerate(self.history, start=len(earlier.history))
+        own = tuple(replace(step, iteration=number) for number, step in steps)
         return replace(self, history=earlier.history + own, nfev=earlier.nfev + self.nfev)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A minimum corrected towards a finer model.
+
+    `coarse_error` (j,) is the relative error of the coarse model's compliance against the finer
+    one's, `own_error` (j,) what the finer one is off by itself, `settled` whether the last round
+    moved the estimate no more.
+    """
+
+    minimum: Minimum
+    coarse_error: np.ndarray
+    own_error: np.ndarray
+    settled: bool
 
 
 @dataclass(frozen=True)
@@ -101,13 +117,16 @@ class ScanProblem:
 
     def continued(self, earlier: Minimum, forward: Forward) -> Minimum:
         """Minimise onwards from an earlier minimum, reporting its own steps as the next ones."""
-        offset = len(earlier.history)
+        # The first step repeats the last one, unless the model has changed in between.
+        repeated = 1 if forward is earlier.forward else 0
+        offset = len(earlier.history) - repeated
 
         def progress(step: FitIteration) -> None:
-            if self.progress:
+            if self.progress and step.iteration >= repeated:
                 self.progress(replace(step, iteration=offset + step.iteration))
 
-        return self.minimize(forward, earlier.result.x, progress=progress).after(earlier)
+        own = self.minimize(forward, earlier.result.x, progress=progress)
+        return replace(own, history=own.history[repeated:]).after(earlier)
 
     def from_best(self, model: PalpationModel, maps: Sequence[GaussianMap], box: np.ndarray):
         """Try all maps once, follow the best few a little, and the best of those to its end."""
@@ -140,20 +159,18 @@ class ScanProblem:
         best = replace(best, nfev=spent)
         return best if best.result.success else self.continued(best, best.forward)
 
-    def towards(self, fine: PalpationModel, minimum: Minimum) -> tuple[Minimum, np.ndarray, bool]:
-        """Correct the coarse model towards a finer one until the estimate no longer moves.
-
-        Returns the minimum, the relative error (j,) of the coarse model's compliance against the
-        finer one's there, and whether it settled.
-        """
-        ratio = np.ones(len(self.table.force))
-        for _ in range(_FINE_ROUNDS):
-            before = minimum.result.x
-            coarse, _ = replace(minimum.forward, ratio=1.0).evaluate(before)
-            ratio = compliance(fine, minimum.map) / coarse
-            minimum = self.continued(minimum, replace(minimum.forward, ratio=ratio))
+    def towards(self, fine: FineModel, minimum: Minimum) -> Correction:
+        """Correct the coarse model towards a finer one until the estimate no longer moves."""
+        rounds = 0
+        while True:
+            before, model = minimum.result.x, minimum.forward.model
+            coarse = compliance(model, minimum.map)
+            corrected, own_error = fine_compliance(fine, minimum.map, model, coarse)
+            forward = replace(minimum.forward, ratio=corrected / coarse)
+            minimum = self.continued(minimum, forward)
             minimum = replace(minimum, nfev=minimum.nfev + 2)
             _, jac = self.jacobian(minimum.forward, minimum.result.x)
-            if np.linalg.norm(jac @ (minimum.result.x - before)) < _SETTLED:
-                return minimum, 1 / ratio - 1, True
-        return minimum, 1 / ratio - 1, False
+            settled = bool(np.linalg.norm(jac @ (minimum.result.x - before)) < _SETTLED)
+            rounds += 1
+            if settled or rounds == _FINE_ROUNDS:
+                return Correction(minimum, coarse / corrected - 1, own_error, settled)

@@ -1,0 +1,46 @@
+"""What the finite elements' own error does to an estimate.
+
+A fit that is corrected towards a finer model keeps that model's error. It is put at what an
+extrapolation from both meshes would add (compliances converge like h^2.5, see `fem.refined`), and
+for a model that is extrapolated already at half of what was added. It enters the covariance twice:
+as one error that all presses share, and as one that is each press's own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fem import PalpationModel, RefinedModel
+from fem.refined import RATE
+from identify.forward import positive_modulus
+from identify.gaussian_map import GaussianMap
+
+FineModel = PalpationModel | RefinedModel
+
+_LEFT_BY_EXTRAPOLATION = 0.5
+
+
+def fine_compliance(
+    fine: FineModel, stiffness: GaussianMap, coarse: PalpationModel, coarse_compliance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the finer model's compliance (j,) m/N and its own relative error (j,), signed."""
+    modulus = positive_modulus(stiffness, fine.points_m)
+    if isinstance(fine, RefinedModel):
+        response = fine.evaluate(modulus)
+        return response.compliance, _LEFT_BY_EXTRAPOLATION * response.extrapolated
+    compliance = fine.evaluate(modulus).compliance
+    # Cells of order p resolve like p^3 linear ones.
+    cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
+    gain = max((cells[1] / cells[0]) ** (RATE / 3) - 1, 0.5)
+    return compliance, (compliance / coarse_compliance - 1) / gain
+
+
+def shift_covariance(covariance: np.ndarray, jac: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) that errors of the model add to an estimate.
+
+    `covariance` (k, k) and `jac` (j, 2, k) are those of the whitened residuals, `shift` (j, 2) is
+    the change of these by one standard deviation of each press's error.
+    """
+    own = -np.einsum("kl,jrl,jr->kj", covariance, jac, shift)
+    common = own.sum(axis=1)
+    return np.outer(common, common) + own @ own.T

@@ -23,6 +23,8 @@ from models.errors import InputError
 
 Progress = Callable[[FitIteration], None]
 
+# Half of chi-square that is not worth a step: it moves no parameter by more than 0.015 deviations.
+_FTOL = 1e-4
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8
@@ -111,7 +113,12 @@ class ScanProblem:
                 progress(step)
 
         result = self.optimizer(
-            evaluate, u, bounds=forward.space.bounds, max_evaluations=limit, callback=accept
+            evaluate,
+            u,
+            bounds=forward.space.bounds,
+            ftol=_FTOL,
+            max_evaluations=limit,
+            callback=accept,
         )
         return Minimum(forward, result, tuple(history), result.nfev)
 

@@ -112,8 +112,8 @@ class PardisoSolver:
 
     def analyse(self, indptr: ArrayLike, indices: ArrayLike) -> PardisoPattern:
         """Order (nested dissection) and analyse the pattern of an upper triangle."""
-        # PARDISO needs as many threads to factorise as to analyse, and others in the process, numba,
-        # change OpenMP's number in between: MKL's own is set, which they do not touch.
+        # PARDISO needs as many threads to factorise as to analyse, and others in the process (as
+        # numba) change OpenMP's number in between: MKL's own is set, which they do not touch.
         threads = self.threads or _mkl().MKL_Get_Max_Threads()
         _mkl().MKL_Set_Num_Threads(ctypes.c_int(threads))
         return PardisoPattern(*_checked_pattern(indptr, indices))

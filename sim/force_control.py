@@ -10,9 +10,9 @@ the filter that f passes through, so that the filter's delay makes no error and 
 learnt while the force rises, as the slope of the filtered force over the servo's depth since
 touch; the servo is known (two poles), so its lag is modelled, not guessed.
 
-Touch-down is not controlled: a tip that comes with speed v onto stiffness K rings up to v sqrt(K m),
-m being the arm's 5 kg. That is 0.03 N at 60 N/m and 1 N at 100 kN/m for 1.5 mm/s: approach a hard
-body more slowly, or press it harder.
+Touch-down is not controlled: a tip that comes with speed v onto stiffness K rings up to
+v sqrt(K m), m being the arm's 5 kg. At 1.5 mm/s that is 0.03 N on 60 N/m and 1 N on 100 kN/m:
+approach a hard body more slowly, or press it harder.
 """
 
 from __future__ import annotations

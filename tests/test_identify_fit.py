@@ -105,6 +105,12 @@ def corrected(other_mesh_scan, coarse, fine):
     return fit_scan(other_mesh_scan, coarse, noise=QUIET, fine_model=fine)
 
 
+@pytest.fixture(scope="module")
+def direct(other_mesh_scan, corrected, fine):
+    """The fit of that scan by the finer model itself."""
+    return fit_scan(other_mesh_scan, fine, noise=QUIET, start=corrected.map)
+
+
 def off_by(fit):
     """Distance of each estimate from the truth: relative for moduli and radius, else in m."""
     found = dict(zip(FREE, fit.map.values - TRUTH.values, strict=True))
@@ -126,10 +132,9 @@ def test_the_inclusion_is_found_in_data_from_another_mesh(corrected):
 
 
 def test_defect_correction_leads_to_the_finer_models_own_fit(
-    other_mesh_scan, corrected, coarse, fine
+    other_mesh_scan, corrected, direct, coarse, fine
 ):
     alone = fit_scan(other_mesh_scan, coarse, noise=QUIET, start=corrected.map)
-    direct = fit_scan(other_mesh_scan, fine, noise=QUIET, start=corrected.map)
     std = np.array([e.std for e in direct.parameters.values()])
     far = np.abs(alone.map.values - direct.map.values) / std
     near = np.abs(corrected.map.values - direct.map.values) / std
@@ -141,8 +146,7 @@ def test_defect_correction_leads_to_the_finer_models_own_fit(
     assert alone.discretization_error is None
 
 
-def test_the_finer_models_own_error_widens_the_intervals(corrected, other_mesh_scan, fine):
-    direct = fit_scan(other_mesh_scan, fine, noise=QUIET, start=corrected.map)
+def test_the_finer_models_own_error_widens_the_intervals(corrected, direct):
     assert corrected.model_error is not None
     for name, truth in zip(FREE, TRUTH.values, strict=True):
         with_error = corrected.parameters[name]

@@ -1,0 +1,106 @@
+"""From a study and its scan to the finite element models that the fit works with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
+from models.errors import InputError
+from models.scan import Scan
+from palpmap.study import Study
+
+COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
+REFINEMENT = 1.5
+SURFACE_EDGES = (10, 14)  # edges along the cube root of the volume of a closed surface
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """The model that is searched with, and the one that its result must agree with.
+
+    Attributes
+    ----------
+    coarse : quick, with derivatives
+    fine : two meshes extrapolated, right to about 0.1 %; see `fem.refined`
+    note : what stands in for what, for the reader of a report; empty where nothing does
+    """
+
+    coarse: PalpationModel
+    fine: RefinedModel
+    note: str
+
+
+def build_body_model(study: Study, scan: Scan) -> BodyModel:
+    """Build the models of a study's body, pressed where the placed scan says.
+
+    Parameters
+    ----------
+    scan : in the body's frame, see `palpmap.placement.place_scan`
+
+    Raises
+    ------
+    InputError
+        The study has effects that the model does not know.
+    fem.errors.MeshError
+        A tip that hangs over an edge, or a surface that cannot be meshed.
+    """
+    if study.effects:
+        names = ", ".join(effect.name for effect in study.effects)
+        raise InputError(
+            f"the study names effects ({names}) that the linear model does not have; take the "
+            "entries [[effects]] out to fit without them"
+        )
+    contacts, note = contacts_of(study, scan)
+    coarse, finer = (
+        PalpationModel(mesh, study.body.poisson_ratio, contacts) for mesh in _meshes(study)
+    )
+    return BodyModel(coarse, RefinedModel(coarse, finer), note)
+
+
+def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:
+    """Return the presses as contacts of fixed size, and what is to be said of them.
+
+    A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
+    a = sqrt(R d) that the sphere has at half the press's largest depth.
+    """
+    points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
+    if study.probe.tip == "flat":
+        return Contacts(points, directions, radii), ""
+    deepest = np.zeros(len(points))
+    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
+    contact = np.minimum(np.sqrt(radii * typical / 2), radii)
+    note = (
+        "The tip is a sphere, whose contact grows with the force; the linear model holds it at "
+        f"the size of half the depth (radius {1e3 * contact.min():.2g} to "
+        f"{1e3 * contact.max():.2g} mm)."
+    )
+    return Contacts(points, directions, contact, "hertz"), note
+
+
+def block_divisions(size_m: tuple[float, float, float]) -> list[int]:
+    """Divide a block into about `COARSE_CELLS` cubes, at least three a side.
+
+    >>> block_divisions((0.096, 0.096, 0.048))
+    [8, 8, 4]
+    """
+    size = np.array(size_m)
+    cell = np.cbrt(np.prod(size) / COARSE_CELLS)
+    return [max(round(edge / cell), 3) for edge in size]
+
+
+def _meshes(study: Study) -> tuple[Mesh, Mesh]:
+    """Mesh the body twice, both quadratic, the second finer."""
+    if study.body.size_m is not None:
+        coarse = block_divisions(study.body.size_m)
+        finer = [round(REFINEMENT * count) for count in coarse]
+        return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, finer)
+    from fem import read_surface, tetrahedralize_surface
+
+    surface = read_surface(str(study.body.file))
+    length = np.cbrt(surface.volume)
+    coarse, finer = (
+        tetrahedralize_surface(surface.vertices, surface.triangles, length / edges)
+        for edges in SURFACE_EDGES
+    )
+    return coarse, finer

@@ -1,0 +1,259 @@
+"""`palpmap fit`: the stiffness map that explains a study's scan."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from identify.fit import fit_scan
+from identify.fit_file import write_fit
+from identify.fit_record import Fit, FitIteration
+from identify.gaussian_map import GaussianMap
+from identify.noise import Noise, scan_noise
+from identify.optimizers import OPTIMIZERS
+from models.scan import Scan, read_scan, write_scan
+from palpmap.body_model import BodyModel, build_body_model
+from palpmap.comparison import build_finding, summary, write_finding
+from palpmap.console import Output
+from palpmap.finding import Finding
+from palpmap.placement import Placement, place_scan
+from palpmap.recording import Recording
+from palpmap.recording_maps import map_views
+from palpmap.run_folder import RunFolder
+from palpmap.study import Study, load_study, write_study
+
+MOST_INCLUSIONS = 4
+AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
+RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
+
+
+def run_fit(
+    *,
+    study: Path,
+    inclusions: int | Literal["auto"] | None,
+    optimizer: str,
+    out: Path | None,
+    seed: int,
+    output: Output,
+) -> bool:
+    """Fit a study's scan, compare, and leave a run folder with recording and report.
+
+    Parameters
+    ----------
+    study : study file
+    inclusions : number of inclusions, "auto", or None for what the study says
+    optimizer : name in `identify.optimizers.OPTIMIZERS`
+    out : run folder, None for a new one
+    seed : recorded; the fit itself draws no random numbers
+    output : where progress and result go
+
+    Returns
+    -------
+    bool
+        Whether the fit converged.
+    """
+    from rich.markup import escape
+
+    source = study
+    known = load_study(source)
+    if inclusions is not None:
+        known = known.model_copy(
+            update={"map": known.map.model_copy(update={"inclusions": inclusions})}
+        )
+    scan = read_scan(known.scan, known.study.units_checked)
+    placement = place_scan(scan, known)
+    settings = {"inclusions": known.map.inclusions, "optimizer": optimizer}
+    with RunFolder("fit", out, seed=seed, settings=settings, inputs=[source, known.scan]) as run:
+        known = _keep_inputs(known, scan, run.path)
+        with (
+            output.progress() as progress,
+            Recording(
+                run / "recording.rrd",
+                known.name,
+                seed=seed,
+                planned_presses=len(scan.press_ids),
+                parts=RECORDED_PARTS,
+            ) as recording,
+        ):
+            task = progress.add_task("meshing the body", total=None)
+            body = build_body_model(known, placement.scan.used())
+            record_scan(recording, body, placement.scan.used())
+            progress.update(task, description="fitting the map")
+            fit = fit_study(
+                known,
+                placement,
+                body,
+                optimizer,
+                step_recorder(recording, body, lambda: progress.advance(task)),
+            )
+            progress.update(task, description="comparing and drawing")
+            finding = finish_fit(run.path, known, fit, body, recording)
+            progress.update(task, description="done", total=1, completed=1)
+        record = fit_record(finding)
+        output.result(
+            {**record, "run": str(run.path)},
+            *summary(finding),
+            f"Fit: {escape(fit.message)}",
+            f"Report: {escape(str(run / 'report.html'))}",
+            f"Recording: {escape(f'palpmap review {run.path}')}",
+        )
+    return fit.success
+
+
+def fit_study(
+    study: Study,
+    placement: Placement,
+    body: BodyModel,
+    optimizer: str = "gauss-newton",
+    callback: Callable[[FitIteration], None] | None = None,
+) -> Fit:
+    """Fit a placed scan with the inclusions, guesses and noise that the study states.
+
+    With `inclusions = "auto"` their number rises from none until the Bayesian information
+    criterion no longer falls.
+    """
+    scan = placement.scan
+    noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
+    method = OPTIMIZERS[optimizer]
+    if study.map.inclusions == "auto":
+        start = _best_number(scan, body, noise)
+        return fit_scan(
+            scan, body.coarse, noise=noise, fine_model=body.fine, start=start,
+            optimizer=method, callback=callback,
+        )  # fmt: skip
+    known = {**study.map.initial, **study.map.fixed}
+    if not known:
+        return fit_scan(
+            scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
+            fine_model=body.fine, optimizer=method, callback=callback,
+        )  # fmt: skip
+    names = GaussianMap.from_values(np.ones(1 + 5 * study.map.inclusions)).names
+    if set(known) == set(names):
+        values = np.empty(len(names))
+    else:  # what the study leaves open starts where a quick fit ends
+        quick = fit_scan(scan, body.coarse, inclusions=study.map.inclusions, noise=noise).map
+        values = np.array(quick.values)
+    for index, name in enumerate(names):
+        if name in known:  # the study speaks in the scan's frame
+            axis = AXES.get(name.split(".")[-1])
+            shift = 0.0 if axis is None else placement.origin_m[axis]
+            values[index] = known[name] - shift
+    free = [name for name in names if name not in study.map.fixed]
+    return fit_scan(
+        scan, body.coarse, noise=noise, fine_model=body.fine, optimizer=method,
+        start=GaussianMap.from_values(values), free=free, callback=callback,
+    )  # fmt: skip
+
+
+def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
+    """Return the map of the number of inclusions with the least information criterion."""
+    rows = np.log(len(scan.used()))
+    best, least = None, np.inf
+    for inclusions in range(MOST_INCLUSIONS + 1):
+        fit = fit_scan(scan, body.coarse, inclusions=inclusions, noise=noise)
+        criterion = fit.chi2 + len(fit.covariance_names) * rows
+        if best is not None and criterion > least:
+            break
+        best, least = fit.map, criterion
+    assert best is not None  # the loop has run
+    return best
+
+
+def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> None:
+    """Put the body and the presses of a scan from file into a recording."""
+    mesh = body.coarse.mesh
+    triangles = mesh.boundary[:, :3]
+    used, local = np.unique(triangles, return_inverse=True)
+    recording.scene(mesh.nodes[used], local.reshape(-1, 3))
+    last = deepest_rows(scan)
+    times = scan.time_s[last] if scan.has_time else None
+    recording.measured(scan.press_ids, scan.contact_points, scan.displacement_m[last], times)
+
+
+def deepest_rows(scan: Scan) -> np.ndarray:
+    """Row of the largest force of each press, (j,)."""
+    order = np.lexsort((scan.force_n, scan.press_index))
+    return order[np.cumsum(np.bincount(scan.press_index)) - 1]
+
+
+def step_recorder(
+    recording: Recording,
+    body: BodyModel,
+    advance: Callable[[], object],
+    surface_m: np.ndarray | None = None,
+) -> Callable[[FitIteration], None]:
+    """Return a callback that writes each step of a fit into a recording.
+
+    Parameters
+    ----------
+    surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
+    """
+    lower, upper = body.coarse.mesh.nodes.min(axis=0), body.coarse.mesh.nodes.max(axis=0)
+
+    def record(step: FitIteration) -> None:
+        stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))
+        colors = None if surface_m is None else stiffness.modulus(surface_m)
+        recording.iteration(step, map_views(stiffness.modulus, lower, upper), colors)
+        advance()
+
+    return record
+
+
+def finish_fit(
+    run: Path,
+    study: Study,
+    fit: Fit,
+    body: BodyModel,
+    recording: Recording,
+    stage_s: dict[str, float] | None = None,
+) -> Finding:
+    """Write fit.json, comparison, figures and report; end the recording with the residuals."""
+    write_fit(fit, run / "fit.json")
+    finding = build_finding(run, fit, study, stage_s)
+    if body.note:
+        finding = replace(finding, limits=(*finding.limits, body.note))
+    paths = write_finding(finding, run)
+    last = deepest_rows(finding.scan)
+    recording.comparison(
+        finding.scan.press_ids,
+        fit.predicted_m[last],
+        fit.residual_m[last],
+        {name: path for name, path in paths.items() if path.suffix == ".png"},
+    )
+    recording.event(finding.comparison.statement)
+    return finding
+
+
+def fit_record(finding: Finding) -> dict:
+    """Return the fit as a JSON record."""
+    fit = finding.fit
+    return {
+        "schema": 1,
+        "success": fit.success,
+        "message": fit.message,
+        "parameters": {name: vars(estimate) for name, estimate in fit.parameters.items()},
+        "chi2_per_dof": fit.chi2_per_dof,
+        "rms_m": fit.rms_m,
+        "noise": vars(fit.noise),
+        "evaluations": fit.nfev,
+        "residual": finding.comparison.statement,
+        "residual_is_noise": finding.comparison.is_noise,
+    }
+
+
+def _keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
+    """Copy scan, body and study into the run folder, so that it stands for itself."""
+    write_scan(scan, run / "scan.csv")
+    about = study.study.model_copy(update={"scan": (run / "scan.csv").resolve()})
+    body = study.body
+    if body.file is not None:
+        copy = (run / body.file.name).resolve()
+        if copy != body.file.resolve():
+            shutil.copyfile(body.file, copy)
+        body = body.model_copy(update={"file": copy})
+    kept = study.model_copy(update={"study": about, "body": body})
+    write_study(kept, run / "study.toml")
+    return kept

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpmap.paper import PaperResult, symbol
+from palpmap.paper_twin import PaperResult, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,15 +10,8 @@ from identify.forward import compliance
 from identify.optimizers import OPTIMIZERS
 from models.errors import InputError
 from palpmap.console import Output
-from palpmap.paper import (
-    FORCE_N,
-    paper_model,
-    paper_record,
-    paper_tests,
-    run_paper,
-    solve_test,
-    symbol,
-)
+from palpmap.paper import paper_record, run_paper
+from palpmap.paper_twin import FORCE_N, paper_model, paper_tests, solve_test, symbol
 
 TESTS = {test.name: test for test in paper_tests()}
 # The paper's scan prints (48, 48) for both positions of test V; Table I's reading moves it.

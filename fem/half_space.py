@@ -28,51 +28,63 @@ def mean_displacement(radius_m: float, poisson_ratio: float, profile: int) -> fl
     return (0.5 if profile == FLAT else 0.6) * (1 - poisson_ratio**2) / radius_m
 
 
-@numba.njit(cache=True)
-def potentials(r: float, z: float, a: float, profile: int):
-    """V, V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
+@numba.njit(cache=True, error_model="numpy")
+def potential(r: float, z: float, a: float, profile: int):
+    """V at one point, unit force."""
     zeta = complex(z, a)
-    # abs: the sign of a zero depth would pick the branch; the rim itself is finite in displacement
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
-    if abs(root) < 1e-12 * a:
-        root = complex(1e-12 * a, 0.0)
-    total = root + zeta
-    log = np.log(total)
+    root = np.sqrt(complex(r * r + z * z - a * a, 2 * z * a))
+    log = np.log(root + zeta)
+    if profile == FLAT:
+        return log.imag / a
+    # Im int_0^a s f(z + i s) ds = -Im (M1 - z M0), M0 and M1 the primitives of f and zeta f
+    first = zeta**2 * log / 2 - (zeta * root - r * r * log) / 4
+    return -3.0 / a**3 * (first - z * (zeta * log - root)).imag
+
+
+@numba.njit(cache=True, error_model="numpy")
+def slopes(r: float, z: float, a: float, profile: int):
+    """V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
+    zeta = complex(z, a)
+    root = np.sqrt(complex(r * r + z * z - a * a, 2 * z * a))
+    inverse = 1 / root  # on the rim itself infinite, as the strain is
+    other = 1 / (root + zeta)
     if profile == FLAT:
         s = 1.0 / a
+        cube = inverse * inverse * inverse
         return (
-            s * log.imag,
-            s * (1 / root).imag,
-            s * (1 / (root * total)).imag,
-            -s * (1 / total).imag,
-            -s * (zeta / root**3).imag,
-            -s * (1 / root**3).imag,
+            s * inverse.imag,
+            s * (inverse * other).imag,
+            -s * other.imag,
+            -s * (zeta * cube).imag,
+            -s * cube.imag,
         )
-    # Im int_0^a s f(z + i s) ds = -Im (M1 - z M0), M0 and M1 the primitives of f and zeta f
     s = -3.0 / a**3
+    log = np.log(root + zeta)
     return (
-        s * (zeta**2 * log / 2 - (zeta * root - r * r * log) / 4 - z * (zeta * log - root)).imag,
         s * (root - z * log).imag,
-        s * (log / 2 - zeta / (2 * total) + z / total).imag,
-        -s * ((root**2 + root * zeta + zeta**2) / (3 * total)
-              - z * (log / 2 + zeta / (2 * total))).imag,
-        -s * (log - zeta / root + z / root).imag,
-        -s * (-1 / root + z / (root * total)).imag,
+        s * (log / 2 - zeta * other / 2 + z * other).imag,
+        -s * ((root * root + root * zeta + zeta * zeta) * other / 3
+              - z * (log / 2 + zeta * other / 2)).imag,
+        -s * (log - zeta * inverse + z * inverse).imag,
+        -s * (z * inverse * other - inverse).imag,
     )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def displacement(r: float, z: float, a: float, nu: float, profile: int):
-    """u_z and u_r at one point, unit force and E = 1."""
-    v, v_z, v_r, psi_r, _, _ = potentials(r, z, a, profile)
+    """u_z and u_r at one point, unit force and E = 1; finite on the rim too."""
+    v_z, v_r, psi_r, _, _ = slopes(r, z, a, profile)
+    if z == 0:  # z V_z and z V_r vanish on the surface, where V_z may be infinite
+        v_z = v_r = 0.0
     k = (1 + nu) / (2 * np.pi)
+    v = potential(r, z, a, profile)
     return k * (2 * (1 - nu) * v - z * v_z), -k * r * ((1 - 2 * nu) * psi_r + z * v_r)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def strain(r: float, z: float, a: float, nu: float, profile: int):
     """e_zz, e_rr, e_tt, e_rz at one point, unit force and E = 1."""
-    _, v_z, v_r, psi_r, v_zz, v_rz = potentials(r, z, a, profile)
+    v_z, v_r, psi_r, v_zz, v_rz = slopes(r, z, a, profile)
     k = (1 + nu) / (2 * np.pi)
     c = 1 - 2 * nu
     return (

@@ -168,7 +168,7 @@ def _moments(vertices: np.ndarray, radius: float, nu: float, profile: int):
     density : (c, m, m, 4) twice the energy density of each pair, times lambda_a
     """
     c = len(vertices)
-    strain, density = np.zeros((c, FUNCTIONS, 6, 10)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
+    strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
     arguments = (radius, nu, profile, *lame(nu))
     tube = _TUBE * radius
     _integrate_cells(vertices, *TET_RULES[5], _LEAF, tube, strain, density, *arguments)
@@ -178,7 +178,9 @@ def _moments(vertices: np.ndarray, radius: float, nu: float, profile: int):
     inside = owner >= 0
     _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
                       strain, density, *arguments)  # fmt: skip
-    return strain, density
+    upper = np.triu_indices(FUNCTIONS, 1)
+    density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
+    return strain.reshape(c, 10, FUNCTIONS, 6).transpose(0, 2, 3, 1), density
 
 
 def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
@@ -218,14 +220,14 @@ def _locate(points: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.nd
     return owner, barycentric
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _bump(s):
     """One at the rim, zero from s = 1 on, twice differentiable."""
     t = min(max(s, 0.0), 1.0)
     return 1 - t**3 * (10 - 15 * t + 6 * t**2)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _field(x, y, z, radius, nu, profile):
     r = np.sqrt(x * x + y * y)
     u_z, u_r = half_space.displacement(r, z, radius, nu, profile)
@@ -233,7 +235,7 @@ def _field(x, y, z, radius, nu, profile):
     return scale * x, scale * y, u_z
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _add(position, weight, barycentric, strain, density, radius, nu, profile, lam, mu, eps):
     """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
     x, y, z = position[0], position[1], max(position[2], 0.0)
@@ -262,30 +264,29 @@ def _add(position, weight, barycentric, strain, density, radius, nu, profile, la
         eps[3, 2] += u_z / radius
         eps[3, 4] += 0.5 * u_x / radius
         eps[3, 5] += 0.5 * u_y / radius
+    flat = eps.reshape(-1)
     k = 0
     for a in range(4):
         for b in range(a, 4):
             s = weight * barycentric[a] * barycentric[b]
-            for m in range(functions):
-                for c in range(6):
-                    strain[m, c, k] += s * eps[m, c]
+            for i in range(flat.size):
+                strain[k, i] += s * flat[i]
             k += 1
     for m in range(functions):
-        trace = eps[m, 0] + eps[m, 1] + eps[m, 2]
+        trace = lam * (eps[m, 0] + eps[m, 1] + eps[m, 2])
         for n in range(m + 1):
-            value = lam * trace * (eps[n, 0] + eps[n, 1] + eps[n, 2])
-            for c in range(6):
-                value += (2 if c < 3 else 4) * mu * eps[m, c] * eps[n, c]
+            value = trace * (eps[n, 0] + eps[n, 1] + eps[n, 2])
+            value += 2 * mu * (
+                eps[m, 0] * eps[n, 0] + eps[m, 1] * eps[n, 1] + eps[m, 2] * eps[n, 2]
+            ) + 4 * mu * (eps[m, 3] * eps[n, 3] + eps[m, 4] * eps[n, 4] + eps[m, 5] * eps[n, 5])
             for a in range(4):
                 density[m, n, a] += weight * value * barycentric[a]
-                if n < m:
-                    density[n, m, a] += weight * value * barycentric[a]
 
 
 @numba.njit(cache=True, nogil=True)
 def _integrate_points(points, weights, owner, barycentric, strain, density, radius, nu, profile,
                       lam, mu):  # fmt: skip
-    eps = np.empty((strain.shape[1], 6))
+    eps = np.empty((density.shape[1], 6))
     for p in range(len(points)):
         c = owner[p]
         _add(points[p], weights[p], barycentric[p], strain[c], density[c], radius, nu, profile,
@@ -295,7 +296,7 @@ def _integrate_points(points, weights, owner, barycentric, strain, density, radi
 @numba.njit(cache=True, nogil=True)
 def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, radius, nu,
                      profile, lam, mu):  # fmt: skip
-    eps = np.empty((strain.shape[1], 6))
+    eps = np.empty((density.shape[1], 6))
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     corners = np.empty((10, 4))
     barycentric = np.empty(4)
@@ -350,7 +351,7 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                          radius, nu, profile, lam, mu, eps)  # fmt: skip
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _rim_distance(p, radius):
     out = np.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
     return np.sqrt(out * out + p[2] * p[2])

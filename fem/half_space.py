@@ -32,7 +32,8 @@ def mean_displacement(radius_m: float, poisson_ratio: float, profile: int) -> fl
 def potential(r: float, z: float, a: float, profile: int):
     """V at one point, unit force."""
     zeta = complex(z, a)
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * z * a))
+    # abs: a negative zero of z must not change the branch
+    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
     log = np.log(root + zeta)
     if profile == FLAT:
         return log.imag / a
@@ -45,8 +46,10 @@ def potential(r: float, z: float, a: float, profile: int):
 def slopes(r: float, z: float, a: float, profile: int):
     """V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
     zeta = complex(z, a)
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * z * a))
-    inverse = 1 / root  # on the rim itself infinite, as the strain is
+    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
+    if abs(root) < 1e-12 * a:  # the rim itself, where the strain is infinite: numba would raise
+        root = complex(1e-12 * a, 0.0)
+    inverse = 1 / root
     other = 1 / (root + zeta)
     if profile == FLAT:
         s = 1.0 / a

@@ -45,4 +45,5 @@ def test_points_lie_inside_weights_are_positive_and_both_are_read_only(degree):
     assert points.min() > 0
     assert weights.min() > 0
     np.testing.assert_allclose(points.sum(axis=1), 1, rtol=1e-14)
-    assert not (points.flags.writeable or weights.flags.writeable)
+    assert not points.flags.writeable
+    assert not weights.flags.writeable

@@ -78,6 +78,11 @@ def test_mid_nodes_lie_in_the_middle_of_the_edges_that_their_place_stands_for(me
     assert promote_to_tet10(mesh) is mesh
 
 
+def test_local_numbers_are_those_of_vtk():
+    np.testing.assert_array_equal(TET_EDGES, [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
+    np.testing.assert_array_equal(TRIANGLE_EDGES, [(0, 1), (1, 2), (0, 2)])
+
+
 def test_an_edge_gets_one_mid_node_whoever_shares_it():
     coarse = block_mesh(SIZE, (3, 2, 4), order=1)
     edges = np.unique(np.sort(coarse.cells[:, TET_EDGES].reshape(-1, 2), axis=1), axis=0)

@@ -15,8 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fem import half_space, near_field
+from fem.assembly import lame
 from fem.block import block_mesh
 from fem.contact import Contacts
+from fem.half_space import FLAT, HERTZ
 from fem.mesh import Mesh, promote_to_tet10
 from fem.palpation import PalpationModel
 
@@ -40,7 +43,8 @@ def layer_compliance(a: float, nu: float, profile: str = "flat") -> float:
     """Compliance for E = 1 of a bonded layer of height 1 under a half-space's contact pressure.
 
     C = (1 - nu^2)/pi int_0^inf L(k) p(k a)^2 dk with the layer's kernel L (Hayes et al., J.
-    Biomech. 5, 1972) and the Hankel transform p of the pressure: sin x/x, or 3 (sin x - x cos x)/x^3.
+    Biomech. 5, 1972) and the Hankel transform p of the pressure: sin x/x, or
+    3 (sin x - x cos x)/x^3.
     """
     node, weight = np.polynomial.legendre.leggauss(30)
     edges = np.linspace(0, 40, 81)  # L - 1 vanishes beyond
@@ -73,9 +77,9 @@ def test_the_layers_integral_is_hayes_where_the_pressure_is_right():
         too_soft = layer_compliance(a, nu) * 2 * a * kappa / (1 - nu**2) - 1
         # Never stiffer: the true pressure is the one of least energy. 1e-4 is the table's rounding
         assert -1e-4 < too_soft < PRESSURE_SHAPE[a] + 1e-4, (a, nu)
-    for profile, half_space in (("flat", 0.5), ("hertz", 0.6)):
+    for profile, share in (("flat", 0.5), ("hertz", 0.6)):
         thick = layer_compliance(1e-3, 0.3, profile)
-        assert thick == pytest.approx(half_space * (1 - 0.3**2) / 1e-3, rel=2e-3)
+        assert thick == pytest.approx(share * (1 - 0.3**2) / 1e-3, rel=2e-3)
 
 
 @pytest.mark.parametrize(("a", "nu", "kappa"), TABLE)
@@ -101,8 +105,8 @@ def test_a_body_grows_into_the_half_space_like_one_over_its_height(profile):
         compliance(layer(8, (8, 8, 4)), nu, Contacts((0, 0, 0), DOWN, radius, profile))[0]
         for radius in a
     ]
-    half_space = (0.5 if profile == "flat" else 0.6) * (1 - nu**2) / a
-    missing = 1 - found / half_space
+    unbounded = (0.5 if profile == "flat" else 0.6) * (1 - nu**2) / a
+    missing = 1 - found / unbounded
     assert missing[-1] < 0.055
     np.testing.assert_allclose(missing[:-1] / missing[1:], 2, atol=0.15)
 
@@ -116,6 +120,39 @@ def test_the_near_field_makes_a_coarse_mesh_right_that_is_far_off_without(order)
     bare = compliance(mesh, 0.3, contacts, near_field=False)[0]
     assert bare < 0.75 * exact
     assert compliance(mesh, 0.3, contacts)[0] == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("profile", [FLAT, HERTZ])
+def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z(profile):
+    a, nu = 1.3, 0.37
+    lam, mu = lame(nu)
+
+    def functions(x: np.ndarray) -> np.ndarray:
+        r = np.hypot(x[0], x[1])
+        u_z, u_r = half_space.displacement(r, x[2], a, nu, profile)
+        v = np.array([u_r * x[0] / r, u_r * x[1] / r, u_z])
+        return np.outer([1, *(x / a)], v)
+
+    for x in ((0.4, 0.9, 0.5), (-1.7, 0.6, 0.8)):
+        strain, density = np.zeros((4, 6, 10)), np.zeros((4, 4, 4))
+        corner = np.array([1.0, 0, 0, 0])
+        near_field._add(np.array(x), 1.0, corner, strain, density, a, nu, profile, lam, mu,
+                        np.empty((4, 6)))  # fmt: skip
+        steps = 1e-4 * np.eye(3)
+        slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4
+        gradient = slope.transpose(1, 2, 0)
+        expected = (gradient + gradient.swapaxes(1, 2)) / 2
+        pairs = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)])
+        found = strain[:, :, 0]
+        np.testing.assert_allclose(
+            found, expected[:, pairs[:, 0], pairs[:, 1]], atol=1e-6 * abs(expected).max()
+        )
+        stress = 2 * mu * expected + lam * np.einsum("maa->m", expected)[:, None, None] * np.eye(3)
+        energy = np.einsum("mab,lab->ml", stress, expected)
+        half = np.tril_indices(4)  # the caller mirrors the rest
+        np.testing.assert_allclose(
+            density[:, :, 0][half], energy[half], atol=1e-5 * abs(energy).max()
+        )
 
 
 def soft_and_hard(x: np.ndarray) -> np.ndarray:

@@ -12,13 +12,14 @@ The residual is then the fine model's, the Jacobian the coarse one's, at one fin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fem import PalpationModel
 from identify.discretization import FineModel, shift_covariance
 from identify.fit_record import Estimate, Fit, FitIteration
-from identify.forward import Forward
+from identify.forward import Forward, compliance
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
 from identify.misfit import press_table, whitening
@@ -26,7 +27,7 @@ from identify.noise import Noise, scan_noise
 from identify.optimizers import Optimizer
 from identify.parameter_space import ParameterSpace, parameter_space
 from identify.scan_problem import Correction, Minimum, ScanProblem
-from identify.start import apparent_modulus, start_maps
+from identify.start import REFERENCE_PA, apparent_modulus, start_maps
 from models.errors import InputError
 from models.scan import Scan
 
@@ -44,6 +45,7 @@ def fit_scan(
     inclusions: int = 1,
     noise: Noise | None = None,
     fine_model: FineModel | None = None,
+    search_model: PalpationModel | None = None,
     start: GaussianMap | None = None,
     free: Sequence[str] | None = None,
     optimizer: Optimizer = minimize_gauss_newton,
@@ -65,6 +67,9 @@ def fit_scan(
     fine_model
         The same presses on a finer mesh, or extrapolated from two, for the defect correction.
         Without it the intervals hold the noise only, not the mesh's error.
+    search_model
+        The same presses on a quicker and rougher model (without the near field of the presses,
+        say), with which starts are tried; corrected to `model` for the homogeneous body.
     start
         The one map to start from, in place of those that the scan suggests.
     free
@@ -81,7 +86,11 @@ def fit_scan(
     """
     rows = scan.used()
     presses = len(rows.press_ids)
-    for name, given in (("model", model), ("fine_model", fine_model)):
+    for name, given in (
+        ("model", model),
+        ("fine_model", fine_model),
+        ("search_model", search_model),
+    ):
         if given is not None and len(given.contacts) != presses:
             raise InputError(
                 f"the {name} has {len(given.contacts)} contacts, the scan {presses} presses: "
@@ -97,10 +106,17 @@ def fit_scan(
         forward = Forward(model, parameter_space(start, box, free))
         minimum = problem.minimize(forward, forward.space.to_scaled(start), progress=callback)
     else:
+        reference = GaussianMap(REFERENCE_PA)
+        homogeneous, ratio = compliance(model, reference), 1.0
+        if search_model is not None:
+            ratio = homogeneous / compliance(search_model, reference)
         apparent = apparent_modulus(
-            table.slope, rows.contact_points, rows.contact_directions, model
+            table.slope, rows.contact_points, rows.contact_directions, homogeneous
         )
-        minimum = problem.from_best(model, start_maps(apparent, box, inclusions), box)
+        maps = start_maps(apparent, box, inclusions)
+        minimum = problem.from_best(search_model or model, maps, box, ratio)
+        if search_model is not None:
+            minimum = problem.continued(minimum, replace(minimum.forward, model=model, ratio=1.0))
     correction = None if fine_model is None else problem.towards(fine_model, minimum)
     return _record(rows, problem, minimum if correction is None else correction.minimum, correction)
 
@@ -113,16 +129,16 @@ def _record(
 ) -> Fit:
     """Evaluate the minimum row by row and gather the record."""
     u, space = minimum.result.x, minimum.forward.space
-    compliance, gradient = minimum.forward.evaluate(u)
-    jac = problem.whitened(compliance, gradient)
+    found, gradient = minimum.forward.evaluate(u)
+    jac = problem.whitened(found, gradient)
     scaled_covariance = covariance(jac)
     if correction is not None:
-        _, by_compliance = problem.table.residuals(compliance, problem.noise)
-        shift = by_compliance * (compliance * correction.own_error)[:, None]
+        _, by_compliance = problem.table.residuals(found, problem.noise)
+        shift = by_compliance * (found * correction.own_error)[:, None]
         by_press = jac.reshape(*shift.shape, -1)
         scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, by_press, shift)
     slope = space.slope(u)
-    c = compliance[rows.press_index]
+    c = found[rows.press_index]
     residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
     chi2 = float(np.sum((residual / sigma) ** 2))
     dof = problem.table.dof(len(u))
@@ -140,7 +156,7 @@ def _record(
         predicted_m=c * rows.force_n,
         sigma_m=sigma,
         residual_m=residual,
-        compliance_m_per_n=compliance,
+        compliance_m_per_n=found,
         compliance_jacobian=gradient / slope,
         discretization_error=None if correction is None else correction.coarse_error,
         history=minimum.history,

@@ -135,12 +135,21 @@ class ScanProblem:
         own = self.minimize(forward, earlier.result.x, progress=progress)
         return replace(own, history=own.history[repeated:]).after(earlier)
 
-    def from_best(self, model: PalpationModel, maps: Sequence[GaussianMap], box: np.ndarray):
-        """Try all maps once, follow the best few a little, and the best of those to its end."""
+    def from_best(
+        self,
+        model: PalpationModel,
+        maps: Sequence[GaussianMap],
+        box: np.ndarray,
+        ratio: np.ndarray | float = 1.0,
+    ) -> Minimum:
+        """Try all maps once, follow the best few a little, and the best of those to its end.
+
+        `ratio` (j,) multiplies the model's compliance, see `Forward`.
+        """
         tried = []
         for stiffness in maps:
             try:
-                prediction = compliance(model, stiffness)
+                prediction = ratio * compliance(model, stiffness)
             except (InadmissibleError, SolverError):
                 continue
             # The best common factor of all moduli is known without another solve.
@@ -155,7 +164,7 @@ class ScanProblem:
         tried.sort(key=lambda pair: pair[0])
         followed = []
         for _, stiffness in tried[:_KEPT_STARTS]:
-            forward = Forward(model, parameter_space(stiffness, box))
+            forward = Forward(model, parameter_space(stiffness, box), ratio)
             u = forward.space.to_scaled(stiffness)
             followed.append(self.minimize(forward, u, _TRIAL_EVALUATIONS))
         best = min(followed, key=lambda minimum: minimum.result.fun)

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem import PalpationModel
-from identify.forward import compliance
 from identify.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
 
 _DEPTHS = (0.15, 0.35, 0.6)
 _RADII = (0.12, 0.25, 0.45)
-_REFERENCE_PA = 1e4
+REFERENCE_PA = 1e4
 
 
 @dataclass(frozen=True)
@@ -32,13 +30,12 @@ class ApparentModulus:
 
 
 def apparent_modulus(
-    slope: np.ndarray, points: np.ndarray, directions: np.ndarray, model: PalpationModel
+    slope: np.ndarray, points: np.ndarray, directions: np.ndarray, homogeneous: np.ndarray
 ) -> ApparentModulus:
-    """Compare each press's slope (j,) m/N with the homogeneous body's compliance.
+    """Compare each press's slope (j,) m/N with the compliance (j,) of a body of `REFERENCE_PA`.
 
     Raises `InputError` where most presses have no positive slope.
     """
-    homogeneous = compliance(model, GaussianMap(_REFERENCE_PA))
     positive = slope > 0
     if 2 * np.count_nonzero(positive) <= len(slope):
         raise InputError(
@@ -47,7 +44,7 @@ def apparent_modulus(
         )
     # A press without a positive slope says nothing; it must not become the stiffest one.
     usable = np.where(positive, slope, np.median(slope[positive]))
-    return ApparentModulus(_REFERENCE_PA * homogeneous / usable, points, directions)
+    return ApparentModulus(REFERENCE_PA * homogeneous / usable, points, directions)
 
 
 def start_maps(apparent: ApparentModulus, box: np.ndarray, inclusions: int) -> list[GaussianMap]:

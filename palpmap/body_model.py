@@ -20,11 +20,13 @@ class BodyModel:
 
     Attributes
     ----------
-    coarse : quick, with derivatives
+    search : quick, without the near field of the presses: starts are tried on it
+    coarse : with near field and derivatives; the fit corrects it towards `fine`
     fine : two meshes extrapolated, right to about 0.1 %; see `fem.refined`
     note : what stands in for what, for the reader of a report; empty where nothing does
     """
 
+    search: PalpationModel
     coarse: PalpationModel
     fine: RefinedModel
     note: str
@@ -51,10 +53,11 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
             "entries [[effects]] out to fit without them"
         )
     contacts, note = contacts_of(study, scan)
-    coarse, finer = (
-        PalpationModel(mesh, study.body.poisson_ratio, contacts) for mesh in _meshes(study)
-    )
-    return BodyModel(coarse, RefinedModel(coarse, finer), note)
+    meshes = _meshes(study)
+    nu = study.body.poisson_ratio
+    search = PalpationModel(meshes[0], nu, contacts, near_field=False)
+    coarse, finer = (PalpationModel(mesh, nu, contacts) for mesh in meshes)
+    return BodyModel(search, coarse, RefinedModel(coarse, finer), note)
 
 
 def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:

@@ -128,13 +128,16 @@ def fit_study(
     if not known:
         return fit_scan(
             scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
-            fine_model=body.fine, optimizer=method, callback=callback,
+            search_model=body.search, fine_model=body.fine, optimizer=method, callback=callback,
         )  # fmt: skip
     names = GaussianMap.from_values(np.ones(1 + 5 * study.map.inclusions)).names
     if set(known) == set(names):
         values = np.empty(len(names))
     else:  # what the study leaves open starts where a quick fit ends
-        quick = fit_scan(scan, body.coarse, inclusions=study.map.inclusions, noise=noise).map
+        quick = fit_scan(
+            scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
+            search_model=body.search,
+        ).map  # fmt: skip
         values = np.array(quick.values)
     for index, name in enumerate(names):
         if name in known:  # the study speaks in the scan's frame
@@ -153,7 +156,9 @@ def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
     rows = np.log(len(scan.used()))
     best, least = None, np.inf
     for inclusions in range(MOST_INCLUSIONS + 1):
-        fit = fit_scan(scan, body.coarse, inclusions=inclusions, noise=noise)
+        fit = fit_scan(
+            scan, body.coarse, inclusions=inclusions, noise=noise, search_model=body.search
+        )
         criterion = fit.chi2 + len(fit.covariance_names) * rows
         if best is not None and criterion > least:
             break
@@ -164,7 +169,7 @@ def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
 
 def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> None:
     """Put the body and the presses of a scan from file into a recording."""
-    mesh = body.coarse.mesh
+    mesh = body.search.mesh
     triangles = mesh.boundary[:, :3]
     used, local = np.unique(triangles, return_inverse=True)
     recording.scene(mesh.nodes[used], local.reshape(-1, 3))
@@ -191,7 +196,7 @@ def step_recorder(
     ----------
     surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
     """
-    lower, upper = body.coarse.mesh.nodes.min(axis=0), body.coarse.mesh.nodes.max(axis=0)
+    lower, upper = body.search.mesh.nodes.min(axis=0), body.search.mesh.nodes.max(axis=0)
 
     def record(step: FitIteration) -> None:
         stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))

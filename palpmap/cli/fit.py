@@ -41,7 +41,11 @@ def fit(
 
     return run_fit(
         study=study,
-        inclusions=int(inclusions) if inclusions and inclusions != "auto" else inclusions,
+        inclusions=None
+        if inclusions is None
+        else "auto"
+        if inclusions == "auto"
+        else int(inclusions),
         optimizer=optimizer.value,
         out=out,
         seed=seed,

@@ -1,0 +1,33 @@
+# Two commands are enough: `make demo` and `make test`. Both set up .venv on their first run.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.installed
+
+.PHONY: demo test validate bench lint clean
+
+demo: $(READY)
+	"$(BIN)/python" -m palpmap demo
+
+test: lint
+	"$(BIN)/python" -m pytest
+
+lint: $(READY)
+	"$(BIN)/ruff" check .
+	"$(BIN)/ruff" format --check .
+	"$(BIN)/pyright"
+
+validate: $(READY)
+	"$(BIN)/python" -m pytest -m "slow or not slow"
+
+bench: $(READY)
+	"$(BIN)/python" benchmarks/run.py
+
+$(READY): pyproject.toml
+	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'palpmap needs Python 3.11 or newer: make PYTHON=python3.12 ...')"
+	$(PYTHON) -m venv "$(VENV)"
+	"$(BIN)/python" -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	touch "$(READY)"
+
+clean:
+	rm -rf "$(VENV)" build *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -19,6 +19,7 @@ from palpmap.body_model import BodyModel, build_body_model
 from palpmap.comparison import build_finding, summary, write_finding
 from palpmap.console import Output
 from palpmap.finding import Finding
+from palpmap.fit_figures import near_largest_force
 from palpmap.placement import Placement, place_scan
 from palpmap.recording import Recording
 from palpmap.recording_maps import map_views
@@ -221,11 +222,11 @@ def finish_fit(
     if body.note:
         finding = replace(finding, limits=(*finding.limits, body.note))
     paths = write_finding(finding, run)
-    last = deepest_rows(finding.scan)
+    measured, modelled, _ = near_largest_force(finding)
     recording.comparison(
         finding.scan.press_ids,
-        fit.predicted_m[last],
-        fit.residual_m[last],
+        1e-3 * modelled,
+        1e-3 * (measured - modelled),
         {name: path for name, path in paths.items() if path.suffix == ".png"},
     )
     recording.event(finding.comparison.statement)

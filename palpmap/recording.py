@@ -74,6 +74,7 @@ class Recording:
         self._now = 0.0
         self._last_step: Iteration | None = None
         self._residual_limit_um = 0.0
+        self._figures: list[str] = []
         self._file = RecordingFile(self.path, name)
         run = {"palpmap": __version__, "planned_presses": planned_presses, "parts": list(parts)}
         if seed is not None:
@@ -320,7 +321,8 @@ class Recording:
         log_residuals(self._end(), ids, points, residual_um, self._residual_limit_um)
         for name, path in (figures or {}).items():
             self._file.static(f"{names.FIGURES}/{name}", rr.EncodedImage(path=path))
-        self._step_done("comparison", *["figures"] * bool(figures))
+        self._figures = list(figures or {})
+        self._step_done("comparison")
 
     def event(self, text: str, level: str = "INFO", time_s: float | None = None) -> None:
         """Write a line of the event log, at `time_s` or now; INFO, WARN or ERROR."""
@@ -352,6 +354,7 @@ class Recording:
             self._text = text
         showing = (frozenset(self._present), self._residual_limit_um)
         if self._stage is not None and showing != self._showing:
-            self._file.show(layout(self._present, self._stage, self._residual_limit_um))
+            limit = self._residual_limit_um
+            self._file.show(layout(self._present, self._stage, limit, self._figures))
             self._showing = showing
         self._file.flush()

@@ -1,6 +1,6 @@
 """The layout in which a recording opens: the scene and the maps first, then what they rest on."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,14 +41,17 @@ class Stage:
         return 0.5 * (self.lower_m + self.upper_m)
 
 
-def layout(present: Collection[str], stage: Stage, residual_limit_um: float) -> rrb.Blueprint:
+def layout(
+    present: Collection[str], stage: Stage, residual_limit_um: float, figures: Sequence[str] = ()
+) -> rrb.Blueprint:
     """Blueprint with the views for which there is something to see.
 
     Parameters
     ----------
-    present : names of parts (see `recording_parts.PARTS`), and "figures"
+    present : names of parts (see `recording_parts.PARTS`)
     stage : Stage
     residual_limit_um : residual at the ends of the colour scale, in um
+    figures : names of the figures, each shown in a tab of its own
     """
     left = [_scenes("robot" in present, stage)]
     if "robot" in present:
@@ -93,11 +96,14 @@ def layout(present: Collection[str], stage: Stage, residual_limit_um: float) -> 
         name="Events",
         columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
     )
-    if "figures" in present:
-        figures = rrb.Spatial2DView(origin=parts.FIGURES, name="Figures")
-        events = rrb.Tabs(figures, events, active_tab=0)
+    if figures:
+        tabs = [
+            rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
+            for name in figures
+        ]
+        events = rrb.Tabs(*tabs, events, active_tab=0)
     about = rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen")
-    left.append(rrb.Horizontal(about, events, column_shares=[1.3, 1]))
+    left.append(rrb.Horizontal(about, events, column_shares=[1, 1.6]))
     whole = rrb.Vertical(*left, row_shares=[3.0, 1.0, 1.5] if len(left) == 3 else [3, 1.2])
     if right:
         shares = [2.3] * bool(maps) + [1.3] * bool(presses) + [1.1] * ("fit" in present)

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -70,7 +71,9 @@ def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
         port = _free_port()
         command = [viewer_program(), "--headless", "--hide-welcome-screen", "--bind", _HOST]
         command += ["--port", str(port), "--window-size", "{}x{}".format(*PICTURE_SIZE)]
-        viewer = subprocess.Popen(command, env=environment, stdout=words, stderr=words)
+        viewer = subprocess.Popen(
+            command, env=environment, stdout=words, stderr=words, start_new_session=True
+        )
         try:
             _wait_for_port(viewer, port, deadline)
             picture.write_bytes(_picture(recording, port, deadline))
@@ -128,12 +131,13 @@ def _reason(viewer: subprocess.Popen[bytes], words: str, error: Exception) -> st
 
 
 def _stop(viewer: subprocess.Popen[bytes]) -> None:
-    viewer.terminate()
-    try:
-        viewer.wait(timeout=5)
-    except subprocess.TimeoutExpired:
-        viewer.kill()
-        viewer.wait()
+    """End the viewer and what it started: the `rerun` script runs the real program as a child."""
+    if os.name == "posix":
+        with suppress(ProcessLookupError):
+            os.killpg(viewer.pid, signal.SIGKILL)
+    else:
+        subprocess.run(["taskkill", "/T", "/F", "/PID", str(viewer.pid)], check=False)
+    viewer.wait()
 
 
 def _free_port() -> int:

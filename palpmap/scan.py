@@ -160,14 +160,13 @@ def make_scan(
     def on_press(result: "PressResult") -> None:
         done.append(result.scan)
         write_scan(join_scans(done), run / "scan.csv")
-        held = np.flatnonzero(result.scan.phase == "hold")
-        row = held[-1]
+        held = result.scan.phase == "hold"
         recording.press_done(
             result.statistics.press,
-            float(result.scan.time_s[row]),
-            result.scan.point_m[row],
-            float(result.scan.force_n[row]),
-            float(result.scan.displacement_m[row]),
+            float(result.scan.time_s[held][-1]),
+            result.scan.point_m[0],
+            float(result.scan.force_n[held].mean()),
+            float(result.scan.displacement_m[held].mean()),
         )
         advance()
 
@@ -324,13 +323,14 @@ def _draw_scene(recording: Recording, laboratory: Laboratory) -> "Callable[[Fram
     to_body = place.rotation.T
 
     def draw(frame: "Frame") -> None:
+        touching = frame.phase in ("touch", "load", "hold", "unload")
         poses = np.hstack([frame.positions_m, frame.quaternions])[order]
         recording.frame(
             DrawnFrame(
                 frame.time_s,
                 poses,
                 frame.force_n,
-                frame.displacement_m,
+                max(frame.displacement_m, 0.0) if touching else 0.0,
                 plan.points_m[frame.press],
                 to_body @ frame.force_vector_n,
                 lambda: body.surface_displacement(frame.press, max(frame.force_n, 0.0)),

@@ -1,23 +1,18 @@
-"""Compares sparse direct solvers on stiffness matrices of a palpated block; prints a table.
+"""Sparse direct solvers on stiffness matrices of a palpated block.
 
-Run `python benchmarks/solver.py`; about four minutes on two cores. Each solver runs in a process
-of its own, so that its memory can be told; `qdldl` takes part where it is installed.
+Each solver runs in a process of its own, so that its memory can be told; `qdldl` takes part where
+it is installed. Part of `python benchmarks/run.py`.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import multiprocessing
-import os
-import platform
 import resource
-import sys
 import time
 from collections.abc import Callable
 
 import numpy as np
-import scipy
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
@@ -26,6 +21,7 @@ from fem.block import block_mesh
 from fem.solver import PardisoSolver, Solver, SuperLUSolver
 
 SIZE_M = (0.096, 0.096, 0.048)
+LAYERS = (4, 6)  # of cells: 6,936 and 22,500 unknowns
 PRESSES = 81
 TIME_LIMIT_S = 100.0
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -71,7 +67,8 @@ METHODS: dict[str, Method] = {
     "SuperLU, symmetric mode": ours(SuperLUSolver()),
     "SuperLU, scipy's defaults": superlu_as_scipy_sets_it,
 }
-if importlib.util.find_spec("qdldl"):
+QDLDL_IS_HERE = importlib.util.find_spec("qdldl") is not None
+if QDLDL_IS_HERE:
     METHODS["QDLDL, LDL'"] = qdldl
 
 
@@ -115,21 +112,13 @@ def row(divisions: tuple[int, int, int], name: str) -> str:
     return f"| {size} | {name} | {times} | {peak:.0f} | {residual:.0e} |"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--layers", type=int, nargs="+", default=[4, 6, 8], help="layers of cells")
-    layers = parser.parse_args().layers
-    print(
-        f"{PRESSES} right-hand sides, ten-node tetrahedra, {os.cpu_count()} cores, "
-        f"{platform.machine()}, Python {platform.python_version()}, scipy {scipy.__version__}, "
-        f"{PardisoSolver().name}\n"
-    )
-    print("| unknowns | solver | analyse s | factorise s | solve s | memory MB | residual |")
-    print("|---|---|---|---|---|---|---|")
-    for count in layers:
-        for name in METHODS:
-            print(row((2 * count, 2 * count, count), name), flush=True)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def table() -> list[str]:
+    """Return the lines of the table."""
+    absent = "" if QDLDL_IS_HERE else "; QDLDL is not installed and has no row"
+    return [
+        f"{PRESSES} right-hand sides, ten-node tetrahedra{absent}.",
+        "",
+        "| unknowns | solver | analyse s | factorise s | solve s | memory MB | residual |",
+        "|---:|---|---:|---:|---:|---:|---:|",
+        *(row((2 * count, 2 * count, count), name) for count in LAYERS for name in METHODS),
+    ]

@@ -1,0 +1,73 @@
+"""Runs the benchmarks and writes their tables into the README, between its markers.
+
+`make bench` runs all, `python benchmarks/run.py accuracy` one. About four minutes on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import accuracy
+import paper_tests
+import solver
+
+from fem import default_solver
+
+README = Path(__file__).parent.parent / "README.md"
+BENCHMARKS = {"solver": solver.table, "accuracy": accuracy.table, "paper": paper_tests.table}
+
+
+def machine() -> str:
+    """Kind of machine and versions, for a table's caption."""
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
+    return (
+        f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}, "
+        f"{default_solver().name}"
+    )
+
+
+def processor() -> str:
+    """Architecture, with the processor's name where the system tells it (Linux)."""
+    info = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*:\s*(.+)", info.read_text()) if info.exists() else None
+    return platform.machine() + (f" ({found[1].strip()})" if found else "")
+
+
+def put(text: str, name: str, lines: list[str]) -> str:
+    """Return the text with the lines between the two markers of that name.
+
+    Raises
+    ------
+    ValueError
+        The text has not exactly one such pair of markers.
+    """
+    first, last = f"<!-- bench:{name} -->", f"<!-- /bench:{name} -->"
+    if text.count(first) != 1 or text.count(last) != 1 or text.index(first) > text.index(last):
+        raise ValueError(f"{README.name} needs {first} and, below it, {last}, each once")
+    before, rest = text.split(first)
+    return f"{before}{first}\n{chr(10).join(lines)}\n{last}{rest.split(last)[1]}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="|".join(BENCHMARKS), help="default: all")
+    names = parser.parse_args().names or list(BENCHMARKS)
+    unknown = [name for name in names if name not in BENCHMARKS]
+    if unknown:
+        parser.error(f"no benchmark '{unknown[0]}'; there are {', '.join(BENCHMARKS)}")
+    for name in names:
+        lines = [*BENCHMARKS[name](), "", f"Measured on {machine()}."]
+        print("\n".join(lines), end="\n\n", flush=True)
+        # read afresh each time, so that an edit made during the run is kept
+        text = README.read_text(encoding="utf-8")
+        README.write_text(put(text, name, lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -18,7 +18,7 @@ import numpy as np
 
 from fem.contact import Contacts
 from fem.errors import MeshError
-from fem.palpation import PalpationModel
+from fem.palpation import PalpationModel, Response
 
 RATE = 2.5
 
@@ -32,10 +32,12 @@ class RefinedResponse:
     compliance : (j,) m/N
     extrapolated : (j,) relative part that the extrapolation added to the finer mesh's: the scale of
         the discretisation error
+    fine : the finer mesh's own response, with its displacement fields
     """
 
     compliance: np.ndarray
     extrapolated: np.ndarray
+    fine: Response
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class RefinedModel:
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
         split = len(self.coarse.points_m)
         coarse = self.coarse.evaluate(modulus[:split]).compliance
-        fine = self.fine.evaluate(modulus[split:]).compliance
+        response = self.fine.evaluate(modulus[split:])
+        fine = response.compliance
         added = (fine - coarse) / (self._ratio**RATE - 1)
-        return RefinedResponse(fine + added, added / fine)
+        return RefinedResponse(fine + added, added / fine, response)

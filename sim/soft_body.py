@@ -3,8 +3,9 @@
 All contacts are solved at once, with one factorisation. The body is linear, so that under a force
 F at press j the whole body moves by F times the solution for 1 N there: what comes back to the
 contact at each exchange is that column of the tetrahedral solution, not a law fitted to it. The
-mesh is the laboratory's own (finer than the identifier's and cut differently), and so is its
-stiffness map.
+tip's travel is that of two meshes extrapolated (`fem.refined`), the surface that of the finer one.
+The meshes are the laboratory's own (finer than the identifier's and cut differently), and so is
+its stiffness map.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from fem import Contacts, PalpationModel, block_mesh
+from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 
 DIVISIONS = (14, 14, 7)
-GRADING = 1.4
+COARSENING = 0.7
 SPLIT = "alternating"
 
 
@@ -31,7 +32,7 @@ class SoftBody:
     poisson_ratio : of the whole body
     tip_radius_m : of the flat tip
     points_m, directions : (j, 3) contacts, body frame, in the order of the presses
-    divisions, grading, split : of the mesh, see `fem.block_mesh`
+    divisions : of the finer mesh, see `fem.block_mesh`
 
     Attributes
     ----------
@@ -50,16 +51,17 @@ class SoftBody:
         points_m: np.ndarray,
         directions: np.ndarray,
         divisions: tuple[int, int, int] = DIVISIONS,
-        grading: float = GRADING,
-        split: str = SPLIT,
     ) -> None:
-        mesh = block_mesh(size_m, divisions, grading=grading, order=2, split=split)
+        coarser = [max(round(COARSENING * count), 1) for count in divisions]
+        mesh, other = (block_mesh(size_m, counts, split=SPLIT) for counts in (divisions, coarser))
         radius = np.full(len(points_m), tip_radius_m)
         contacts = Contacts(points_m, directions, radius, "flat")
-        model = PalpationModel(mesh, poisson_ratio, contacts)
+        fine = PalpationModel(mesh, poisson_ratio, contacts)
+        model = RefinedModel(PalpationModel(other, poisson_ratio, contacts), fine)
         self.modulus = modulus
-        self._response = model.evaluate(modulus(model.points_m))
-        self.compliance_m_per_n = np.asarray(self._response.compliance)
+        solved = model.evaluate(modulus(model.points_m))
+        self._response = solved.fine
+        self.compliance_m_per_n = np.asarray(solved.compliance)
         self.nodes, self.cells = len(mesh.nodes), len(mesh.cells)
         quadratic = np.vstack([mesh.surface(name) for name in ("top", "sides")])
         self._surface, local = np.unique(_split(quadratic), return_inverse=True)

@@ -14,7 +14,7 @@ from palpmap.recording_stream import Log, RecordingFile
 SURFACE_BYTES = 26e6  # of drawn shapes of the surface in a recording, before compression halves it
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
 _RELEASED = 0.08  # share of the largest force, above its noise, below which the body is released
-_STEADY, _OFF = 0.03, 0.05  # shares: change from frame to frame, and from the drawn shape
+_STEADY, _OFF = 0.01, 0.05  # shares: change from frame to frame, and from the drawn shape
 _ASIDE = 0.014  # m, by which the arrow stands beside the tip, which would hide it
 _TO_THE_RIGHT = np.array([0.89, -0.46, 0.0])  # as the layout looks at the body
 

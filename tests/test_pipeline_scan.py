@@ -1,0 +1,61 @@
+"""A small scan by the command: seeds, and folders with a space in their name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.scan import read_scan
+from palpmap.run_folder import sha256
+
+SMALL = ("scan", "--presses-per-side", "2", "--quiet")
+
+
+@pytest.fixture(scope="module")
+def spaced(run_command, tmp_path_factory):
+    """A scan made in a folder with a space in its name, into another one."""
+    here = tmp_path_factory.mktemp("my work")
+    run = run_command(*SMALL, "--seed", "5", cwd=here, folder=Path("first run"))
+    return run, here / "first run"
+
+
+@pytest.fixture(scope="module")
+def again(run_command):
+    return run_command(*SMALL, "--seed", "5")
+
+
+@pytest.fixture(scope="module")
+def another_seed(run_command):
+    return run_command(*SMALL, "--seed", "6")
+
+
+def test_a_scan_works_in_and_into_a_folder_with_a_space_in_its_name(spaced):
+    run, folder = spaced
+    assert run.exit_code == 0, run.stderr
+    assert run.record["kept"]
+    assert run.record["presses_kept"] == 4
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"scan.csv", "study.toml", "truth.json", "recording.rrd", "run.json"}
+
+
+def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_review):
+    _, folder = spaced
+    code, said = run_review(folder)
+    assert code == 0
+    assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
+
+
+def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):
+    _, folder = spaced
+    assert again.exit_code == 0, again.stderr
+    assert sha256(folder / "scan.csv") == sha256(again.folder / "scan.csv")
+
+
+def test_another_seed_gives_another_noise_on_the_same_presses(again, another_seed):
+    one, other = (read_scan(run.folder / "scan.csv") for run in (again, another_seed))
+    np.testing.assert_array_equal(one.press, other.press)
+    held = one.phase == "hold"
+    difference = one.force_n[held] - other.force_n[held]
+    # Of two independent noises of 5 mN each; 32 readings.
+    assert difference.std() == pytest.approx(np.sqrt(2) * 5e-3, rel=0.5)
+    assert np.count_nonzero(difference) == held.sum()

@@ -42,7 +42,9 @@ class Output:
         if not self.quiet and not self.json:
             from rich.console import Console
 
-            Console(highlight=False).print(*renderables)
+            console = Console(highlight=False)
+            for renderable in renderables:  # a line each; a path is not broken in two
+                console.print(renderable, soft_wrap=isinstance(renderable, str))
 
     def result(self, record: Mapping[str, Any], *renderables: "RenderableType") -> None:
         """Print a result: the record if json, else the renderables."""

@@ -1,0 +1,153 @@
+"""What the README says can be done as it says: its examples run, its commands and files exist."""
+
+import contextlib
+import importlib.util
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from models.scan import read_scan
+from palpmap.__main__ import app
+from palpmap.check import check_study
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    """Contents of the code blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def command_lines(language: str) -> list[str]:
+    """Lines that call palpmap in the blocks of one language."""
+    lines = [line for block in blocks(language) for line in block.splitlines()]
+    return [line for line in lines if line.startswith("palpmap ")]
+
+
+def help_of(*words: str) -> str:
+    result = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, f"palpmap {' '.join(words)} --help"
+    return result.output
+
+
+@pytest.mark.skipif(shutil.which("sh") is None, reason="the shell blocks need a shell")
+def test_the_shell_blocks_run_one_after_the_other(tmp_path):
+    shutil.copytree(ROOT / "tests" / "data", tmp_path / "tests" / "data")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    done = subprocess.run(
+        ["sh", "-e", "-c", "\n".join(blocks("sh"))],
+        cwd=tmp_path,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "presses                 81" in done.stdout
+    assert "closed, 4 of 4 presses" in done.stdout
+    assert '"passed": true' in done.stdout
+    table = blocks_after("A run folder stands for itself")
+    for name in ("scan.csv", "study.toml", "recording.rrd", "run.json", "truth.json"):
+        assert f"`{name}`" in table
+        assert (tmp_path / "runs" / "small" / name).is_file()
+
+
+def blocks_after(sentence: str) -> str:
+    """The part of the README from a sentence to the next heading."""
+    assert sentence in README
+    return README.split(sentence)[1].split("\n## ")[0]
+
+
+def test_the_python_block_prints_the_numbers_that_it_says():
+    (code,) = blocks("python")
+    promised = re.findall(r"m/N: (\[.*\])", code)
+    said = io.StringIO()
+    names: dict = {}
+    with contextlib.redirect_stdout(said):
+        exec(compile(code, "README.md", "exec"), names)
+    assert said.getvalue().splitlines() == promised
+    assert len(promised) == 2
+    assert names["derivative"].shape == (2, 6)
+    # The same presses on two extrapolated meshes, which agree with an independent solver.
+    extrapolated = pytest.approx([0.011455, 0.011629], rel=0.005)
+    assert names["homogeneous"].compliance.tolist() == extrapolated
+
+
+def test_the_example_of_scan_and_study_can_be_used(tmp_path):
+    (scan,), (study,) = blocks("csv"), blocks("toml")
+    (tmp_path / "scan.csv").write_text(scan, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(study, encoding="utf-8")
+    found = check_study(tmp_path / "study.toml")
+    assert (found["presses"], found["rows"]) == (2, 4)
+    assert read_scan(tmp_path / "scan.csv").force_n.tolist() == [0.1, 0.2, 0.1, 0.2]
+
+
+def test_every_command_and_option_exists_and_no_command_is_left_out():
+    known = set(re.findall(r"^  (\w+)  ", help_of().split("Commands:")[1], re.MULTILINE))
+    table = set(re.findall(r"^\| `palpmap (\w+)` \|", README, re.MULTILINE))
+    assert table == known
+    mentioned = set(re.findall(r"`palpmap\s+([a-z]+)", README))
+    assert mentioned <= known
+    lines = command_lines("sh") + command_lines("console")
+    assert len(lines) > 5
+    for line in lines:
+        _, command, *words = shlex.split(line, comments=True)
+        said = help_of(command)
+        for option in (word for word in words if word.startswith("--")):
+            assert option in said, line
+
+
+def test_options_in_the_table_of_commands_exist():
+    for command, row in re.findall(r"^\| `palpmap (\w+)` \|(.*)$", README, re.MULTILINE):
+        for option in re.findall(r"`(--[a-z-]+)", row):
+            assert option in help_of(command), f"palpmap {command} {option}"
+
+
+def test_every_target_of_make_exists():
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    mentioned = re.findall(r"`make (\w+)`", README)
+    assert {"demo", "test", "bench"} <= set(mentioned) <= set(targets)
+
+
+def test_every_link_and_picture_leads_to_a_file():
+    links = re.findall(r"\]\(([^)]+)\)", README)
+    inside = [link for link in links if "://" not in link]
+    assert len(inside) > 10
+    assert [link for link in inside if not (ROOT / link.split("#")[0]).exists()] == []
+
+
+def test_pictures_are_small():
+    for picture in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README):
+        assert (ROOT / picture).stat().st_size < 400_000, picture
+
+
+def test_the_benchmarks_find_their_place_and_have_left_a_table(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    spec = importlib.util.spec_from_file_location("run", ROOT / "benchmarks" / "run.py")
+    assert spec is not None
+    assert spec.loader is not None
+    run = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(run)
+    for name in run.BENCHMARKS:
+        changed = run.put(README, name, ["| new |"])
+        table = README.split(f"<!-- bench:{name} -->")[1].split(f"<!-- /bench:{name} -->")[0]
+        assert changed == README.replace(table, "\n| new |\n")
+        assert table.count("\n|") > 3, f"`make bench` has not filled the table {name}"
+        assert "Measured on" in table
+    with pytest.raises(ValueError, match="bench:solver"):
+        run.put("no markers", "solver", [])
+
+
+def test_nothing_is_left_to_be_filled_in():
+    prose = re.sub(r"^```.*?^```$", "", README, flags=re.MULTILINE | re.DOTALL)
+    assert re.findall(r"\b(?:TODO|TBD|FIXME|[A-Z]+_[A-Z_]+)\b", prose) == []

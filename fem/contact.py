@@ -7,6 +7,7 @@ second order in the error of the assumed pressure p_j.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -86,7 +87,7 @@ def contact_weights(mesh: Mesh, contacts: Contacts) -> np.ndarray:
                             "point; a nodal force needs a point at a node")  # fmt: skip
         weights[np.arange(len(contacts)), node] = contacts.directions
         return weights
-    surface = _Surface(mesh)
+    surface = PressedSurface(mesh)
     for j in range(len(contacts)):
         nodes, scalar = surface.weights(contacts, j)
         weights[j, nodes] = scalar[:, None] * contacts.directions[j]
@@ -115,7 +116,24 @@ def disc_quadrature(profile: int) -> tuple[np.ndarray, np.ndarray]:
     return points.reshape(-1, 2), np.repeat(w / _SECTORS, _SECTORS)
 
 
-class _Surface:
+class Footprint(NamedTuple):
+    """What lies on a body's surface under points of a tip's plane.
+
+    Attributes
+    ----------
+    hit : (p,) bool, whether there is a surface under the point; the rest holds only where it is
+    face : (p,) number of the boundary face
+    barycentric : (p, 3) place in it
+    depth : (p,) m below the tip's plane
+    """
+
+    hit: np.ndarray
+    face: np.ndarray
+    barycentric: np.ndarray
+    depth: np.ndarray
+
+
+class PressedSurface:
     """Boundary faces, ready for projecting the points of a disc onto them along a direction."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -127,36 +145,52 @@ class _Surface:
         self.centres = corners.mean(axis=1)
         self.reach = np.linalg.norm(corners - self.centres[:, None], axis=2).max(axis=1)
 
-    def weights(self, contacts: Contacts, j: int) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes and scalar weights of press j."""
-        centre, direction = contacts.points_m[j], contacts.directions[j]
-        radius = contacts.radius_m[j]
-        frame = contact_frame(direction)
-        disc, weight = disc_quadrature(contacts.profile_code)
-        # Faces that look against the press and reach the cylinder below the tip
+    def under(
+        self, centre: np.ndarray, frame: np.ndarray, points: np.ndarray, radius: float
+    ) -> Footprint:
+        """Project points (p, 2) m of the plane of a tip of that radius along its direction.
+
+        `frame` (3, 3) has two tangents and the direction as rows.
+        """
+        # Faces that look against the press and reach the cylinder below the points
         offset = (self.centres - centre) @ frame.T
-        near = (self.normals @ direction < 0) & (
-            np.hypot(offset[:, 0], offset[:, 1]) < radius + self.reach
+        widest = np.linalg.norm(points, axis=1).max()
+        near = (self.normals @ frame[2] < 0) & (
+            np.hypot(offset[:, 0], offset[:, 1]) < widest + self.reach
         )
         near &= np.abs(offset[:, 2]) < 2 * radius + self.reach
         index = np.flatnonzero(near)
+        if not len(index):
+            nothing = np.zeros(len(points))
+            return Footprint(nothing > 0, nothing.astype(int), np.zeros((len(points), 3)), nothing)
         local = (self.corners[index] - centre) @ frame.T  # (t, 3, 3)
-        barycentric = _barycentric_2d(local[:, :, :2], disc * radius)  # (points, t, 3)
-        inside = barycentric.min(axis=2)
+        barycentric = _barycentric_2d(local[:, :, :2], points)  # (p, t, 3)
+        depth = np.einsum("ptv,tv->pt", barycentric, local[:, :, 2])
         # Where faces overlap in projection, the one nearest to the tip's plane is pressed
-        height = np.abs(np.einsum("ptv,tv->pt", barycentric, local[:, :, 2]))
-        rank = np.where(inside > -1e-7, height, np.inf) if len(index) else np.empty((len(disc), 0))
-        if not len(index) or np.isinf(rank.min(axis=1)).any():
+        rank = np.where(barycentric.min(axis=2) > -1e-7, np.abs(depth), np.inf)
+        chosen = rank.argmin(axis=1)
+        each = np.arange(len(points))
+        return Footprint(
+            np.isfinite(rank[each, chosen]),
+            index[chosen],
+            barycentric[each, chosen],
+            depth[each, chosen],
+        )
+
+    def weights(self, contacts: Contacts, j: int) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and scalar weights of press j."""
+        centre, radius = contacts.points_m[j], contacts.radius_m[j]
+        disc, weight = disc_quadrature(contacts.profile_code)
+        under = self.under(centre, contact_frame(contacts.directions[j]), disc * radius, radius)
+        if not under.hit.all():
             x, y, z = centre * 1e3
             raise MeshError(
                 f"press {j}: the tip of radius {radius * 1e3:.3g} mm at "
                 f"({x:.1f}, {y:.1f}, {z:.1f}) mm hangs over the edge of the body or does not lie "
                 "on its surface; move the contact point inwards or check the body's size and place"
             )
-        chosen = rank.argmin(axis=1)
-        points = np.arange(len(disc))
-        shape = shape_functions(barycentric[points, chosen], self.mesh.order)
-        faces = self.faces[index[chosen]]
+        shape = shape_functions(under.barycentric, self.mesh.order)
+        faces = self.faces[under.face]
         total = sp.coo_array((
             (shape * weight[:, None]).ravel(), (np.zeros(faces.size, int), faces.ravel())
         )).tocsr()  # fmt: skip

@@ -29,11 +29,18 @@ def mean_displacement(radius_m: float, poisson_ratio: float, profile: int) -> fl
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _distance(r: float, z: float, a: float):
+    """Complex distance R; beside the tip it goes on smoothly above the surface, to z < 0."""
+    # abs: a negative zero of z must not change the branch under the tip
+    side = z if r > a else abs(z)
+    return np.sqrt(complex(r * r + z * z - a * a, 2 * side * a))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def potential(r: float, z: float, a: float, profile: int):
     """V at one point, unit force."""
     zeta = complex(z, a)
-    # abs: a negative zero of z must not change the branch
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
+    root = _distance(r, z, a)
     log = np.log(root + zeta)
     if profile == FLAT:
         return log.imag / a
@@ -46,7 +53,7 @@ def potential(r: float, z: float, a: float, profile: int):
 def slopes(r: float, z: float, a: float, profile: int):
     """V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
     zeta = complex(z, a)
-    root = np.sqrt(complex(r * r + z * z - a * a, 2 * abs(z) * a))
+    root = _distance(r, z, a)
     if abs(root) < 1e-12 * a:  # the rim itself, where the strain is infinite: numba would raise
         root = complex(1e-12 * a, 0.0)
     inverse = 1 / root
@@ -85,14 +92,23 @@ def displacement(r: float, z: float, a: float, nu: float, profile: int):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def strain(r: float, z: float, a: float, nu: float, profile: int):
-    """e_zz, e_rr, e_tt, e_rz at one point, unit force and E = 1."""
+def gradient(r: float, z: float, a: float, nu: float, profile: int):
+    """du_z/dz, du_z/dr, du_r/dz, du_r/dr, u_r/r at one point, unit force and E = 1."""
     v_z, v_r, psi_r, v_zz, v_rz = slopes(r, z, a, profile)
     k = (1 + nu) / (2 * np.pi)
     c = 1 - 2 * nu
+    tilt = k * r * (2 * (1 - nu) * v_r - z * v_rz)
     return (
         k * (c * v_z - z * v_zz),
+        tilt,
+        -2 * k * z * r * v_rz - tilt,
         k * (c * (v_z + psi_r) + z * (v_zz + v_r)),
         -k * (c * psi_r + z * v_r),
-        -k * z * r * v_rz,
     )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def strain(r: float, z: float, a: float, nu: float, profile: int):
+    """e_zz, e_rr, e_tt, e_rz at one point, unit force and E = 1."""
+    e_zz, zr, rz, e_rr, e_tt = gradient(r, z, a, nu, profile)
+    return e_zz, e_rr, e_tt, (zr + rz) / 2

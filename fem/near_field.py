@@ -18,6 +18,10 @@ and I_h the interpolation at the nodes. The Galerkin solution in the enriched sp
 The compliance remains a lower bound that rises with each added function; k and a are sums over the
 same modulus samples as K, so that dC/dE follows from the enriched field's energies alone. (Stable
 generalised finite elements: Babuska & Banerjee, Comput. Methods Appl. Mech. Eng. 201, 2012.)
+
+On a curved or tilted surface z is the depth below a paraboloid that follows it (see
+`fem.contact_shape`), strains and loads are those of the field so bent: the space stays a space of
+admissible fields, only less apt the more the surface bends under the tip.
 """
 
 from __future__ import annotations
@@ -29,7 +33,8 @@ import numpy as np
 
 from fem import half_space
 from fem.assembly import Stiffness, lame
-from fem.contact import Contacts, contact_frame
+from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
+from fem.contact_shape import contact_shape, depth_below, height, slope
 from fem.mesh import TET_EDGES
 from fem.quadrature import TET_RULES
 
@@ -62,11 +67,18 @@ class Enrichment:
     load: np.ndarray
 
 
-def enrich(stiffness: Stiffness, contacts: Contacts, j: int, weights: np.ndarray) -> Enrichment:
+def enrich(
+    stiffness: Stiffness,
+    surface: PressedSurface,
+    contacts: Contacts,
+    j: int,
+    weights: np.ndarray,
+) -> Enrichment:
     """Integrate the enrichment of press j.
 
     Parameters
     ----------
+    surface : of the mesh
     weights : (n, 3) contact weights of the press.
     """
     mesh = stiffness.mesh
@@ -76,7 +88,8 @@ def enrich(stiffness: Stiffness, contacts: Contacts, j: int, weights: np.ndarray
     nu, profile = stiffness.poisson_ratio, contacts.profile_code
     cells = _cells_near(mesh.cells, local, radius)
     vertices = local[mesh.cells[cells, :4]]
-    strain, density = _moments(vertices, radius, nu, profile)
+    shape = contact_shape(surface, contacts.points_m[j], frame, radius)
+    strain, density = _moments(vertices, shape, radius, nu, profile)
     # From moments of the exact field to those against the shape functions and modulus samples
     basis, derivatives = _sample_basis(stiffness), _linear_derivatives(mesh.order)
     gradients = stiffness.gradients[cells] @ frame.T
@@ -84,7 +97,7 @@ def enrich(stiffness: Stiffness, contacts: Contacts, j: int, weights: np.ndarray
     exact = np.einsum("qa,ivb,cmstab,cvt->mcqis", basis, derivatives, stress, gradients,
                       optimize=True)  # fmt: skip
     # ... less the interpolant, by the stiffness matrix's own quadrature
-    field = _nodal_fields(local, mesh.cells[cells], radius, nu, profile)  # (m, c, nodes, 3)
+    field = _nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
     at_points = np.einsum("ivb,qb,cvt->cqit", derivatives, stiffness.rule[0], gradients)
     slope = np.einsum("mcis,cqit->mcqst", field, at_points, optimize=True)
     lam, mu = lame(nu)
@@ -95,10 +108,15 @@ def enrich(stiffness: Stiffness, contacts: Contacts, j: int, weights: np.ndarray
     cross = np.einsum("mcqis,lcis->mlcq", exact, field, optimize=True)
     energy = np.einsum("qa,cmla->mlcq", basis, density) - cross - cross.swapaxes(0, 1)
     energy += np.einsum("mcqis,lcis->mlcq", own, field, optimize=True)
-    load = np.zeros(FUNCTIONS)
-    load[0] = half_space.mean_displacement(radius, nu, profile)  # the others vanish on the disc
+    disc, pressure = disc_quadrature(profile)
+    disc = disc * radius
+    pressed = np.column_stack(
+        [disc, surface.under(contacts.points_m[j], frame, disc, radius).depth]
+    )
+    exact_pressed = _functions(pressed, shape, radius, nu, profile)
+    load = np.einsum("p,pm->m", pressure, exact_pressed[:, :, 2])
     touched = np.flatnonzero(weights.any(axis=1))
-    nodal = _nodal_fields(local, touched[:, None], radius, nu, profile)[:, :, 0]
+    nodal = _nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
     load -= np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
     coupling = ((exact - own) @ frame).astype(np.float32)  # half the memory; its error is 1e-7
     return Enrichment(cells, coupling, energy, load)
@@ -146,17 +164,30 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
     return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
 
 
-def _nodal_fields(local, cells, radius: float, nu: float, profile: int) -> np.ndarray:
+def _nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:
     """Values of the functions at the nodes of cells (c, nodes): (m, c, nodes, 3)."""
     used, inverse = np.unique(cells, return_inverse=True)
-    fields = np.array([_field(x, y, max(z, 0.0), radius, nu, profile)
-                       for x, y, z in local[used]])  # fmt: skip
-    factors = np.column_stack([np.ones(len(used)), local[used] / radius])[:, :FUNCTIONS]
-    values = factors[:, :, None] * fields[:, None]
+    values = _functions(local[used], shape, radius, nu, profile)
     return values[inverse.reshape(cells.shape)].transpose(2, 0, 1, 3)
 
 
-def _moments(vertices: np.ndarray, radius: float, nu: float, profile: int):
+@numba.njit(cache=True, error_model="numpy")
+def _functions(points, shape, radius, nu, profile):
+    """Values of the functions at points (p, 3): (p, m, 3)."""
+    values = np.empty((len(points), FUNCTIONS, 3))
+    for p in range(len(points)):
+        x, y = points[p, 0], points[p, 1]
+        depth = depth_below(shape, x, y, points[p, 2], radius)
+        u_x, u_y, u_z = _field(x, y, depth, radius, nu, profile)
+        for m in range(FUNCTIONS):
+            factor = 1.0 if m == 0 else (x, y, depth)[m - 1] / radius
+            values[p, m, 0] = factor * u_x
+            values[p, m, 1] = factor * u_y
+            values[p, m, 2] = factor * u_z
+    return values
+
+
+def _moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, profile: int):
     """Integrals over each cell of the functions' strain and energy density.
 
     Cells are cut towards the rim; at the rim itself the points are polar. A smooth partition of
@@ -169,11 +200,13 @@ def _moments(vertices: np.ndarray, radius: float, nu: float, profile: int):
     """
     c = len(vertices)
     strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
-    arguments = (radius, nu, profile, *lame(nu))
+    arguments = (shape, radius, nu, profile, *lame(nu))
     tube = _TUBE * radius
     _integrate_cells(vertices, *TET_RULES[5], _LEAF, tube, strain, density, *arguments)
     points, weights = _tube_points(radius, tube)
-    close = np.flatnonzero(_rim_reach(vertices, radius) < tube)
+    points[:, 2] += height(shape, points[:, 0], points[:, 1])
+    off = np.abs(points[:, 2]).max() if shape.any() else tube
+    close = np.flatnonzero(_rim_reach(vertices, radius) < max(off, tube) + tube)
     owner, barycentric = _locate(points, vertices[close])
     inside = owner >= 0
     _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
@@ -236,34 +269,29 @@ def _field(x, y, z, radius, nu, profile):
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _add(position, weight, barycentric, strain, density, radius, nu, profile, lam, mu, eps):
+def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu, eps):
     """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
-    x, y, z = position[0], position[1], max(position[2], 0.0)
+    x, y = position[0], position[1]
+    z = depth_below(shape, x, y, position[2], radius)
     r = np.sqrt(x * x + y * y)
-    e_zz, e_rr, e_tt, e_rz = half_space.strain(r, z, radius, nu, profile)
+    zz, zr, rz, rr, tt = half_space.gradient(r, z, radius, nu, profile)
     cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
-    eps[0, 0] = e_rr * cx * cx + e_tt * cy * cy
-    eps[0, 1] = e_rr * cy * cy + e_tt * cx * cx
-    eps[0, 2] = e_zz
-    eps[0, 3] = (e_rr - e_tt) * cx * cy
-    eps[0, 4] = e_rz * cx
-    eps[0, 5] = e_rz * cy
-    functions = eps.shape[0]
-    if functions > 1:
-        u_x, u_y, u_z = _field(x, y, z, radius, nu, profile)
-        for c in range(6):
-            eps[1, c] = x * eps[0, c] / radius
-            eps[2, c] = y * eps[0, c] / radius
-            eps[3, c] = z * eps[0, c] / radius
-        eps[1, 0] += u_x / radius
-        eps[1, 3] += 0.5 * u_y / radius
-        eps[1, 4] += 0.5 * u_z / radius
-        eps[2, 1] += u_y / radius
-        eps[2, 3] += 0.5 * u_x / radius
-        eps[2, 5] += 0.5 * u_z / radius
-        eps[3, 2] += u_z / radius
-        eps[3, 4] += 0.5 * u_x / radius
-        eps[3, 5] += 0.5 * u_y / radius
+    u_x, u_y, u_z = _field(x, y, z, radius, nu, profile)
+    h_x, h_y = slope(shape, x, y)
+    for m in range(eps.shape[0]):
+        f = 1.0 if m == 0 else (x, y, z)[m - 1] / radius
+        f_x = 1 / radius if m == 1 else 0.0
+        f_y = 1 / radius if m == 2 else 0.0
+        f_z = 1 / radius if m == 3 else 0.0
+        # Derivatives by x and y at constant depth below the paraboloid, and by that depth
+        xz, yz, zz_ = f * rz * cx + f_z * u_x, f * rz * cy + f_z * u_y, f * zz + f_z * u_z
+        off = f * (rr - tt) * cx * cy
+        eps[m, 0] = f * (rr * cx * cx + tt * cy * cy) + f_x * u_x - h_x * xz
+        eps[m, 1] = f * (rr * cy * cy + tt * cx * cx) + f_y * u_y - h_y * yz
+        eps[m, 2] = zz_
+        eps[m, 3] = off + 0.5 * (f_y * u_x + f_x * u_y - h_y * xz - h_x * yz)
+        eps[m, 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
+        eps[m, 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
     flat = eps.reshape(-1)
     k = 0
     for a in range(4):
@@ -272,7 +300,7 @@ def _add(position, weight, barycentric, strain, density, radius, nu, profile, la
             for i in range(flat.size):
                 strain[k, i] += s * flat[i]
             k += 1
-    for m in range(functions):
+    for m in range(eps.shape[0]):
         trace = lam * (eps[m, 0] + eps[m, 1] + eps[m, 2])
         for n in range(m + 1):
             value = trace * (eps[n, 0] + eps[n, 1] + eps[n, 2])
@@ -284,18 +312,18 @@ def _add(position, weight, barycentric, strain, density, radius, nu, profile, la
 
 
 @numba.njit(cache=True, nogil=True)
-def _integrate_points(points, weights, owner, barycentric, strain, density, radius, nu, profile,
-                      lam, mu):  # fmt: skip
+def _integrate_points(points, weights, owner, barycentric, strain, density, shape, radius, nu,
+                      profile, lam, mu):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     for p in range(len(points)):
         c = owner[p]
-        _add(points[p], weights[p], barycentric[p], strain[c], density[c], radius, nu, profile,
-             lam, mu, eps)  # fmt: skip
+        _add(points[p], weights[p], barycentric[p], strain[c], density[c], shape, radius, nu,
+             profile, lam, mu, eps)  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
-def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, radius, nu,
-                     profile, lam, mu):  # fmt: skip
+def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, shape,
+                     radius, nu, profile, lam, mu):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     corners = np.empty((10, 4))
@@ -321,7 +349,7 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                 centre[a] = places[:, a].mean()
             for a in range(4):
                 diameter = max(diameter, 2 * np.linalg.norm(places[a] - centre))
-            away = _rim_distance(centre, radius)
+            away = _rim_distance(centre, shape, radius)
             if diameter > leaf * max(away, 0.5 * tube):
                 corners[:4] = piece
                 corners[4] = (piece[0] + piece[1]) / 2
@@ -345,13 +373,14 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                     position[a] = 0.0
                     for b in range(4):
                         position[a] += barycentric[b] * v[b, a]
-                w = 1 - _bump(_rim_distance(position, radius) / tube)
+                w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
                     _add(position, w * size * rule_weights[q], barycentric, strain[c], density[c],
-                         radius, nu, profile, lam, mu, eps)  # fmt: skip
+                         shape, radius, nu, profile, lam, mu, eps)  # fmt: skip
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _rim_distance(p, radius):
+def _rim_distance(p, shape, radius):
     out = np.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
-    return np.sqrt(out * out + p[2] * p[2])
+    depth = p[2] - height(shape, p[0], p[1])
+    return np.sqrt(out * out + depth * depth)

@@ -32,7 +32,11 @@ def run_job(job: str, time_limit_s: float, **given: Any) -> dict[str, np.ndarray
         command = [sys.executable, "-P", str(_WORKER), job, str(source), str(target)]
         try:
             done = subprocess.run(
-                command, capture_output=True, timeout=time_limit_s, stdin=subprocess.DEVNULL
+                command,
+                capture_output=True,
+                timeout=time_limit_s,
+                stdin=subprocess.DEVNULL,
+                cwd=folder,  # the mesher leaves a file where it runs
             )
         except subprocess.TimeoutExpired as error:
             raise MeshError(

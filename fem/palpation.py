@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from fem.assembly import Stiffness
-from fem.contact import Contacts, contact_weights
+from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.errors import SolverError
 from fem.mesh import Mesh
 from fem.near_field import FUNCTIONS, Enrichment, enrich
@@ -103,10 +103,11 @@ class PalpationModel:
         self._loads = self.stiffness.restrict(weights)
         self.enrichments: list[Enrichment] = []
         if near_field and contacts.profile != "nodal":
+            surface = PressedSurface(mesh)
             with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
                 self.enrichments = list(
                     pool.map(
-                        lambda j: enrich(self.stiffness, contacts, j, weights[j]),
+                        lambda j: enrich(self.stiffness, surface, contacts, j, weights[j]),
                         range(len(contacts)),
                     )
                 )

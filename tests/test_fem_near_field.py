@@ -122,22 +122,33 @@ def test_the_near_field_makes_a_coarse_mesh_right_that_is_far_off_without(order)
     assert compliance(mesh, 0.3, contacts)[0] == pytest.approx(exact, rel=0.01)
 
 
+PLANE = np.zeros(6)
+BENT = np.array([-0.02, 0.1, -0.05, 0.06, 0.03, -0.04])  # a saddle, tilted
+
+
+@pytest.mark.parametrize("shape", [PLANE, BENT])
 @pytest.mark.parametrize("profile", [FLAT, HERTZ])
-def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z(profile):
+def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z(profile, shape):
     a, nu = 1.3, 0.37
     lam, mu = lame(nu)
 
     def functions(x: np.ndarray) -> np.ndarray:
         r = np.hypot(x[0], x[1])
-        u_z, u_r = half_space.displacement(r, x[2], a, nu, profile)
+        depth = x[2] - shape @ [1, x[0], x[1], x[0] ** 2, x[0] * x[1], x[1] ** 2]
+        u_z, u_r = half_space.displacement(r, depth, a, nu, profile)
         v = np.array([u_r * x[0] / r, u_r * x[1] / r, u_z])
-        return np.outer([1, *(x / a)], v)
+        factors = [1, x[0] / a, x[1] / a, depth / a]
+        np.testing.assert_allclose(
+            near_field._functions(x[None], shape, a, nu, profile)[0], np.outer(factors, v)
+        )
+        return np.outer(factors, v)
 
-    for x in ((0.4, 0.9, 0.5), (-1.7, 0.6, 0.8)):
+    above = [(-2.2, 0.6, -0.4)]  # beside the tip the functions go on above the plane
+    for x in [(0.4, 0.9, 0.5), (-1.7, 0.6, 0.8), *above]:
         strain, density = np.zeros((10, 4 * 6)), np.zeros((4, 4, 4))
         corner = np.array([1.0, 0, 0, 0])
-        near_field._add(np.array(x), 1.0, corner, strain, density, a, nu, profile, lam, mu,
-                        np.empty((4, 6)))  # fmt: skip
+        near_field._add(np.array(x), 1.0, corner, strain, density, shape, a, nu, profile, lam,
+                        mu, np.empty((4, 6)))  # fmt: skip
         steps = 1e-4 * np.eye(3)
         slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4
         gradient = slope.transpose(1, 2, 0)
@@ -153,6 +164,27 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
         np.testing.assert_allclose(
             density[:, :, 0][half], energy[half], atol=1e-5 * abs(energy).max()
         )
+
+
+def hill(cells: int, bend: float, tilt: float) -> Mesh:
+    """A block 8 x 8 x 4 whose top is curved and tilted, from cells cut at the same places."""
+    block = block_mesh((8, 8, 4), (cells, cells, cells // 2), order=1)
+    nodes = block.nodes.copy()
+    x, y = nodes[:, 0] - 4, nodes[:, 1] - 4
+    nodes[:, 2] *= 1 + (tilt * x - bend * (x * x + 0.5 * y * y)) / 4
+    return promote_to_tet10(Mesh(nodes, block.cells, block.surfaces))
+
+
+@pytest.mark.parametrize(("bend", "tilt"), [(0.05, 0.0), (-0.05, 0.0), (0.03, 0.3)])
+def test_on_a_curved_or_tilted_surface_a_coarse_mesh_with_near_field_is_right_too(bend, tilt):
+    # Dome, hollow, slope; radius of curvature 10 to 17 tip radii. The meshes' tops are facets.
+    tangent = np.array([1, 0, tilt]) / np.hypot(1, tilt)
+    direction = (tangent[2], 0.0, -tangent[0])
+    contacts = Contacts((4, 4, 4), direction, 0.6)
+    coarse, fine = (compliance(hill(n, bend, tilt), 0.45, contacts)[0] for n in (8, 11))
+    bare = compliance(hill(11, bend, tilt), 0.45, contacts, near_field=False)[0]
+    assert bare < 0.95 * fine
+    assert coarse == pytest.approx(fine, rel=0.01)
 
 
 def soft_and_hard(x: np.ndarray) -> np.ndarray:

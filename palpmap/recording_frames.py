@@ -11,7 +11,7 @@ from palpmap import recording_parts as parts
 from palpmap.recording_scene import vertex_normals, xyzw
 from palpmap.recording_stream import Log, RecordingFile
 
-SURFACE_BYTES = 26e6  # of drawn shapes of the surface in a recording, before compression halves it
+SURFACE_BYTES = 18e6  # of drawn shapes of the surface in a recording, before compression halves it
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
 _RELEASED = 0.08  # share of the largest force, above its noise, below which the body is released
 _STEADY, _OFF = 0.01, 0.05  # shares: change from frame to frame, and from the drawn shape

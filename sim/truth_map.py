@@ -20,8 +20,8 @@ class Inclusion:
     radius_m : standard deviation of the Gaussian, m
     """
 
-    weight_pa: float = 24000.0
-    centre_m: tuple[float, float, float] = (0.040, 0.058, 0.036)
+    weight_pa: float = 30000.0
+    centre_m: tuple[float, float, float] = (0.040, 0.058, 0.034)
     radius_m: float = 0.010
 
 

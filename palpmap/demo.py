@@ -7,7 +7,6 @@ from pathlib import Path
 
 from models.scan import read_scan
 from palpmap.body_model import build_body_model
-from palpmap.comparison import summary
 from palpmap.console import Output
 from palpmap.finding import Finding, matched
 from palpmap.fit import finish_fit, fit_record, fit_study, step_recorder
@@ -22,6 +21,7 @@ from palpmap.scan import (
     scan_record,
     scan_table,
 )
+from palpmap.summary import summary
 
 PRESSES_PER_SIDE = 9
 

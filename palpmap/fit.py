@@ -16,15 +16,16 @@ from identify.noise import Noise, scan_noise
 from identify.optimizers import OPTIMIZERS
 from models.scan import Scan, read_scan, write_scan
 from palpmap.body_model import BodyModel, build_body_model
-from palpmap.comparison import build_finding, summary, write_finding
 from palpmap.console import Output
 from palpmap.finding import Finding
+from palpmap.finding_files import build_finding, write_finding
 from palpmap.fit_figures import near_largest_force
 from palpmap.placement import Placement, place_scan
 from palpmap.recording import Recording
 from palpmap.recording_maps import map_views
 from palpmap.run_folder import RunFolder
 from palpmap.study import Study, load_study, write_study
+from palpmap.summary import summary
 
 MOST_INCLUSIONS = 4
 AXES = {"x_m": 0, "y_m": 1, "z_m": 2}

@@ -17,14 +17,16 @@ from identify.misfit import whitening
 from identify.noise import Noise
 from models.errors import InputError
 from models.scan import Scan, write_scan
-from palpmap.comparison import load_finding, run_compare, summary
+from palpmap.comparison import run_compare
 from palpmap.console import Output
 from palpmap.figure_style import png
 from palpmap.finding import matched, read_truth, study_outline
+from palpmap.finding_files import load_finding
 from palpmap.map_figures import cuts, draw_map, draw_uncertainty, sample
 from palpmap.report import parameter_rows, write_report
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
+from palpmap.summary import summary
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""

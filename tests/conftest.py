@@ -54,7 +54,7 @@ def run_command(tmp_path_factory):
             capture_output=True,
             text=True,
             check=False,
-            timeout=900,
+            timeout=3600,
             cwd=cwd,
         )
         return CommandRun(

@@ -5,9 +5,14 @@ Results go to stdout, progress and errors to stderr, so that `palpmap ... --json
 
 import functools
 import json
+import os
+import shlex
+import shutil
 import sys
+import sysconfig
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from models.errors import InputError
@@ -67,6 +72,16 @@ class Output:
             console=Console(stderr=True),
             disable=self.quiet,
         )
+
+
+def to_type(*words: object) -> str:
+    """Return a palpmap command as it can be typed here, whether or not palpmap is on the path."""
+    program = "palpmap"
+    if shutil.which(program) is None:
+        installed = Path(sysconfig.get_path("scripts")) / program
+        here = Path.cwd()
+        program = os.fspath(installed.relative_to(here) if here in installed.parents else installed)
+    return shlex.join([program, *map(str, words)])
 
 
 def complain(sentence: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from models.scan import read_scan
 from palpmap.body_model import build_body_model
-from palpmap.console import Output
+from palpmap.console import Output, to_type
 from palpmap.finding import Finding, matched
 from palpmap.fit import finish_fit, fit_record, fit_study, step_recorder
 from palpmap.placement import place_scan
@@ -99,7 +99,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         times,
         f"Report:    {escape(str(report))}",
         f"Recording: {escape(str(recorded))}",
-        f"Open it:   {escape(f'palpmap review {run.path}')}",
+        f"Open it:   {escape(to_type('review', run.path))}",
     )
     return passed
 

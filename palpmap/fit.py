@@ -16,7 +16,7 @@ from identify.noise import Noise, scan_noise
 from identify.optimizers import OPTIMIZERS
 from models.scan import Scan, read_scan, write_scan
 from palpmap.body_model import BodyModel, build_body_model
-from palpmap.console import Output
+from palpmap.console import Output, to_type
 from palpmap.finding import Finding
 from palpmap.finding_files import build_finding, write_finding
 from palpmap.fit_figures import near_largest_force
@@ -100,7 +100,7 @@ def run_fit(
             *summary(finding),
             f"Fit: {escape(fit.message)}",
             f"Report: {escape(str(run / 'report.html'))}",
-            f"Recording: {escape(f'palpmap review {run.path}')}",
+            f"Recording: {escape(to_type('review', run.path))}",
         )
     return fit.success
 

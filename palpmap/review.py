@@ -1,10 +1,11 @@
 """`palpmap review`: look at the recording of a run, or say what is in it."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from models.errors import InputError
-from palpmap.console import Output, complain
+from palpmap.console import Output, complain, to_type
 from palpmap.recording_integrity import examine, readable
 from palpmap.rerun_viewer import ViewerError, has_display, open_window, render, viewer_program
 
@@ -72,8 +73,9 @@ def _open(recording: Path, file: Path, output: Output) -> bool:
     if not has_display():
         output.result(
             {"recording": str(recording), "opened": False},
-            f"There is no display here. On a machine with one: {viewer_program()} {recording}\n"
-            f"Without: palpmap review {recording} --png, or --summary",
+            f"There is no display here. On a machine with one: "
+            f"{shlex.join([viewer_program(), str(recording)])}\n"
+            f"Without: {to_type('review', recording, '--png')}, or --summary",
         )
         return True
     output.say(f"showing {recording}; close the window to go on")

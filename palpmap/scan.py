@@ -11,7 +11,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan, write_scan
-from palpmap.console import Output
+from palpmap.console import Output, to_type
 from palpmap.recording import Recording
 from palpmap.recording_frames import Frame as DrawnFrame
 from palpmap.recording_maps import map_views
@@ -95,8 +95,8 @@ def run_scan_command(
     output.result(
         {**record, "run": str(run.path)},
         scan_table(record),
-        f"Next: palpmap fit {escape(str(run / 'study.toml'))}",
-        f"Recording: palpmap review {escape(str(run.path))}",
+        f"Next: {escape(to_type('fit', run / 'study.toml'))}",
+        f"Recording: {escape(to_type('review', run.path))}",
     )
     return record["kept"]
 

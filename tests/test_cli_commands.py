@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from palpmap.__main__ import app
+from palpmap.console import to_type
 
 COMMANDS = ("demo", "paper", "scan", "fit", "compare", "review", "check")
 HEAVY = ("numpy", "scipy", "numba", "mujoco", "pinocchio", "rerun", "pyarrow", "matplotlib")
@@ -86,3 +87,14 @@ def test_a_fault_of_the_user_shows_no_traceback():
     assert result.stderr == (
         "palpmap: missing.toml: no such file, expected a study file (.toml); check the path\n"
     )
+
+
+def test_a_command_to_type_works_off_the_path_and_with_spaces(monkeypatch, tmp_path):
+    scripts = tmp_path / "a venv" / "bin"
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(scripts))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert to_type("review", "a run") == f"'{scripts}/palpmap' review 'a run'"
+    monkeypatch.chdir(tmp_path)
+    assert to_type("review", "run") == "'a venv/bin/palpmap' review run"
+    (tmp_path / "palpmap").touch(mode=0o755)
+    assert to_type("review", "run") == "palpmap review run"

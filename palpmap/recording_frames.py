@@ -15,6 +15,7 @@ SURFACE_BYTES = 18e6  # of drawn shapes of the surface in a recording, before co
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
 _RELEASED = 0.08  # share of the largest force, above its noise, below which the body is released
 _STEADY, _OFF = 0.01, 0.05  # shares: change from frame to frame, and from the drawn shape
+_STEP = 1e-5  # m, to which shapes are rounded: what hardly moves repeats, and takes no space
 _ASIDE = 0.014  # m, by which the arrow stands beside the tip, which would hide it
 _TO_THE_RIGHT = np.array([0.89, -0.46, 0.0])  # as the layout looks at the body
 
@@ -100,7 +101,8 @@ class FrameBatch:
             or (off >= _OFF and pressed and steady.all())
             or (was_pressed and not pressed)
         ):
-            shape = self._rest + np.asarray(frame.surface(), np.float32)
+            moved = np.round(np.asarray(frame.surface(), float) / _STEP) * _STEP
+            shape = self._rest + moved.astype(np.float32)
             self._shapes.append((frame.time_s, shape))
             self._drawn = now
             if self._peak is None or now[0] >= self._peak[0].force_n:

@@ -30,6 +30,7 @@ def minimize_bfgs(
     first_step: float = 0.1,
     max_step: float = 1.0,
     gtol: float = 1e-8,
+    rtol: float = _ROUNDING,
     max_evaluations: int = 200,
     callback: Callback | None = None,
 ) -> OptimizeResult:
@@ -47,8 +48,10 @@ def minimize_bfgs(
     first_step, max_step
         Largest change of a coordinate in the first and in any step.
     gtol
-        Converged when no component of the projected gradient exceeds it (or when what is left to
-        gain is below the rounding of the value).
+        Converged when no component of the projected gradient exceeds it.
+    rtol
+        Converged, too, when a step promises no more than this part of the value; at least its
+        rounding.
     max_evaluations
         Limit of evaluations.
     callback
@@ -72,8 +75,8 @@ def minimize_bfgs(
         length = float(np.abs(direction).max())
         # The first direction has no scale of its own; later ones are only kept from leaping.
         direction *= first_step / length if nit == 0 else min(1.0, max_step / length)
-        if -float(current.gradient @ direction) <= _ROUNDING * abs(current.fun):
-            return search.result(current, nit, 0, "a further decrease would drown in rounding")
+        if -float(current.gradient @ direction) <= max(rtol, _ROUNDING) * abs(current.fun):
+            return search.result(current, nit, 0, "a further decrease would be within rtol")
         after = search.along(current, direction, max_step)
         if after is None:
             if np.array_equal(inverse, np.eye(inverse.shape[0])):
@@ -94,6 +97,7 @@ def minimize_bfgs_residuals(
     *,
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
     ftol: float = 1e-6,
+    rtol: float = 0.0,
     max_evaluations: int = 200,
     callback: Callback | None = None,
 ) -> OptimizeResult:
@@ -112,6 +116,7 @@ def minimize_bfgs_residuals(
         x0,
         bounds=bounds,
         gtol=float(np.sqrt(2 * ftol)),
+        rtol=rtol,
         max_evaluations=max_evaluations,
         callback=callback,
     )

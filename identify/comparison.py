@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from identify.json_record import read_json_record
 from identify.press_residuals import PressResidual
-from models.errors import InputError
 
 SCHEMA = 1
 
@@ -150,28 +150,11 @@ def read_comparison(path: Path) -> Comparison:
     InputError
         The file is missing, is no such record, or was written by a newer version.
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; `palpmap compare` writes it") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: expected a comparison in JSON: {error}") from error
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if not isinstance(schema, int):
-        raise InputError(f"{path}: expected a comparison with a 'schema' number, found none")
-    if schema > SCHEMA:
-        raise InputError(
-            f"{path}: written with schema {schema}, this version reads up to {SCHEMA}; "
-            "update palpmap"
-        )
-    try:
-        return _from_dict(data)
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{path}: not a complete comparison ({error}); write it anew") from error
+    return read_json_record(path, "comparison", "palpmap compare", SCHEMA, _from_dict)
 
 
 def _from_dict(data: dict[str, Any]) -> Comparison:
-    fields = {k: v for k, v in data.items() if k not in ("schema", "chi2_per_dof")}
+    fields = {k: v for k, v in data.items() if k != "chi2_per_dof"}
     for name in ("also_along", "confused_with", "notes"):
         fields[name] = tuple(fields[name])
     fields["tests"] = tuple(Test(**t) for t in fields["tests"])

@@ -10,8 +10,8 @@ import numpy as np
 
 from identify.fit_record import Estimate, Fit, FitIteration
 from identify.gaussian_map import GaussianMap
+from identify.json_record import read_json_record
 from identify.noise import Noise
-from models.errors import InputError
 
 SCHEMA = 1
 
@@ -43,22 +43,7 @@ def write_fit(fit: Fit, path: str | Path) -> None:
 
 def read_fit(path: str | Path) -> Fit:
     """Read a fit that `write_fit` wrote; `InputError` for a newer schema or another file."""
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not a readable fit ({error}); expected a fit.json") from error
-    schema = content.pop("schema", None) if isinstance(content, dict) else None
-    if not isinstance(schema, int):
-        raise InputError(f"{path}: no 'schema' number found; expected a fit.json of palpmap")
-    if schema > SCHEMA:
-        raise InputError(
-            f"{path}: written with schema {schema}, this palpmap reads up to {SCHEMA}: "
-            "use a newer palpmap"
-        )
-    try:
-        return _fit(content)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: damaged fit, cannot use {error}; fit the scan again") from error
+    return read_json_record(path, "fit", "palpmap fit", SCHEMA, _fit)
 
 
 def _fit(content: dict) -> Fit:

@@ -23,6 +23,7 @@ def minimize_gauss_newton(
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
     max_step: float = 1.0,
     ftol: float = 1e-6,
+    rtol: float = 0.0,
     max_evaluations: int = 100,
     callback: Callable[[np.ndarray, float], None] | None = None,
 ) -> OptimizeResult:
@@ -39,9 +40,10 @@ def minimize_gauss_newton(
         Lower and upper (k,).
     max_step
         Largest change of a coordinate in one step.
-    ftol
-        Converged when an undamped step would lower |r|^2 / 2 by no more than this. With whitened
-        residuals, 1e-6 leaves every parameter within about a thousandth of its standard deviation.
+    ftol, rtol
+        Converged when an undamped step would lower |r|^2 / 2 by no more than ftol, or than the
+        part rtol of itself. With whitened residuals, an ftol of 1e-6 leaves every parameter within
+        about a thousandth of its standard deviation.
     max_evaluations
         Limit of evaluations.
     callback
@@ -68,7 +70,7 @@ def minimize_gauss_newton(
         free = free_directions(x, gradient, lower, upper)
         step = _solve(normal, gradient, diagonal, 0.0, free)
         expected = -0.5 * float(gradient @ step)
-        if expected <= ftol:
+        if expected <= max(ftol, rtol * fun):
             return result(0, f"a further step would lower fun by {expected:.1e}, within ftol")
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")

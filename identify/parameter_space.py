@@ -100,8 +100,9 @@ class ParameterSpace:
 def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...]:
     """Describe the parameters of a map in a body with bounding box (2, 3) in m.
 
-    Bounds: a centre lies inside the box; a radius between 1/50 of the body's smallest size and
-    its largest; background and positive weights within a factor of 1000 of their start.
+    Bounds: a centre lies inside the box; a radius between 1/15 of the body's smallest size
+    (less is resolved neither by presses nor by cells) and its largest; the background within a
+    factor of 1000 of its start, positive weights up to 100 backgrounds (more is as good as rigid).
     """
     low, high = np.asarray(box, float)
     size = high - low
@@ -116,14 +117,15 @@ def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...
         weight = inclusion.weight_pa
         name = f"inclusion_{i}"
         hard = weight > 0
-        lower, upper = (weight / 1e3, weight * 1e3) if hard else (-1e3 * background, 0.0)
+        upper = max(100 * background, 2 * weight)
+        lower, upper = (weight / 1e3, upper) if hard else (-1e3 * background, 0.0)
         described.append(Parameter(f"{name}.weight_pa", "Pa", lower, upper, background, log=hard))
         for axis, letter in enumerate("xyz"):
             described.append(
                 Parameter(f"{name}.{letter}_m", "m", low[axis], high[axis], longest, log=False)
             )
         described.append(
-            Parameter(f"{name}.radius_m", "m", shortest / 50, longest, longest, log=True)
+            Parameter(f"{name}.radius_m", "m", shortest / 15, longest, longest, log=True)
         )
     return tuple(described)
 

@@ -25,6 +25,8 @@ Progress = Callable[[FitIteration], None]
 
 # Half of chi-square that is not worth a step: it moves no parameter by more than 0.015 deviations.
 _FTOL = 1e-4
+# Where the model misfits grossly, its minimum is not worth more digits than this.
+_RTOL = 1e-7
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8
@@ -117,6 +119,7 @@ class ScanProblem:
             u,
             bounds=forward.space.bounds,
             ftol=_FTOL,
+            rtol=_RTOL,
             max_evaluations=limit,
             callback=accept,
         )
@@ -186,7 +189,10 @@ class ScanProblem:
             minimum = self.continued(minimum, forward)
             minimum = replace(minimum, nfev=minimum.nfev + 2)
             _, jac = self.jacobian(minimum.forward, minimum.result.x)
-            settled = bool(np.linalg.norm(jac @ (minimum.result.x - before)) < _SETTLED)
+            # Where the model misfits, its parameters scatter more than the noise says.
+            misfit = np.sqrt(max(1.0, 2 * minimum.result.fun / self.table.dof(jac.shape[1])))
+            moved = np.linalg.norm(jac @ (minimum.result.x - before)) / misfit
+            settled = bool(moved < _SETTLED)
             rounds += 1
             if settled or rounds == _FINE_ROUNDS:
                 return Correction(minimum, coarse / corrected - 1, own_error, settled)

@@ -28,22 +28,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
-from fem import half_space
 from fem.assembly import Stiffness, lame
 from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
-from fem.contact_shape import contact_shape, depth_below, height, slope
+from fem.contact_shape import contact_shape
 from fem.mesh import TET_EDGES
-from fem.quadrature import TET_RULES
+from fem.near_field_moments import functions, moments
 
-FUNCTIONS = 4  # v times 1, x, y, z
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
-_TUBE = 0.35  # radius of the polar quadrature around the rim, in tip radii
-_LEAF = 2.0  # largest diameter of a quadrature cell over its distance from the rim
-_TUBE_POINTS = (64, 4, 8)  # around the rim, outwards, across
 
 # lambda_a lambda_b, a <= b: the ten products that span the quadratics of a cell
 _PRODUCTS = np.array([(a, b) for a in range(4) for b in range(a, 4)])
@@ -89,7 +83,7 @@ def enrich(
     cells = _cells_near(mesh.cells, local, radius)
     vertices = local[mesh.cells[cells, :4]]
     shape = contact_shape(surface, contacts.points_m[j], frame, radius)
-    strain, density = _moments(vertices, shape, radius, nu, profile)
+    strain, density = moments(vertices, shape, radius, nu, profile)
     # From moments of the exact field to those against the shape functions and modulus samples
     basis, derivatives = _sample_basis(stiffness), _linear_derivatives(mesh.order)
     gradients = stiffness.gradients[cells] @ frame.T
@@ -113,7 +107,7 @@ def enrich(
     pressed = np.column_stack(
         [disc, surface.under(contacts.points_m[j], frame, disc, radius).depth]
     )
-    exact_pressed = _functions(pressed, shape, radius, nu, profile)
+    exact_pressed = functions(pressed, shape, radius, nu, profile)
     load = np.einsum("p,pm->m", pressure, exact_pressed[:, :, 2])
     touched = np.flatnonzero(weights.any(axis=1))
     nodal = _nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
@@ -167,220 +161,5 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
 def _nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:
     """Values of the functions at the nodes of cells (c, nodes): (m, c, nodes, 3)."""
     used, inverse = np.unique(cells, return_inverse=True)
-    values = _functions(local[used], shape, radius, nu, profile)
+    values = functions(local[used], shape, radius, nu, profile)
     return values[inverse.reshape(cells.shape)].transpose(2, 0, 1, 3)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _functions(points, shape, radius, nu, profile):
-    """Values of the functions at points (p, 3): (p, m, 3)."""
-    values = np.empty((len(points), FUNCTIONS, 3))
-    for p in range(len(points)):
-        x, y = points[p, 0], points[p, 1]
-        depth = depth_below(shape, x, y, points[p, 2], radius)
-        u_x, u_y, u_z = _field(x, y, depth, radius, nu, profile)
-        for m in range(FUNCTIONS):
-            factor = 1.0 if m == 0 else (x, y, depth)[m - 1] / radius
-            values[p, m, 0] = factor * u_x
-            values[p, m, 1] = factor * u_y
-            values[p, m, 2] = factor * u_z
-    return values
-
-
-def _moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, profile: int):
-    """Integrals over each cell of the functions' strain and energy density.
-
-    Cells are cut towards the rim; at the rim itself the points are polar. A smooth partition of
-    unity passes from one to the other, so that neither meets a singular or discontinuous integrand.
-
-    Returns
-    -------
-    strain : (c, m, 6, 10) times lambda_a lambda_b
-    density : (c, m, m, 4) twice the energy density of each pair, times lambda_a
-    """
-    c = len(vertices)
-    strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
-    arguments = (shape, radius, nu, profile, *lame(nu))
-    tube = _TUBE * radius
-    _integrate_cells(vertices, *TET_RULES[5], _LEAF, tube, strain, density, *arguments)
-    points, weights = _tube_points(radius, tube)
-    points[:, 2] += height(shape, points[:, 0], points[:, 1])
-    off = np.abs(points[:, 2]).max() if shape.any() else tube
-    close = np.flatnonzero(_rim_reach(vertices, radius) < max(off, tube) + tube)
-    owner, barycentric = _locate(points, vertices[close])
-    inside = owner >= 0
-    _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
-                      strain, density, *arguments)  # fmt: skip
-    upper = np.triu_indices(FUNCTIONS, 1)
-    density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
-    return strain.reshape(c, 10, FUNCTIONS, 6).transpose(0, 2, 3, 1), density
-
-
-def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
-    """Lower bound of each cell's distance from the rim."""
-    centre = vertices.mean(axis=1)
-    reach = np.linalg.norm(vertices - centre[:, None], axis=2).max(axis=1)
-    return np.hypot(np.hypot(centre[:, 0], centre[:, 1]) - radius, centre[:, 2]) - reach
-
-
-def _tube_points(radius: float, tube: float) -> tuple[np.ndarray, np.ndarray]:
-    around, outwards, across = _TUBE_POINTS
-    angle = 2 * np.pi * (np.arange(around) + 0.5) / around
-    x, wx = np.polynomial.legendre.leggauss(outwards)
-    rho, w_rho = tube * (x + 1) / 2, tube * wx / 2
-    y, wy = np.polynomial.legendre.leggauss(across)
-    phi, w_phi = np.pi * (y + 1) / 2, np.pi * wy / 2
-    angle, rho, phi = np.meshgrid(angle, rho, phi, indexing="ij")
-    r = radius + rho * np.cos(phi)
-    bump = np.vectorize(_bump)(rho / tube)
-    weight = (2 * np.pi / around) * w_rho[None, :, None] * w_phi * r * rho * bump
-    points = np.stack([r * np.cos(angle), r * np.sin(angle), rho * np.sin(phi)], axis=-1)
-    return points.reshape(-1, 3), weight.ravel()
-
-
-def _locate(points: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cell of each point (-1 where none holds it) and barycentric coordinates in it."""
-    inverse = np.linalg.inv(vertices[:, 1:] - vertices[:, :1])  # x - x0 = l (v - v0)
-    owner = np.full(len(points), -1)
-    barycentric = np.zeros((len(points), 4))
-    depth = np.full(len(points), -1e-9)
-    for c in range(len(vertices)):
-        last = (points - vertices[c, 0]) @ inverse[c]
-        full = np.column_stack([1 - last.sum(axis=1), last])
-        better = full.min(axis=1) > depth
-        owner[better], barycentric[better] = c, full[better]
-        depth[better] = full[better].min(axis=1)
-    return owner, barycentric
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _bump(s):
-    """One at the rim, zero from s = 1 on, twice differentiable."""
-    t = min(max(s, 0.0), 1.0)
-    return 1 - t**3 * (10 - 15 * t + 6 * t**2)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _field(x, y, z, radius, nu, profile):
-    r = np.sqrt(x * x + y * y)
-    u_z, u_r = half_space.displacement(r, z, radius, nu, profile)
-    scale = u_r / r if r > 0 else 0.0
-    return scale * x, scale * y, u_z
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu, eps):
-    """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
-    x, y = position[0], position[1]
-    z = depth_below(shape, x, y, position[2], radius)
-    r = np.sqrt(x * x + y * y)
-    zz, zr, rz, rr, tt = half_space.gradient(r, z, radius, nu, profile)
-    cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
-    u_x, u_y, u_z = _field(x, y, z, radius, nu, profile)
-    h_x, h_y = slope(shape, x, y)
-    for m in range(eps.shape[0]):
-        f = 1.0 if m == 0 else (x, y, z)[m - 1] / radius
-        f_x = 1 / radius if m == 1 else 0.0
-        f_y = 1 / radius if m == 2 else 0.0
-        f_z = 1 / radius if m == 3 else 0.0
-        # Derivatives by x and y at constant depth below the paraboloid, and by that depth
-        xz, yz, zz_ = f * rz * cx + f_z * u_x, f * rz * cy + f_z * u_y, f * zz + f_z * u_z
-        off = f * (rr - tt) * cx * cy
-        eps[m, 0] = f * (rr * cx * cx + tt * cy * cy) + f_x * u_x - h_x * xz
-        eps[m, 1] = f * (rr * cy * cy + tt * cx * cx) + f_y * u_y - h_y * yz
-        eps[m, 2] = zz_
-        eps[m, 3] = off + 0.5 * (f_y * u_x + f_x * u_y - h_y * xz - h_x * yz)
-        eps[m, 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
-        eps[m, 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
-    flat = eps.reshape(-1)
-    k = 0
-    for a in range(4):
-        for b in range(a, 4):
-            s = weight * barycentric[a] * barycentric[b]
-            for i in range(flat.size):
-                strain[k, i] += s * flat[i]
-            k += 1
-    for m in range(eps.shape[0]):
-        trace = lam * (eps[m, 0] + eps[m, 1] + eps[m, 2])
-        for n in range(m + 1):
-            value = trace * (eps[n, 0] + eps[n, 1] + eps[n, 2])
-            value += 2 * mu * (
-                eps[m, 0] * eps[n, 0] + eps[m, 1] * eps[n, 1] + eps[m, 2] * eps[n, 2]
-            ) + 4 * mu * (eps[m, 3] * eps[n, 3] + eps[m, 4] * eps[n, 4] + eps[m, 5] * eps[n, 5])
-            for a in range(4):
-                density[m, n, a] += weight * value * barycentric[a]
-
-
-@numba.njit(cache=True, nogil=True)
-def _integrate_points(points, weights, owner, barycentric, strain, density, shape, radius, nu,
-                      profile, lam, mu):  # fmt: skip
-    eps = np.empty((density.shape[1], 6))
-    for p in range(len(points)):
-        c = owner[p]
-        _add(points[p], weights[p], barycentric[p], strain[c], density[c], shape, radius, nu,
-             profile, lam, mu, eps)  # fmt: skip
-
-
-@numba.njit(cache=True, nogil=True)
-def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, shape,
-                     radius, nu, profile, lam, mu):  # fmt: skip
-    eps = np.empty((density.shape[1], 6))
-    stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
-    corners = np.empty((10, 4))
-    barycentric = np.empty(4)
-    position = np.empty(3)
-    centre = np.empty(3)
-    children = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3],
-                         [4, 6, 7, 8], [4, 6, 5, 8], [6, 7, 8, 9], [6, 5, 8, 9]])  # fmt: skip
-    for c in range(len(vertices)):
-        v = vertices[c]
-        whole = abs(np.linalg.det(v[1:] - v[:1])) / 6
-        stack[0] = np.eye(4)
-        volume = np.empty(256)
-        volume[0] = whole
-        top = 1
-        while top > 0:
-            top -= 1
-            piece = stack[top].copy()
-            size = volume[top]
-            places = piece @ v
-            diameter = 0.0
-            for a in range(3):
-                centre[a] = places[:, a].mean()
-            for a in range(4):
-                diameter = max(diameter, 2 * np.linalg.norm(places[a] - centre))
-            away = _rim_distance(centre, shape, radius)
-            if diameter > leaf * max(away, 0.5 * tube):
-                corners[:4] = piece
-                corners[4] = (piece[0] + piece[1]) / 2
-                corners[5] = (piece[1] + piece[2]) / 2
-                corners[6] = (piece[0] + piece[2]) / 2
-                corners[7] = (piece[0] + piece[3]) / 2
-                corners[8] = (piece[1] + piece[3]) / 2
-                corners[9] = (piece[2] + piece[3]) / 2
-                for k in range(8):
-                    for a in range(4):
-                        stack[top, a] = corners[children[k, a]]
-                    volume[top] = size / 8
-                    top += 1
-                continue
-            for q in range(len(rule_weights)):
-                for a in range(4):
-                    barycentric[a] = 0.0
-                    for b in range(4):
-                        barycentric[a] += rule_points[q, b] * piece[b, a]
-                for a in range(3):
-                    position[a] = 0.0
-                    for b in range(4):
-                        position[a] += barycentric[b] * v[b, a]
-                w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
-                if w > 0:
-                    _add(position, w * size * rule_weights[q], barycentric, strain[c], density[c],
-                         shape, radius, nu, profile, lam, mu, eps)  # fmt: skip
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _rim_distance(p, shape, radius):
-    out = np.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
-    depth = p[2] - height(shape, p[0], p[1])
-    return np.sqrt(out * out + depth * depth)

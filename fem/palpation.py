@@ -19,7 +19,8 @@ from fem.assembly import Stiffness
 from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.errors import SolverError
 from fem.mesh import Mesh
-from fem.near_field import FUNCTIONS, Enrichment, enrich
+from fem.near_field import Enrichment, enrich
+from fem.near_field_moments import FUNCTIONS
 from fem.solver import Solver, default_solver
 
 _GROUP = 16  # presses whose near fields are solved together

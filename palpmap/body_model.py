@@ -11,7 +11,7 @@ from palpmap.study import Study
 
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 REFINEMENT = 1.5
-SURFACE_EDGES = (10, 14)  # edges along the cube root of the volume of a closed surface
+SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ def test_arrays_of_unequal_length_make_no_scan():
         small_scan(force_n=np.ones(6))
     with pytest.raises(ValueError, match=r"point_m has shape \(7, 2\), expected \(7, 3\)"):
         small_scan(point_m=np.ones((7, 2)))
-    with pytest.raises(ValueError, match="phase holds {'wait'}, expected"):
+    with pytest.raises(ValueError, match=r"phase holds \{'wait'\}, expected"):
         small_scan(phase=["load"] * 6 + ["wait"])
     with pytest.raises(ValueError, match="press ids fall"):
         small_scan(press=[7, 7, 7, 3, 3, 3, 3])

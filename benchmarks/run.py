@@ -1,6 +1,6 @@
 """Runs the benchmarks and writes their tables into the README, between its markers.
 
-`make bench` runs all, `python benchmarks/run.py accuracy` one. About four minutes on two cores.
+`make bench` runs all, `python benchmarks/run.py accuracy` one. About six minutes on two cores.
 """
 
 from __future__ import annotations
@@ -14,13 +14,19 @@ from importlib.metadata import version
 from pathlib import Path
 
 import accuracy
+import demo_run
 import paper_tests
 import solver
 
 from fem import default_solver
 
 README = Path(__file__).parent.parent / "README.md"
-BENCHMARKS = {"solver": solver.table, "accuracy": accuracy.table, "paper": paper_tests.table}
+BENCHMARKS = {
+    "demo": demo_run.table,
+    "solver": solver.table,
+    "accuracy": accuracy.table,
+    "paper": paper_tests.table,
+}
 
 
 def machine() -> str:

@@ -22,13 +22,15 @@ class BodyModel:
     ----------
     search : quick, without the near field of the presses: starts are tried on it
     coarse : with near field and derivatives; the fit corrects it towards `fine`
-    fine : two meshes extrapolated, right to about 0.1 %; see `fem.refined`
+    fine : of a block two meshes extrapolated, right to about 0.1 %, see `fem.refined`; of a closed
+        surface the finer mesh as it is, right to about 0.3 %: the meshes of one surface differ at
+        random (each cuts its corners elsewhere), so that an extrapolation would add to the error
     note : what stands in for what, for the reader of a report; empty where nothing does
     """
 
     search: PalpationModel
     coarse: PalpationModel
-    fine: RefinedModel
+    fine: PalpationModel | RefinedModel
     note: str
 
 
@@ -57,7 +59,8 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     nu = study.body.poisson_ratio
     search = PalpationModel(meshes[0], nu, contacts, near_field=False)
     coarse, finer = (PalpationModel(mesh, nu, contacts) for mesh in meshes)
-    return BodyModel(search, coarse, RefinedModel(coarse, finer), note)
+    fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
+    return BodyModel(search, coarse, fine, note)
 
 
 def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:

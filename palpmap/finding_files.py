@@ -36,17 +36,19 @@ def build_finding(
     placement = place_scan(read_scan(study.scan, study.study.units_checked), study)
     truth = run / "truth.json"
     runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
+    outline, used = study_outline(study), placement.scan.used()
+    height_m = float(outline.upper_m[2] - outline.lower_m[2])
     return Finding(
         name=study.name,
         fit=fit,
-        scan=placement.scan.used(),
+        scan=used,
         comparison=compare(fit, placement.scan),
-        outline=study_outline(study),
+        outline=outline,
         truth=read_truth(truth) if truth.is_file() else None,
         origin_m=placement.origin_m,
         stage_s=dict(stage_s or {}),
         how=how_made(runs),
-        limits=limits_of(fit, study, placement.scan.used().displacement_m),
+        limits=limits_of(fit, study, used.displacement_m, height_m),
     )
 
 

@@ -140,7 +140,7 @@ def make_scan(folder: Path, points: np.ndarray, directions: np.ndarray, seed: in
 
 def main() -> None:
     """Write the example's files."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Write organ.stl and its scan.")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
@@ -155,7 +155,7 @@ def main() -> None:
     )
     (folder / "study.toml").write_text(text, encoding="utf-8")
     inclusions = [vars(inclusion) for inclusion in TRUTH.inclusions]
-    truth = {"body": {"background_pa": TRUTH.background_pa, "inclusions": inclusions}}
+    truth = {"schema": 1, "body": {"background_pa": TRUTH.background_pa, "inclusions": inclusions}}
     (folder / "truth.json").write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 
 

@@ -22,6 +22,7 @@ from identify.fit_record import Estimate, Fit, FitIteration
 from identify.forward import Forward, compliance
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
+from identify.intervals import intervals
 from identify.misfit import press_table, whitening
 from identify.noise import Noise, scan_noise
 from identify.optimizers import Optimizer
@@ -33,7 +34,6 @@ from models.scan import Scan
 
 __all__ = ["Estimate", "Fit", "FitIteration", "fit_scan"]
 
-_NORMAL_95 = 1.959964
 # No interval reaches further than this in scaled coordinates: exp stays finite.
 _WIDEST = 50.0
 
@@ -131,12 +131,14 @@ def _record(
     u, space = minimum.result.x, minimum.forward.space
     found, gradient = minimum.forward.evaluate(u)
     jac = problem.whitened(found, gradient)
-    scaled_covariance = covariance(jac)
+    noise_alone = covariance(jac)
+    scaled_covariance = noise_alone
     if correction is not None:
         _, by_compliance = problem.table.residuals(found, problem.noise)
         shift = by_compliance * (found * correction.own_error)[:, None]
         by_press = jac.reshape(*shift.shape, -1)
         scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, by_press, shift)
+    ends, spent = intervals(problem, minimum, scaled_covariance, noise_alone)
     slope = space.slope(u)
     c = found[rows.press_index]
     residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
@@ -145,7 +147,7 @@ def _record(
     settled = correction is None or correction.settled
     return Fit(
         map=minimum.map,
-        parameters=_estimates(space, u, scaled_covariance),
+        parameters=_estimates(space, u, scaled_covariance, ends),
         covariance_names=space.free_names,
         covariance=scaled_covariance * np.outer(slope, slope),
         noise=problem.noise,
@@ -165,13 +167,13 @@ def _record(
         rms_m=float(np.sqrt(np.mean(residual**2))),
         success=minimum.result.success and settled,
         message=_message(minimum, chi2 / dof, dof, settled),
-        nfev=minimum.nfev + 1,
+        nfev=minimum.nfev + 1 + spent,
         model_error=None if correction is None else correction.own_error,
     )
 
 
 def _estimates(
-    space: ParameterSpace, u: np.ndarray, scaled_covariance: np.ndarray
+    space: ParameterSpace, u: np.ndarray, scaled_covariance: np.ndarray, ends: np.ndarray
 ) -> dict[str, Estimate]:
     """Value, deviation and interval of every parameter of the map, free or fixed."""
     values = space.to_map(u).values
@@ -184,10 +186,10 @@ def _estimates(
             estimates[parameter.name] = Estimate(value, 0.0, parameter.unit, value, value, False)
             continue
         position = space.free.index(i)
-        reach = min(_NORMAL_95 * float(deviation[position]), _WIDEST)
-        ends = [parameter.to_value(float(u[position]) + side * reach) for side in (-1, 1)]
+        low, high = np.clip(ends[position] - u[position], -_WIDEST, _WIDEST) + u[position]
+        between = [parameter.to_value(float(end)) for end in (low, high)]
         std = float(deviation[position] * slope[position])
-        estimates[parameter.name] = Estimate(value, std, parameter.unit, *ends, free=True)
+        estimates[parameter.name] = Estimate(value, std, parameter.unit, *between, free=True)
     return estimates
 
 

@@ -6,7 +6,7 @@ from palpmap.console import Output
 
 def demo(
     out: Out = None,
-    seed: Seed = 0,
+    seed: Seed = 2,
     paper_force: PaperForce = False,
     quiet: Quiet = False,
     json: Json = False,

@@ -26,7 +26,7 @@ Progress = Callable[[FitIteration], None]
 # Half of chi-square that is not worth a step: it moves no parameter by more than 0.015 deviations.
 _FTOL = 1e-4
 # Where the model misfits grossly, its minimum is not worth more digits than this.
-_RTOL = 1e-7
+_RTOL = 1e-8
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8

@@ -268,7 +268,6 @@ def test_a_fixed_parameter_keeps_its_value_and_has_no_deviation(twin):
 def test_intervals_of_positive_parameters_are_lopsided_and_positive(twin_fit):
     weight = twin_fit.parameters["inclusion_1.weight_pa"]
     assert 0 < weight.lower95 < weight.value < weight.upper95
-    assert weight.value**2 == pytest.approx(weight.lower95 * weight.upper95)
     assert weight.upper95 - weight.value > weight.value - weight.lower95
 
 

@@ -15,7 +15,9 @@ def limits_of(
     limits = [
         "The map is a background and Gaussian inclusions; other shapes are only approximated.",
         f"Poisson's ratio {study.body.poisson_ratio:g} was given, not found.",
-        "The intervals count the noise only, not what the model leaves out.",
+        "The intervals count the noise"
+        + ("" if fit.model_error is None else " and the mesh's own error")
+        + ", not physics that the model leaves out.",
     ]
     deepest = float(np.max(displacement_m))
     share = deepest / height_m
@@ -39,8 +41,8 @@ def limits_of(
     if fit.discretization_error is not None:
         largest = float(np.max(np.abs(fit.discretization_error)))
         limits.append(
-            f"The coarse model is off the finer one by up to {100 * largest:.2g} %; this was "
-            "corrected, the finer one's own error was not."
+            f"The coarse mesh is off the finer model by up to {100 * largest:.2g} %; this was "
+            "corrected, and what the finer one may be off by itself widens the intervals."
         )
     else:
         limits.append("No finer model was compared: the mesh's own error is not counted.")

@@ -136,7 +136,7 @@ def test_fit_json_says_what_the_command_said(demo):
 
 def test_run_json_says_how_the_run_was_made(demo):
     (entry,) = json.loads((demo.folder / "run.json").read_text())["runs"]
-    assert (entry["command"], entry["seed"], entry["outcome"]) == ("demo", 0, "done")
+    assert (entry["command"], entry["seed"], entry["outcome"]) == ("demo", 2, "done")
     assert entry["settings"]["force_n"] == demo.record["scan"]["force_n"]
     assert entry["versions"]["mujoco"].startswith("4.")
     assert "not installed" not in {entry["versions"][p] for p in ("numpy", "pin", "rerun-sdk")}

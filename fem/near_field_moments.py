@@ -92,14 +92,26 @@ def _locate(points: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.nd
     inverse = np.linalg.inv(vertices[:, 1:] - vertices[:, :1])  # x - x0 = l (v - v0)
     owner = np.full(len(points), -1)
     barycentric = np.zeros((len(points), 4))
-    depth = np.full(len(points), -1e-9)
-    for c in range(len(vertices)):
-        last = (points - vertices[c, 0]) @ inverse[c]
-        full = np.column_stack([1 - last.sum(axis=1), last])
-        better = full.min(axis=1) > depth
-        owner[better], barycentric[better] = c, full[better]
-        depth[better] = full[better].min(axis=1)
+    _search(points, vertices, inverse, owner, barycentric)
     return owner, barycentric
+
+
+@numba.njit(cache=True, nogil=True)
+def _search(points, vertices, inverse, owner, barycentric):
+    place = np.empty(4)
+    for p in range(len(points)):
+        deepest = -1e-9
+        for c in range(len(vertices)):
+            place[0] = 1.0
+            for a in range(3):
+                place[a + 1] = 0.0
+                for i in range(3):
+                    place[a + 1] += (points[p, i] - vertices[c, 0, i]) * inverse[c, i, a]
+                place[0] -= place[a + 1]
+            smallest = min(place[0], place[1], place[2], place[3])
+            if smallest > deepest:
+                deepest, owner[p] = smallest, c
+                barycentric[p] = place
 
 
 @numba.njit(cache=True, error_model="numpy")

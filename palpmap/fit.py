@@ -82,14 +82,14 @@ def run_fit(
         ):
             task = progress.add_task("meshing the body", total=None)
             body = build_body_model(known, placement.scan.used())
-            record_scan(recording, body, placement.scan.used())
+            surface = record_scan(recording, body, placement.scan.used())
             progress.update(task, description="fitting the map")
             fit = fit_study(
                 known,
                 placement,
                 body,
                 optimizer,
-                step_recorder(recording, body, lambda: progress.advance(task)),
+                step_recorder(recording, body, lambda: progress.advance(task), surface),
             )
             progress.update(task, description="comparing and drawing")
             finding = finish_fit(run.path, known, fit, body, recording)
@@ -169,8 +169,11 @@ def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
     return best
 
 
-def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> None:
-    """Put the body and the presses of a scan from file into a recording."""
+def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray:
+    """Put the body and the presses of a scan from file into a recording.
+
+    Returns the vertices (n, 3) m of the body's surface, to be coloured by the estimate.
+    """
     mesh = body.search.mesh
     triangles = mesh.boundary[:, :3]
     used, local = np.unique(triangles, return_inverse=True)
@@ -178,6 +181,7 @@ def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> None:
     last = deepest_rows(scan)
     times = scan.time_s[last] if scan.has_time else None
     recording.measured(scan.press_ids, scan.contact_points, scan.displacement_m[last], times)
+    return mesh.nodes[used]
 
 
 def deepest_rows(scan: Scan) -> np.ndarray:

@@ -189,10 +189,11 @@ class ScanProblem:
             minimum = self.continued(minimum, forward)
             minimum = replace(minimum, nfev=minimum.nfev + 2)
             _, jac = self.jacobian(minimum.forward, minimum.result.x)
-            # Where the model misfits, its parameters scatter more than the noise says.
+            # Where the model misfits, its parameters scatter more than the noise says, and the more
+            # so the less another round is worth.
             misfit = np.sqrt(max(1.0, 2 * minimum.result.fun / self.table.dof(jac.shape[1])))
             moved = np.linalg.norm(jac @ (minimum.result.x - before)) / misfit
-            settled = bool(moved < _SETTLED)
+            settled = bool(moved < _SETTLED * min(misfit, 10.0))
             rounds += 1
             if settled or rounds == _FINE_ROUNDS:
                 return Correction(minimum, coarse / corrected - 1, own_error, settled)

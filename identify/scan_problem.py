@@ -30,6 +30,8 @@ _RTOL = 1e-8
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8
+# A misfit of so many times the noise is not the mesh's: few rounds then do.
+_GROSS, _GROSS_ROUNDS = 5.0, 2
 # A round of defect correction that moves the estimate by fewer standard deviations is the last.
 _SETTLED = 0.03
 
@@ -195,5 +197,5 @@ class ScanProblem:
             moved = np.linalg.norm(jac @ (minimum.result.x - before)) / misfit
             settled = bool(moved < _SETTLED * min(misfit, 10.0))
             rounds += 1
-            if settled or rounds == _FINE_ROUNDS:
+            if settled or rounds == (_FINE_ROUNDS if misfit < _GROSS else _GROSS_ROUNDS):
                 return Correction(minimum, coarse / corrected - 1, own_error, settled)

@@ -164,7 +164,7 @@ def test_the_report_says_what_was_found_and_how(done):
     text = "".join(Page((done[0] / "report.html").read_text(encoding="utf-8")).text)
     for words in (
         "5.02 kPa", "4.96 to 5.08 kPa", "held fixed", "seed 7", "optimizer = gauss-newton",
-        "Poisson's ratio 0.45 was given", "off the finer one by up to 3 %", "SHA-256",
+        "Poisson's ratio 0.45 was given", "off the finer model by up to 3 %", "SHA-256",
     ):  # fmt: skip
         assert words in text
 

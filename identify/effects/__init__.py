@@ -1,0 +1,1 @@
+"""The catalogue of physical effects that a palpation model may lack, one file an effect."""

@@ -1,0 +1,116 @@
+"""What an effect may see of a scan: its used rows in the order in which they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from models.scan import Scan
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The m used rows of a scan of j presses; arrays are not to be written to.
+
+    Attributes
+    ----------
+    press : (m,) index of the press, 0..j-1, in the order of the table
+    order : (j,) place of each press in the order in which they were made, 0..j-1
+    time_s : (m,) absolute time, or None where the scan has none
+    phase : (m,) "load", "hold" or "unload"
+    point_m, direction : (m, 3) contact point and unit direction of pressing
+    force_n : (m,) as the sensor read it
+    radius_m : (m,) of the probe
+    """
+
+    press: np.ndarray
+    order: np.ndarray
+    time_s: np.ndarray | None
+    phase: np.ndarray
+    point_m: np.ndarray
+    direction: np.ndarray
+    force_n: np.ndarray
+    radius_m: np.ndarray
+
+    @classmethod
+    def of(cls, scan: Scan) -> Readings:
+        """Return the readings of a scan's used rows (placed in the body's frame)."""
+        rows = scan.used()
+        return cls(
+            press=rows.press_index,
+            order=np.argsort(np.argsort(rows.press_ids)),
+            time_s=rows.time_s if rows.has_time else None,
+            phase=rows.phase,
+            point_m=rows.point_m,
+            direction=rows.direction,
+            force_n=rows.force_n,
+            radius_m=rows.probe_radius_m,
+        )
+
+    def __len__(self) -> int:
+        return len(self.press)
+
+    @property
+    def presses(self) -> int:
+        """Number of presses j."""
+        return len(self.order)
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """Row of each press's first reading, (j,)."""
+        return np.searchsorted(self.press, np.arange(self.presses))
+
+    @cached_property
+    def peak_force_n(self) -> np.ndarray:
+        """Largest force of each reading's press, (m,) N: the mean of its hold, if it has one."""
+        peak = np.full(self.presses, -np.inf)
+        np.maximum.at(peak, self.press, self.force_n)
+        held = self.phase == "hold"
+        count = np.bincount(self.press[held], minlength=self.presses)
+        total = np.bincount(self.press[held], self.force_n[held], minlength=self.presses)
+        mean = total / np.maximum(count, 1)
+        return np.where(count > 0, mean, peak)[self.press]
+
+    @cached_property
+    def touch_time_s(self) -> np.ndarray:
+        """Time of first touch of each press, (j,) s: its first ramp continued back to no force.
+
+        Never earlier than one sampling step before the first reading.
+        """
+        assert self.time_s is not None
+        touch = np.empty(self.presses)
+        for j, start in enumerate(self.first):
+            end = self.first[j + 1] if j + 1 < self.presses else len(self)
+            rows = slice(start, min(start + 4, end))
+            t, f = self.time_s[rows], self.force_n[rows]
+            step = t[1] - t[0] if len(t) > 1 else 0.0
+            slope = np.polyfit(t - t[0], f, 1)[0] if np.ptp(t) > 0 else 0.0
+            back = f[0] / slope if slope > 0 else step
+            touch[j] = t[0] - np.clip(back, 0.0, step)
+        return touch
+
+    def lacks(self, needs: Iterable[str]) -> str | None:
+        """Say what of the needs the scan does not have, or None."""
+        loaded = self.phase == "load"
+        have = {
+            "time": self.time_s is not None,
+            "unloading": bool(np.any(self.phase == "unload")),
+            "hold": bool(np.any(self.phase == "hold")),
+            "several forces": bool(
+                np.ptp(self.force_n) > 0.2 * max(np.abs(self.force_n).max(), 1e-300)
+                and loaded.any()
+            ),
+            "several presses": self.presses >= 8,
+        }
+        says = {
+            "time": "the scan has no time stamps",
+            "unloading": "the scan has no unloading",
+            "hold": "the scan has no hold",
+            "several forces": "all readings were made at nearly one force",
+            "several presses": f"the scan has only {self.presses} presses, 8 are needed",
+        }
+        missing = [says[need] for need in needs if not have[need]]
+        return "; ".join(missing) if missing else None

@@ -19,6 +19,11 @@ class Bump:
     centre_m: tuple[float, float, float]
     radius_m: float
 
+    def added_pa(self, points_m: np.ndarray) -> np.ndarray:
+        """Addition to the modulus at points (p, 3), (p,) Pa."""
+        square = np.sum((points_m - np.array(self.centre_m)) ** 2, axis=1)
+        return self.weight_pa * np.exp(-square / (2.0 * self.radius_m**2))
+
 
 @dataclass(frozen=True)
 class BodyState:
@@ -28,6 +33,7 @@ class BodyState:
     ----------
     box_m : (2, 3) bounding box of the undeformed body, m; z is up, the base at its bottom
     poisson_ratio : of the whole body
+    background_pa : modulus that sizes of additions are measured against, where it is known
     bumps : inclusions beside those of the map
     factors : each takes points (p, 3) in m and returns (p,) factors on the modulus
     fibre_share, fibre_angle_rad : fibres lie in the x-y plane at this angle to x; they add the
@@ -39,6 +45,7 @@ class BodyState:
 
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]]
     poisson_ratio: float
+    background_pa: float | None = None
     bumps: tuple[Bump, ...] = ()
     factors: tuple[Field, ...] = ()
     fibre_share: float = 0.0
@@ -52,6 +59,20 @@ class BodyState:
     def changed(self, **changes: Any) -> BodyState:
         """Return a copy with some attributes replaced."""
         return replace(self, **changes)
+
+    def factor(self, points_m: np.ndarray) -> np.ndarray:
+        """Product of the factors on the modulus at points (p, 3), (p,)."""
+        product = np.ones(len(points_m))
+        for factor in self.factors:
+            product = product * factor(points_m)
+        return product
+
+    def added_pa(self, points_m: np.ndarray) -> np.ndarray:
+        """Sum of the bumps at points (p, 3), (p,) Pa; the factors act on it as on the map."""
+        total = np.zeros(len(points_m))
+        for bump in self.bumps:
+            total = total + bump.added_pa(points_m)
+        return total
 
     @property
     def height_m(self) -> float:

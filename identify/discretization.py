@@ -12,8 +12,7 @@ import numpy as np
 
 from fem import PalpationModel, RefinedModel
 from fem.refined import RATE
-from identify.forward import positive_modulus
-from identify.gaussian_map import GaussianMap
+from identify.forward import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
 
@@ -21,7 +20,7 @@ _LEFT_BY_EXTRAPOLATION = 0.5
 
 
 def fine_compliance(
-    fine: FineModel, stiffness: GaussianMap, coarse: PalpationModel, coarse_compliance: np.ndarray
+    fine: FineModel, stiffness: ModulusField, coarse: PalpationModel, coarse_compliance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the finer model's compliance (j,) m/N and its own relative error (j,), signed."""
     modulus = positive_modulus(stiffness, fine.points_m)

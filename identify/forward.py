@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from fem import PalpationModel
-from identify.gaussian_map import GaussianMap
 from identify.optimize_result import InadmissibleError
 from identify.parameter_space import ParameterSpace
+
+
+class ModulusField(Protocol):
+    """Young's modulus as a function of place."""
+
+    def modulus(self, points: np.ndarray, /) -> np.ndarray:
+        """Young's modulus (p,) in Pa at points (p, 3) in m."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -36,12 +44,12 @@ class Forward:
         return self.ratio * response.compliance, gradient
 
 
-def compliance(model: PalpationModel, stiffness: GaussianMap) -> np.ndarray:
+def compliance(model: PalpationModel, stiffness: ModulusField) -> np.ndarray:
     """Compliance (j,) of the model's presses for a map, m/N."""
     return model.evaluate(positive_modulus(stiffness, model.points_m)).compliance
 
 
-def positive_modulus(stiffness: GaussianMap, points: np.ndarray) -> np.ndarray:
+def positive_modulus(stiffness: ModulusField, points: np.ndarray) -> np.ndarray:
     """Modulus (p,) of a map at points (p, 3); raises `InadmissibleError` where it is <= 0."""
     modulus = stiffness.modulus(points)
     worst = int(np.argmin(modulus))

@@ -64,15 +64,54 @@ class Readings:
         return np.searchsorted(self.press, np.arange(self.presses))
 
     @cached_property
-    def peak_force_n(self) -> np.ndarray:
+    def layers(self) -> tuple[np.ndarray, ...]:
+        """Rows of all presses' first readings, of their second ones, and so on."""
+        place = np.arange(len(self)) - self.first[self.press]
+        by_place = np.argsort(place, kind="stable")
+        return tuple(np.split(by_place, np.cumsum(np.bincount(place))[:-1]))
+
+    def peak_of(self, force_n: np.ndarray) -> np.ndarray:
         """Largest force of each reading's press, (m,) N: the mean of its hold, if it has one."""
         peak = np.full(self.presses, -np.inf)
-        np.maximum.at(peak, self.press, self.force_n)
+        np.maximum.at(peak, self.press, force_n)
         held = self.phase == "hold"
         count = np.bincount(self.press[held], minlength=self.presses)
-        total = np.bincount(self.press[held], self.force_n[held], minlength=self.presses)
+        total = np.bincount(self.press[held], force_n[held], minlength=self.presses)
         mean = total / np.maximum(count, 1)
         return np.where(count > 0, mean, peak)[self.press]
+
+    @cached_property
+    def peak_force_n(self) -> np.ndarray:
+        """`peak_of` the force that the sensor read, (m,) N."""
+        return self.peak_of(self.force_n)
+
+    @cached_property
+    def largest_force_n(self) -> float:
+        """Largest peak force of the scan."""
+        return float(self.peak_force_n.max())
+
+    @cached_property
+    def elapsed_s(self) -> np.ndarray:
+        """Time since the scan's first reading, (m,) s."""
+        return self.timed_s - self.timed_s[0]
+
+    @property
+    def timed_s(self) -> np.ndarray:
+        """`time_s` of a scan that has it; raises ValueError for one that has none."""
+        if self.time_s is None:
+            raise ValueError("the scan has no time stamps")
+        return self.time_s
+
+    @cached_property
+    def sampling_step_s(self) -> float:
+        """Median time between two readings of a press."""
+        return float(np.median(np.diff(self.timed_s)[np.diff(self.press) == 0]))
+
+    @cached_property
+    def press_length_s(self) -> float:
+        """Median time from the first to the last reading of a press."""
+        last = np.append(self.first[1:], len(self)) - 1
+        return float(np.median(self.timed_s[last] - self.timed_s[self.first]))
 
     @cached_property
     def touch_time_s(self) -> np.ndarray:
@@ -80,12 +119,12 @@ class Readings:
 
         Never earlier than one sampling step before the first reading.
         """
-        assert self.time_s is not None
+        time_s = self.timed_s
         touch = np.empty(self.presses)
         for j, start in enumerate(self.first):
             end = self.first[j + 1] if j + 1 < self.presses else len(self)
             rows = slice(start, min(start + 4, end))
-            t, f = self.time_s[rows], self.force_n[rows]
+            t, f = time_s[rows], self.force_n[rows]
             step = t[1] - t[0] if len(t) > 1 else 0.0
             slope = np.polyfit(t - t[0], f, 1)[0] if np.ptp(t) > 0 else 0.0
             back = f[0] / slope if slope > 0 else step

@@ -28,6 +28,14 @@ Link = Literal["body", "contact", "response", "instrument"]
 # What an effect may need of a scan, in the words of the sentence that says it is not there.
 Need = Literal["time", "unloading", "hold", "several forces", "several presses"]
 Values = Mapping[str, float]
+Hook = Literal["force", "body", "contact", "response", "reading"]
+HOOKS: Mapping[Link, tuple[Hook, ...]] = {
+    "body": ("body",),
+    "contact": ("contact",),
+    "response": ("response",),
+    "instrument": ("force", "reading"),
+}
+Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -58,15 +66,21 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class WorkedExample:
-    """An effect at work on numbers that can be followed by hand.
+    """An effect at work on numbers that can be followed by hand; `worked_example.work` does it.
 
-    `values` by parameter; the hook's `inputs` in words and numbers, `expected` what comes out.
-    Checked by `Effect.work(example)`.
+    Attributes
+    ----------
+    says : the reckoning in words
+    values : of all parameters
+    given : what goes into the hook, by name (`travel_m`, `time_s`, `phase`, ...). A single number
+        stands for all readings
+    expected : what must come out, by name; checked to a relative 1e-4
     """
 
+    says: str
     values: Values
-    inputs: Mapping[str, tuple[float, ...]]
-    expected: tuple[float, ...]
+    given: Mapping[str, Given]
+    expected: Mapping[str, float | tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -98,7 +112,7 @@ class Effect:
     cure : what in the experiment would avoid or separate it, one sentence
     parameters : amplitudes (with a null) first, then shape parameters (null None)
     needs : what the scan must have for it to be testable
-    alters_history : whether a response depends on earlier readings of the press
+    contains : names of effects that are special cases of this one
     examples : at least one, away from the null
     """
 
@@ -112,6 +126,7 @@ class Effect:
     cure: ClassVar[str]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     needs: ClassVar[tuple[Need, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
     # ---- hooks; override one -------------------------------------------------------------
@@ -172,6 +187,12 @@ class Effect:
         return readings.lacks(self.needs)
 
     # ---- conveniences --------------------------------------------------------------------
+
+    @property
+    def hooks(self) -> tuple[Hook, ...]:
+        """The hooks that the effect overrides: one, if it is well made."""
+        every: tuple[Hook, ...] = ("force", "body", "contact", "response", "reading")
+        return tuple(h for h in every if getattr(type(self), h) is not getattr(Effect, h))
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:

@@ -1,0 +1,230 @@
+"""Compliance of every press on a body as the effects have changed it, with its derivatives.
+
+The finite element model gives C (j,) for a modulus field and dC_j/dE at its samples; a body effect
+changes the field, the law or the support (`BodyState`). Small changes of a state are carried over
+to first order by the same sensitivities (`BodyResponse.change`), which is all that a score test
+needs; a fit evaluates the changed state itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fem import PalpationModel
+from fem.palpation import Response
+from identify.body_state import BodyState
+from identify.discretization import FineModel, fine_compliance
+from identify.forward import positive_modulus
+from identify.gaussian_map import GaussianMap
+from identify.optimize_result import InadmissibleError
+
+# Poisson ratios at which models are built; C is interpolated between the nearest three.
+_NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49])
+_LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
+_NU_STEP = 0.01
+
+
+@dataclass(frozen=True)
+class BodyResponse:
+    """Compliances of the j presses for a map of k parameters and a state.
+
+    Attributes
+    ----------
+    compliance : (j,) m/N
+    by_map : (j, k) its derivative by the map's parameters, in their units
+    local_modulus : (j,) Young's modulus under each tip, Pa
+    local_by_map : (j, k)
+    """
+
+    compliance: np.ndarray
+    by_map: np.ndarray
+    local_modulus: np.ndarray
+    local_by_map: np.ndarray
+    _mechanics: BodyMechanics
+    _map: GaussianMap
+    _state: BodyState
+    _response: Response
+    _scale: np.ndarray  # (j,) what the finite elements' own compliance is multiplied by
+
+    def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
+        own, points = self._mechanics, self._mechanics.coarse.points_m
+        change = np.zeros_like(self.compliance)
+        local = np.zeros_like(change)
+        if (state.bumps, state.factors) != (self._state.bumps, self._state.factors):
+            moved = modulus_of(self._map, state, points) - modulus_of(
+                self._map, self._state, points
+            )
+            change += self._scale * (self._response.sensitivity @ moved)
+            local = modulus_of(self._map, state, own.local_points) - self.local_modulus
+        if state.poisson_ratio != self._state.poisson_ratio:
+            step = state.poisson_ratio - self._state.poisson_ratio
+            change += step * self._by_poisson_ratio()
+        if state.mesh_error_share != self._state.mesh_error_share:
+            step = state.mesh_error_share - self._state.mesh_error_share
+            change += step * own.model_error * self.compliance
+        change += own.linear_changes(self._response, self._map, self._state, state, self._scale)
+        return change, local
+
+    def changes(self, moduli: np.ndarray) -> np.ndarray:
+        """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
+        return self._scale[:, None] * (self._response.sensitivity @ moduli)
+
+    def _by_poisson_ratio(self) -> np.ndarray:
+        """Difference quotient towards the compressible side, (j,)."""
+        nu = self._state.poisson_ratio
+        other = self._mechanics.poisson_factor(self._map, self._state, nu - _NU_STEP)
+        own = self._mechanics.poisson_factor(self._map, self._state, nu)
+        return self.compliance * (1 - other / own) / _NU_STEP
+
+
+@dataclass(frozen=True)
+class BodyMechanics:
+    """The finite element models behind a measurement model.
+
+    Attributes
+    ----------
+    coarse : is evaluated and differentiated
+    fine : more exact; None does without
+    at_poisson_ratio : builds the coarse model with another Poisson's ratio
+    ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
+    model_error : (j,) the finer model's own relative error, as estimated
+    """
+
+    coarse: PalpationModel
+    fine: FineModel | None
+    at_poisson_ratio: Callable[[float], PalpationModel]
+    ratio: np.ndarray | float = 1.0
+    model_error: np.ndarray | float = 0.0
+    _others: dict[float, PalpationModel] = field(default_factory=dict)
+
+    @cached_property
+    def local_points(self) -> np.ndarray:
+        """Where the modulus under each tip is taken, (j, 3) m."""
+        contacts = self.coarse.contacts
+        depth = _LOCAL_DEPTH * contacts.radius_m[:, None]
+        return contacts.points_m + depth * contacts.directions
+
+    @property
+    def poisson_ratio(self) -> float:
+        """The ratio with which the models were built."""
+        return self.coarse.stiffness.poisson_ratio
+
+    def state(self) -> BodyState:
+        """Return the state without effects."""
+        nodes = self.coarse.mesh.nodes
+        low, high = nodes.min(axis=0).tolist(), nodes.max(axis=0).tolist()
+        return BodyState((tuple(low), tuple(high)), self.poisson_ratio)
+
+    def evaluate(self, stiffness: GaussianMap, state: BodyState) -> BodyResponse:
+        """Solve for a map and a state.
+
+        Raises
+        ------
+        InadmissibleError
+            The modulus is not positive everywhere.
+        """
+        points = self.coarse.points_m
+        response = self._solve(self.coarse, stiffness, state)
+        factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
+        factor = factor * np.ones(len(self.coarse.contacts))
+        if state.poisson_ratio != self.poisson_ratio:
+            factor = factor * self.poisson_factor(stiffness, state, state.poisson_ratio)
+        gradient = stiffness.gradient(points) * _factor(state, points)[:, None]
+        local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
+        result = BodyResponse(
+            compliance=factor * response.compliance,
+            by_map=factor[:, None] * response.gradient(gradient),
+            local_modulus=modulus_of(stiffness, state, self.local_points),
+            local_by_map=local,
+            _mechanics=self,
+            _map=stiffness,
+            _state=state,
+            _response=response,
+            _scale=factor,
+        )
+        return self.with_skin(result)
+
+    def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
+        """Return the mechanics with the coarse model carried to the finer one at this estimate.
+
+        Fibres, support and skin are left out: what the meshes make of them differs little.
+        """
+        if self.fine is None:
+            return self
+        plain = BodyState(state.box_m, self.poisson_ratio, state.bumps, state.factors)
+        coarse = self._solve(self.coarse, stiffness, plain).compliance
+        changed = _Changed(stiffness, plain)
+        fine, error = fine_compliance(self.fine, changed, self.coarse, coarse)
+        return replace(self, ratio=fine / coarse, model_error=error)
+
+    def poisson_factor(self, stiffness: GaussianMap, state: BodyState, nu: float) -> np.ndarray:
+        """Compliance (j,) at another Poisson's ratio over that at the model's own."""
+        if nu == self.poisson_ratio:
+            return np.ones(len(self.coarse.contacts))
+        if not -1 < nu < 0.5:
+            raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
+        others = _NODES[np.abs(_NODES - self.poisson_ratio) > 1e-6]
+        nearest = others[np.argsort(np.abs(others - nu))[:2]]
+        plain = state.changed(poisson_ratio=self.poisson_ratio)
+        nodes = np.array([self.poisson_ratio, *nearest])
+        base = self._solve(self.coarse, stiffness, plain).compliance
+        logs = [np.zeros_like(base)]
+        for node in nearest:
+            model = self._others.get(float(node))
+            if model is None:
+                model = self._others[float(node)] = self.at_poisson_ratio(float(node))
+            logs.append(np.log(self._solve(model, stiffness, plain).compliance / base))
+        weights = [
+            np.prod([(nu - b) / (a - b) for b in nodes if b != a]) for a in nodes
+        ]  # Lagrange's polynomial through three nodes
+        return np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
+
+    def linear_changes(
+        self,
+        response: Response,
+        stiffness: GaussianMap,
+        old: BodyState,
+        new: BodyState,
+        scale: np.ndarray,
+    ) -> np.ndarray:
+        """First-order change (j,) by fibres, support and skin."""
+        return np.zeros_like(scale)
+
+    def with_skin(self, response: BodyResponse) -> BodyResponse:
+        """Return the response of the body with its skin."""
+        return response
+
+    def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
+        return model.evaluate(positive_modulus(_Changed(stiffness, state), model.points_m))
+
+
+@dataclass(frozen=True)
+class _Changed:
+    """A map as a state has changed it."""
+
+    stiffness: GaussianMap
+    state: BodyState
+
+    def modulus(self, points: np.ndarray) -> np.ndarray:
+        return modulus_of(self.stiffness, self.state, points)
+
+
+def modulus_of(stiffness: GaussianMap, state: BodyState, points: np.ndarray) -> np.ndarray:
+    """Young's modulus (p,) Pa at points (p, 3) of a map with a state's bumps and factors."""
+    modulus = stiffness.modulus(points)
+    for bump in state.bumps:
+        offset = points - np.array(bump.centre_m)
+        modulus += bump.weight_pa * np.exp(-np.sum(offset**2, axis=1) / (2 * bump.radius_m**2))
+    return modulus * _factor(state, points)
+
+
+def _factor(state: BodyState, points: np.ndarray) -> np.ndarray:
+    factor = np.ones(len(points))
+    for own in state.factors:
+        factor = factor * own(points)
+    return factor

@@ -1,0 +1,172 @@
+"""Fit map and effects together, towards the finer model of the body.
+
+The residual is the finer model's by defect correction: the coarse model's compliances are carried
+to the finer one's at the estimate (`BodyMechanics.correct`) and fitted again, until the estimate
+no longer moves. A fit starts from an earlier one's estimate, so that few evaluations do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identify.gauss_newton import covariance, minimize_gauss_newton
+from identify.gaussian_map import GaussianMap
+from identify.measurement_model import Linearised, MeasurementModel
+from identify.optimize_result import InadmissibleError
+
+_FTOL = 1e-2  # half of chi-square; 0.14 standard deviations at most
+_RTOL = 1e-6
+_SETTLED = 0.1  # standard deviations
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Map and effects that explain a scan best.
+
+    Attributes
+    ----------
+    model : what was fitted
+    u : (k,) scaled estimate
+    at : the model there, with the residual (m,) and its derivatives
+    covariance : (k, k) of the scaled unknowns, from the noise
+    success : the minimum was reached
+    nfev : evaluations of the finite element model
+    """
+
+    model: MeasurementModel
+    u: np.ndarray
+    at: Linearised
+    covariance: np.ndarray
+    success: bool
+    nfev: int
+
+    @property
+    def chi2(self) -> float:
+        """Chi-square of all readings."""
+        return self.at.chi2
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: readings less unknowns."""
+        return max(len(self.at.residual) - len(self.u), 1)
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi2 / self.dof
+
+    @property
+    def residual_m(self) -> np.ndarray:
+        """Measured less modelled displacement, (m,) m."""
+        return self.at.residual * self.at.sigma_m
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of the residual, m."""
+        return float(np.sqrt(np.mean(self.residual_m**2)))
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion: chi-square + k ln m."""
+        return self.chi2 + len(self.u) * np.log(len(self.at.residual))
+
+    @property
+    def map(self) -> GaussianMap:
+        """The estimated map."""
+        return self.model.map(self.u)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates of the unknowns by name, in their units."""
+        found = dict(zip(self.map.names, self.map.values.tolist(), strict=True))
+        for effect, own in self.at.values.items():
+            found |= {f"{effect}.{name}": number for name, number in own.items()}
+        return found
+
+    @property
+    def std(self) -> dict[str, float]:
+        """One standard deviation of each unknown by name, in its unit."""
+        deviation = np.sqrt(np.diag(self.covariance)) * np.abs(self.model.slope(self.u))
+        return dict(zip(self.model.names, deviation.tolist(), strict=True))
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns that sit on one of their bounds."""
+        low, high = self.model.bounds
+        hit = (self.u <= low + 1e-9) | (self.u >= high - 1e-9)
+        return tuple(name for name, is_hit in zip(self.model.names, hit, strict=True) if is_hit)
+
+
+def fit_jointly(
+    model: MeasurementModel,
+    stiffness: GaussianMap,
+    *,
+    rounds: int = _ROUNDS,
+    max_evaluations: int = 40,
+    callback: Callable[[float], None] | None = None,
+) -> JointFit:
+    """Fit all free parameters of map and effects.
+
+    Parameters
+    ----------
+    model : its effects start from their own values
+    stiffness : map to start from
+    rounds : most rounds of correction towards the finer model; 0 keeps the present correction
+    max_evaluations : of a round
+    callback : called with chi-square after each accepted step
+
+    Raises
+    ------
+    InadmissibleError
+        The start is impossible.
+    """
+    u, spent, success = model.start(stiffness), 0, False
+    latest: dict[bytes, Linearised] = {}
+
+    def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal spent
+        spent += 1
+        at = model.linearise(u)
+        latest.clear()
+        latest[u.tobytes()] = at
+        return at.residual, -at.jacobian
+
+    def accepted(_: np.ndarray, fun: float) -> None:
+        if callback:
+            callback(2 * fun)
+
+    for number in range(max(rounds, 1)):
+        result = minimize_gauss_newton(
+            residuals,
+            u,
+            bounds=model.bounds,
+            ftol=_FTOL,
+            rtol=_RTOL,
+            max_evaluations=max_evaluations,
+            callback=accepted,
+        )
+        success = result.success
+        at = latest.get(result.x.tobytes()) or model.linearise(result.x)
+        moved = np.linalg.norm(at.jacobian @ (result.x - u)) if number else np.inf
+        u = result.x
+        misfit = np.sqrt(max(1.0, at.chi2 / len(at.residual)))
+        if rounds == 0 or moved < _SETTLED * misfit:
+            break
+        if number + 1 < rounds:
+            state = model.state(model.values(u))
+            mechanics = model.mechanics.corrected(model.map(u), state)
+            model = replace(model, mechanics=mechanics)
+    at = model.linearise(u)
+    return JointFit(model.started(u), u, at, covariance(at.jacobian), success, spent)
+
+
+def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> JointFit | None:
+    """`fit_jointly`, or None where the start is impossible."""
+    try:
+        return fit_jointly(model, stiffness, **options)
+    except InadmissibleError:
+        return None

@@ -1,0 +1,268 @@
+"""The model of a scan: a stiffness map and the effects it has, as one least-squares problem.
+
+The unknowns are the map's free parameters and the parameters of the effects, all scaled to order
+one. Residuals are whitened with both columns' noise at the measured force, derivatives taken at
+the latent force (see `identify.misfit`): r = (d - f(F)) / s, dr/dp = -(df/dp at F^) / s.
+
+Nothing is changed in place: `with_effect` and `without` return new models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from identify.body_mechanics import BodyMechanics, BodyResponse
+from identify.body_state import BodyState
+from identify.effects.effect import Effect, EffectParameter
+from identify.gaussian_map import GaussianMap
+from identify.measurement_chain import Chain, latent_force
+from identify.noise import Noise
+from identify.optimize_result import InadmissibleError
+from identify.parameter_space import ParameterSpace
+from identify.readings import Readings
+
+_STEP = 1e-4  # of a parameter's scale, for difference quotients
+
+
+@dataclass(frozen=True)
+class EffectInModel:
+    """An effect with the parameters, bounded for this scan, and values that it starts from."""
+
+    effect: Effect
+    parameters: tuple[EffectParameter, ...]
+    start: Mapping[str, float]
+
+    def to_scaled(self) -> np.ndarray:
+        """Scaled start (q,)."""
+        return np.array([scaled(p, self.start[p.name]) for p in self.parameters])
+
+    def to_values(self, u: np.ndarray) -> dict[str, float]:
+        """Values by name at scaled coordinates (q,)."""
+        return {p.name: value(p, float(c)) for p, c in zip(self.parameters, u, strict=True)}
+
+
+def scaled(parameter: EffectParameter, number: float) -> float:
+    """Return the scaled coordinate of a value: ln(value), or value / typical."""
+    number = min(max(number, parameter.lower), parameter.upper)
+    return float(np.log(number)) if parameter.log else number / parameter.typical
+
+
+def value(parameter: EffectParameter, u: float) -> float:
+    """Return the value at a scaled coordinate."""
+    return float(np.exp(u)) if parameter.log else u * parameter.typical
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The model at one point: what a fit's step, its statistics and the score tests need.
+
+    Attributes
+    ----------
+    predicted_m, sigma_m, latent_force_n : (m,)
+    residual : (m,) whitened
+    jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
+        scaled unknowns
+    by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
+    body : compliances and their derivatives
+    values : parameters of the effects, by effect and name
+    """
+
+    predicted_m: np.ndarray
+    sigma_m: np.ndarray
+    latent_force_n: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    by_compliance: np.ndarray
+    by_modulus: np.ndarray
+    body: BodyResponse
+    state: BodyState
+    values: Mapping[str, Mapping[str, float]]
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared whitened residuals."""
+        return float(self.residual @ self.residual)
+
+
+@dataclass(frozen=True)
+class MeasurementModel:
+    """A scan's readings, and the body and the chain that are to explain them.
+
+    Attributes
+    ----------
+    readings, displacement_m, noise : what was measured, (m,) m
+    mechanics : the body's finite elements
+    space : the map's free parameters
+    effects : what the model has beyond the map, in the order of the chain
+    """
+
+    readings: Readings
+    displacement_m: np.ndarray
+    noise: Noise
+    mechanics: BodyMechanics
+    space: ParameterSpace
+    effects: tuple[EffectInModel, ...] = ()
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The links beyond the body."""
+        contacts = self.mechanics.coarse.contacts
+        return Chain(
+            self.readings,
+            [part.effect for part in self.effects],
+            contacts.radius_m,
+            contacts.profile,
+            self.mechanics.poisson_ratio,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the k unknowns: the map's, then `effect.parameter`."""
+        own = [f"{part.effect.name}.{p.name}" for part in self.effects for p in part.parameters]
+        return (*self.space.free_names, *own)
+
+    @property
+    def has(self) -> tuple[str, ...]:
+        """Names of the effects in the model."""
+        return tuple(part.effect.name for part in self.effects)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (k,) in scaled coordinates."""
+        low, high = self.space.bounds
+        parameters = [p for part in self.effects for p in part.parameters]
+        return (
+            np.concatenate([low, [scaled(p, p.lower) for p in parameters]]),
+            np.concatenate([high, [scaled(p, p.upper) for p in parameters]]),
+        )
+
+    def with_effect(
+        self, effect: Effect, start: Mapping[str, float], state: BodyState
+    ) -> MeasurementModel:
+        """Return the model with one more effect, its parameters starting from the given values."""
+        part = EffectInModel(effect, effect.bounded(self.readings, state), dict(start))
+        return replace(self, effects=(*self.effects, part))
+
+    def without(self, name: str) -> MeasurementModel:
+        """Return the model without an effect."""
+        return replace(self, effects=tuple(p for p in self.effects if p.effect.name != name))
+
+    def started(self, u: np.ndarray) -> MeasurementModel:
+        """Return the model whose effects start at scaled coordinates u (k,)."""
+        values = self.values(u)
+        parts = [replace(part, start=values[part.effect.name]) for part in self.effects]
+        return replace(self, effects=tuple(parts))
+
+    def start(self, stiffness: GaussianMap) -> np.ndarray:
+        """Scaled coordinates (k,) of a map and of the effects' starts."""
+        parts = [part.to_scaled() for part in self.effects]
+        return np.concatenate([self.space.to_scaled(stiffness), *parts])
+
+    def map(self, u: np.ndarray) -> GaussianMap:
+        """Return the map at scaled coordinates (k,)."""
+        return self.space.to_map(u[: len(self.space.free)])
+
+    def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
+        """Parameters of the effects at scaled coordinates (k,), by effect and name."""
+        found, first = {}, len(self.space.free)
+        for part in self.effects:
+            last = first + len(part.parameters)
+            found[part.effect.name] = part.to_values(u[first:last])
+            first = last
+        return found
+
+    def state(self, values: Mapping[str, Mapping[str, float]]) -> BodyState:
+        """Return the body as the effects have changed it."""
+        state = self.mechanics.state()
+        for part in self.effects:
+            state = part.effect.body(state, values[part.effect.name])
+        return state
+
+    def slope(self, u: np.ndarray) -> np.ndarray:
+        """Return d value / d u (k,) of the unknowns."""
+        first = len(self.space.free)
+        own = [p for part in self.effects for p in part.parameters]
+        return np.concatenate(
+            [
+                self.space.slope(u[:first]),
+                [value(p, c) if p.log else p.typical for p, c in zip(own, u[first:], strict=True)],
+            ]
+        )
+
+    def linearise(self, u: np.ndarray) -> Linearised:
+        """Evaluate model and derivatives at scaled coordinates (k,).
+
+        Raises
+        ------
+        InadmissibleError
+            The body is impossible there (a modulus that is not positive, a Poisson's ratio of one
+            half).
+        """
+        values = self.values(u)
+        state = self.state(values)
+        body = self.mechanics.evaluate(self.map(u), state)
+        c, e = body.compliance, body.local_modulus
+        if not (np.isfinite(c).all() and c.min() > 0):
+            raise InadmissibleError("a compliance is not positive")
+        force = self.readings.force_n
+        predicted = self.chain.predict(c, e, force, values)
+        residual = self.displacement_m - predicted
+        slope = self.chain.by_force(c, e, force, values)
+        sigma, latent = latent_force(residual, slope, force, self.noise)
+        by_c, by_e = self.chain.by_body(c, e, latent, values)
+        k = len(self.space.free)
+        by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
+        columns = [by_map[:, list(self.space.free)] * self.space.slope(u[:k])]
+        first = k
+        for part in self.effects:
+            for p, _ in enumerate(part.parameters):
+                columns.append(self._by_parameter(u, first + p, part, body, state, latent,
+                                                  by_c, by_e)[:, None])  # fmt: skip
+            first += len(part.parameters)
+        return Linearised(
+            predicted_m=predicted,
+            sigma_m=sigma,
+            latent_force_n=latent,
+            residual=residual / sigma,
+            jacobian=np.hstack(columns) / sigma[:, None],
+            by_compliance=by_c,
+            by_modulus=by_e,
+            body=body,
+            state=state,
+            values=values,
+        )
+
+    def _by_press(self, by_c: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        if not by_c.any():
+            return np.zeros((len(by_c), gradient.shape[1]))
+        return by_c[:, None] * gradient[self.readings.press]
+
+    def _by_parameter(
+        self,
+        u: np.ndarray,
+        index: int,
+        part: EffectInModel,
+        body: BodyResponse,
+        state: BodyState,
+        latent: np.ndarray,
+        by_c: np.ndarray,
+        by_e: np.ndarray,
+    ) -> np.ndarray:
+        """Difference quotient (m,) of the prediction by one scaled parameter of an effect."""
+        low, high = (side[index] for side in self.bounds)
+        up, down = u.copy(), u.copy()
+        up[index] = min(u[index] + _STEP, high)
+        down[index] = max(u[index] - _STEP, low)
+        width = up[index] - down[index]
+        if part.effect.link == "body":
+            changes = [body.change(self.state(self.values(side))) for side in (up, down)]
+            (c_up, e_up), (c_down, e_down) = changes
+            press = self.readings.press
+            return (by_c * (c_up - c_down)[press] + by_e * (e_up - e_down)[press]) / width
+        c, e = body.compliance, body.local_modulus
+        sides = [self.chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
+        return (sides[0] - sides[1]) / width

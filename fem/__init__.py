@@ -15,6 +15,7 @@ from fem.mesh_checks import check_mesh
 from fem.palpation import PalpationModel, Response
 from fem.refined import RefinedModel
 from fem.solver import default_solver
+from fem.support import Support
 from fem.surface import Surface, check_surface, read_surface
 from fem.tetrahedralize import tetrahedralize_surface
 
@@ -26,6 +27,7 @@ __all__ = [
     "RefinedModel",
     "Response",
     "SolverError",
+    "Support",
     "Surface",
     "block_mesh",
     "check_mesh",

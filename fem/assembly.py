@@ -5,7 +5,7 @@ The modulus enters at the quadrature points of the cells, E_eq; K is linear in i
     K = sum_eq E_eq K_eq,    K_eq = w_q V_e B_eq' D B_eq,    D for E = 1 (paper, eqs. 8-10),
 
 so a new modulus field refills the values of the same pattern. Degrees of freedom are numbered node
-by node; nodes of the fixed surface are left out.
+by node; nodes of the fixed surfaces (one name or several) are left out.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ class Stiffness:
     free_nodes : (f,) nodes that may move; degree of freedom 3 i + a is axis a of `free_nodes[i]`.
     """
 
-    def __init__(self, mesh: Mesh, poisson_ratio: float, fixed_surface: str = "base") -> None:
+    def __init__(
+        self, mesh: Mesh, poisson_ratio: float, fixed_surface: str | tuple[str, ...] = "base"
+    ) -> None:
         if mesh.cell_volumes.min() <= 0:
             worst = int(mesh.cell_volumes.argmin())
             raise MeshError(f"cell {worst} has volume {mesh.cell_volumes[worst]:.3g} m^3; "
@@ -94,7 +96,8 @@ class Stiffness:
         self._lame = lame(poisson_ratio)
         self._derivatives = shape_derivatives(self.rule[0], mesh.order)
         free = np.ones(len(mesh.nodes), bool)
-        free[mesh.surface_nodes(fixed_surface)] = False
+        for name in (fixed_surface,) if isinstance(fixed_surface, str) else fixed_surface:
+            free[mesh.surface_nodes(name)] = False
         self.free_nodes = np.flatnonzero(free)
         self._free_number = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         self._build_pattern()

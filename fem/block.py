@@ -35,7 +35,8 @@ def block_mesh(
 
     Returns
     -------
-    Mesh with surfaces "top", "base", "sides".
+    Mesh with surfaces "top", "base", "sides", and of the sides "x0", "x1", "y0", "y1", where x or y
+    is 0 or greatest.
     """
     size = np.asarray(size_m, float)
     counts = np.asarray(divisions)
@@ -63,6 +64,9 @@ def block_mesh(
     z = nodes[faces, 2]
     top, base = (z == size[2]).all(axis=1), (z == 0).all(axis=1)
     surfaces = {"top": faces[top], "base": faces[base], "sides": faces[~(top | base)]}
+    for axis, letter in enumerate("xy"):
+        for end, value in enumerate((0.0, size[axis])):
+            surfaces[f"{letter}{end}"] = faces[(nodes[faces, axis] == value).all(axis=1)]
     mesh = Mesh(nodes, cells, surfaces)
     return promote_to_tet10(mesh) if order == 2 else mesh
 

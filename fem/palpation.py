@@ -1,16 +1,15 @@
-"""Compliance of every press on a body, and its derivative with respect to the modulus.
+"""Compliance of every press on a body, for any modulus field and support.
 
 One factorisation and a solve with a few right-hand sides a press (the load and its near field) give
-all compliances; the problem is self-adjoint, so that the same fields give their derivatives too:
-
-    dC_j/dE_p = -(twice the strain energy of press j at sample p for E = 1).
+all compliances; the derivatives follow from the same fields, see `fem.response`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -21,54 +20,50 @@ from fem.errors import SolverError
 from fem.mesh import Mesh
 from fem.near_field import Enrichment, enrich
 from fem.near_field_moments import FUNCTIONS
-from fem.solver import Solver, default_solver
+from fem.response import Response
+from fem.solver import Pattern, Solver, default_solver
+from fem.support import Foundation, Support, first_order_rest
+
+__all__ = ["PalpationModel", "Response"]
 
 _GROUP = 16  # presses whose near fields are solved together
 
 
-@dataclass(frozen=True)
-class Response:
-    """What the body answers to unit forces, for one modulus field.
+class HeldBody:
+    """A body with some surfaces held: its matrix, its loads and the springs under its base."""
+
+    def __init__(
+        self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: np.ndarray, solver: Solver,
+        resting: str,
+    ) -> None:  # fmt: skip
+        self.stiffness = Stiffness(mesh, nu, held)
+        self.loads = self.stiffness.restrict(weights)
+        self._solver, self._resting = solver, resting
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """The analysed pattern."""
+        return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices)
+
+    @cached_property
+    def foundation(self) -> Foundation:
+        """The springs under the surface that is not held."""
+        return Foundation(self.stiffness, self._resting)
+
+
+class NearFields(NamedTuple):
+    """Near fields of a group of presses for one modulus field.
 
     Attributes
     ----------
-    compliance : (j,) m/N
+    coupling : (3 f, j, m) k of each function
+    energy : (j, m, m) a
+    load : (j, m) l
     """
 
-    compliance: np.ndarray
-    _model: PalpationModel
-    _free: np.ndarray  # (3 f, j) finite element part of the fields
-    _amplitude: np.ndarray  # (j, m) of the near-field functions
-
-    def displacement(self, j: int) -> np.ndarray:
-        """Nodal displacement under 1 N at press j, (n, 3) m/N.
-
-        The near-field functions are zero at the nodes: what they add lies in between.
-        """
-        return self._model.stiffness.prolong(self._free[:, [j]])[0]
-
-    @cached_property
-    def sensitivity(self) -> np.ndarray:
-        """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
-        stiffness = self._model.stiffness
-        nodal = stiffness.prolong(self._free)
-        result = stiffness.energies(nodal).reshape(len(nodal), -1, stiffness.samples)
-        for j, part in enumerate(self._model.enrichments):
-            alpha = self._amplitude[j]
-            field = nodal[j][stiffness.mesh.cells[part.cells]]
-            mixed = np.einsum("m,mcqia,cia->cq", alpha, part.coupling, field, optimize=True)
-            own = np.einsum("m,l,mlcq->cq", alpha, alpha, part.energy, optimize=True)
-            result[j, part.cells] += 2 * mixed + own
-        return -result.reshape(len(nodal), -1)
-
-    def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
-        """Return the derivative of the compliances with respect to parameters, (j, k).
-
-        Parameters
-        ----------
-        modulus_gradient : (p, k) dE/dtheta at the model's `points_m`.
-        """
-        return self.sensitivity @ modulus_gradient
+    coupling: np.ndarray
+    energy: np.ndarray
+    load: np.ndarray
 
 
 class PalpationModel:
@@ -79,10 +74,11 @@ class PalpationModel:
     mesh : four or ten nodes a cell
     poisson_ratio : of the whole body
     contacts : the presses
-    fixed_surface : name of the mesh surface that is bonded
+    fixed_surface : name of the mesh surface that is bonded, where no support is given
     near_field : add the exact near field of each press (see `fem.near_field`); without it the
         result is that of the bare mesh, as in the paper. A nodal contact has none.
     solver : direct solver, default `fem.solver.default_solver()`
+    support : what holds the body, in place of `fixed_surface`
     """
 
     def __init__(
@@ -93,42 +89,59 @@ class PalpationModel:
         fixed_surface: str = "base",
         near_field: bool = True,
         solver: Solver | None = None,
+        support: Support | None = None,
     ) -> None:
         self.mesh = mesh
         self.contacts = contacts
-        self.stiffness = Stiffness(mesh, poisson_ratio, fixed_surface)
-        self._pattern = (solver or default_solver()).analyse(
-            self.stiffness.indptr, self.stiffness.indices
-        )
-        weights = contact_weights(mesh, contacts)
-        self._loads = self.stiffness.restrict(weights)
+        self.support = support or Support(fixed_surface)
+        self._solver = solver or default_solver()
+        self._weights = contact_weights(mesh, contacts)
+        self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
+        self.stiffness = self._bonded.stiffness
         self.enrichments: list[Enrichment] = []
         if near_field and contacts.profile != "nodal":
             surface = PressedSurface(mesh)
             with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
                 self.enrichments = list(
                     pool.map(
-                        lambda j: enrich(self.stiffness, surface, contacts, j, weights[j]),
+                        lambda j: enrich(self.stiffness, surface, contacts, j, self._weights[j]),
                         range(len(contacts)),
                     )
                 )
+
+    def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
+        return HeldBody(
+            self.mesh, poisson_ratio, held, self._weights, self._solver, self.support.surface
+        )
+
+    @cached_property
+    def floating(self) -> HeldBody:
+        """The body whose supported surface can move."""
+        return self._hold(self.stiffness.poisson_ratio, self.support.held)
 
     @property
     def points_m(self) -> np.ndarray:
         """Where the modulus is sampled, (p, 3) m."""
         return self.stiffness.points_m
 
-    def evaluate(self, modulus_pa: np.ndarray) -> Response:
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray | float,
+        support_compliance: tuple[float, float] | None = None,
+    ) -> Response:
         """Solve for all presses.
 
         Parameters
         ----------
         modulus_pa : (p,) Young's modulus at `points_m`, Pa, or one number for a homogeneous body.
+        support_compliance : normal and tangential compliance (m/Pa) in place of the support's own;
+            the near fields need not be made again for another one.
 
         Raises
         ------
         SolverError
-            A modulus that is not positive and finite.
+            A modulus that is not positive and finite, or a body that a press pushes off a support
+            on which it slides.
         """
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
         if not (np.isfinite(modulus).all() and modulus.min() > 0):
@@ -136,38 +149,70 @@ class PalpationModel:
                 "Young's modulus must be positive and finite everywhere; its smallest value is "
                 f"{np.nanmin(modulus):.4g} Pa"
             )
-        factor = self._pattern.factorize(self.stiffness.values(modulus))
-        field = factor.solve(self._loads)
-        compliance = np.einsum("dj,dj->j", self._loads, field)
+        support = self.support
+        if support_compliance is not None:
+            support = Support(support.surface, *support_compliance, support.held)
+        body = self._bonded if support.bonded else self.floating
+        values = self.values(body.stiffness, modulus)
+        springs = None
+        if not support.bonded:
+            springs = body.foundation.effective(support.normal, support.tangential, modulus)
+            body.foundation.add(values, springs)
+        factor = body.pattern.factorize(values)
+        field = factor.solve(body.loads)
+        compliance = np.einsum("dj,dj->j", body.loads, field)
         amplitude = np.zeros((len(compliance), FUNCTIONS if self.enrichments else 0))
-        # In groups of presses, so that memory does not grow with their number
-        for first in range(0, len(self.enrichments), _GROUP):
-            group = slice(first, min(first + _GROUP, len(compliance)))
-            k, energy = self._near_field(modulus, self.enrichments[group])
-            z = factor.solve(k).reshape(len(k), -1, FUNCTIONS)
-            k = k.reshape(z.shape)
-            load = np.array([part.load for part in self.enrichments[group]])
-            missing = load - np.einsum("djm,dj->jm", k, field[:, group])
-            schur = energy - np.einsum("djm,djl->jml", k, z, optimize=True)
+        for group, near in self.near_fields(body.stiffness, modulus):
+            k = near.coupling
+            z = factor.solve(k.reshape(len(k), -1)).reshape(k.shape)
+            missing = near.load - np.einsum("djm,dj->jm", k, field[:, group])
+            schur = near.energy - np.einsum("djm,djl->jml", k, z, optimize=True)
             amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
             compliance[group] += np.sum(missing * amplitude[group], axis=1)
             field[:, group] -= np.einsum("djm,jm->dj", z, amplitude[group])
-        return Response(compliance, self, field, amplitude)
+        response = Response(compliance, self, body, modulus, field, amplitude, springs)
+        if springs is None:
+            return response
+        if np.isinf(support.tangential):
+            _check_equilibrium(response, springs)
+        asked = (support.normal, support.tangential)
+        compliance += first_order_rest(asked, springs, response.support_sensitivity)
+        return response
 
-    def _near_field(
-        self, modulus: np.ndarray, parts: list[Enrichment]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Right-hand sides k (3 f, j m) and energies a (j, m, m) of some presses' functions."""
-        by_cell = modulus.reshape(-1, self.stiffness.samples)
-        j, m = len(parts), FUNCTIONS
-        nodal = np.zeros((j, m, len(self.mesh.nodes), 3))
-        energy = np.empty((j, m, m))
-        for i, part in enumerate(parts):
-            local = by_cell[part.cells]
-            energy[i] = np.einsum("cq,mlcq->ml", local, part.energy)
-            vectors = np.einsum("cq,mcqia->cmia", local, part.coupling)
-            _scatter(nodal[i], self.mesh.cells[part.cells], vectors)
-        return self.stiffness.restrict(nodal.reshape(j * m, -1, 3)), energy
+    def values(self, stiffness: Stiffness, modulus: np.ndarray) -> np.ndarray:
+        """Values of a stiffness matrix of this body, without the support's springs."""
+        return stiffness.values(modulus)
+
+    def near_fields(
+        self, stiffness: Stiffness, modulus: np.ndarray
+    ) -> Iterator[tuple[slice, NearFields]]:
+        """Near fields in groups of presses, so that memory does not grow with their number."""
+        by_cell = modulus.reshape(-1, stiffness.samples)
+        m = FUNCTIONS
+        for first in range(0, len(self.enrichments), _GROUP):
+            parts = self.enrichments[first : first + _GROUP]
+            nodal = np.zeros((len(parts), m, len(self.mesh.nodes), 3))
+            energy = np.empty((len(parts), m, m))
+            for i, part in enumerate(parts):
+                local = by_cell[part.cells]
+                energy[i] = np.einsum("cq,mlcq->ml", local, part.energy)
+                vectors = np.einsum("cq,mcqia->cmia", local, part.coupling)
+                _scatter(nodal[i], self.mesh.cells[part.cells], vectors)
+            coupling = stiffness.restrict(nodal.reshape(len(parts) * m, -1, 3))
+            load = np.array([part.load for part in parts])
+            near = NearFields(coupling.reshape(len(coupling), -1, m), energy, load)
+            yield slice(first, first + len(parts)), near
+
+
+def _check_equilibrium(response: Response, springs: tuple[float, float]) -> None:
+    """Refuse a body that only the last springs of a sliding support keep in place."""
+    slid = response.support_sensitivity[:, 1] * springs[1] / response.compliance
+    if slid.max() > 1e-2:
+        worst = int(slid.argmax())
+        raise SolverError(
+            f"press {worst} pushes the body off its sliding support: it needs a tangential "
+            "compliance that is finite, a surface that is held, or a press across the support"
+        )
 
 
 @numba.njit(cache=True)

@@ -69,12 +69,16 @@ class RefinedModel:
         """Where the modulus is sampled: the coarse mesh's points, then the fine one's."""
         return np.vstack([self.coarse.points_m, self.fine.points_m])
 
-    def evaluate(self, modulus_pa: np.ndarray) -> RefinedResponse:
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray | float,
+        support_compliance: tuple[float, float] | None = None,
+    ) -> RefinedResponse:
         """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`."""
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
         split = len(self.coarse.points_m)
-        coarse = self.coarse.evaluate(modulus[:split]).compliance
-        response = self.fine.evaluate(modulus[split:])
+        coarse = self.coarse.evaluate(modulus[:split], support_compliance).compliance
+        response = self.fine.evaluate(modulus[split:], support_compliance)
         fine = response.compliance
         added = (fine - coarse) / (self._ratio**RATE - 1)
         return RefinedResponse(fine + added, added / fine, response)

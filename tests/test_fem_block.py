@@ -58,7 +58,13 @@ def test_the_three_surfaces_tile_the_boundary_and_look_outwards(mesh):
     centres = mesh.nodes[mesh.surface("sides")[:, :3]].mean(axis=1)
     outwards = (centres - np.array(SIZE) / 2) * [1, 1, 0]
     assert (np.einsum("ti,ti->t", sides, outwards) > 0).all()
-    assert sum(len(f) for f in mesh.surfaces.values()) == len(mesh.boundary)
+    assert sum(len(mesh.surface(n)) for n in ("top", "base", "sides")) == len(mesh.boundary)
+    four = {"x0": (-ly * lz, 0, 0), "x1": (ly * lz, 0, 0), "y0": (0, -lx * lz, 0),
+            "y1": (0, lx * lz, 0)}  # fmt: skip
+    for name, area in four.items():
+        found = area_vectors(mesh, mesh.surface(name))
+        np.testing.assert_allclose(found.sum(axis=0), area, rtol=1e-12, atol=1e-15)
+    assert sum(len(mesh.surface(n)) for n in four) == len(mesh.surface("sides"))
     # Gauss: the outward boundary encloses the volume
     x, vector = mesh.nodes[mesh.boundary[:, :3]].mean(axis=1), area_vectors(mesh, mesh.boundary)
     assert np.einsum("ti,ti->", x, vector) / 3 == pytest.approx(mesh.volume, rel=1e-12)

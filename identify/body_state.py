@@ -33,7 +33,6 @@ class BodyState:
     ----------
     box_m : (2, 3) bounding box of the undeformed body, m; z is up, the base at its bottom
     poisson_ratio : of the whole body
-    background_pa : modulus that sizes of additions are measured against, where it is known
     bumps : inclusions beside those of the map
     factors : each takes points (p, 3) in m and returns (p,) factors on the modulus
     fibre_share, fibre_angle_rad : fibres lie in the x-y plane at this angle to x; they add the
@@ -41,11 +40,11 @@ class BodyState:
     base_normal_m_per_pa, base_tangential_m_per_pa : the base gives way by so much per traction
     skin_thickness_m, skin_factor : a top layer of modulus factor * E
     mesh_error_share : share of the model's own discretisation error that is added to C
+    background_pa : modulus that sizes of additions are measured against, where it is known
     """
 
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]]
     poisson_ratio: float
-    background_pa: float | None = None
     bumps: tuple[Bump, ...] = ()
     factors: tuple[Field, ...] = ()
     fibre_share: float = 0.0
@@ -55,6 +54,7 @@ class BodyState:
     skin_thickness_m: float = 0.0
     skin_factor: float = 1.0
     mesh_error_share: float = 0.0
+    background_pa: float | None = None
 
     def changed(self, **changes: Any) -> BodyState:
         """Return a copy with some attributes replaced."""

@@ -1,0 +1,105 @@
+"""The body moves up and down by itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from identify.body_state import BodyState
+from identify.effects.effect import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.words import length, seconds
+from identify.readings import Readings
+
+_LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
+_OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
+
+
+class Breathing(Effect):
+    """One sine over the whole scan."""
+
+    name = "breathing"
+    title = "Breathing"
+    link = "instrument"
+    summary = (
+        "The body rises and falls by itself, as with breath or pulse, and the robot takes that "
+        "for travel. The motion goes on through all presses at one frequency."
+    )
+    formula = "d = u + sine sin(2 pi f t) + cosine cos(2 pi f t),  t since the scan's first reading"
+    source = "C. N. Riviere, J. Gangloff, M. de Mathelin, Proc. IEEE 94 (2006) 1705-1716"
+    gives_away = "the misfit swings with the clock, not with force, place or press"
+    cure = (
+        "Hold the breath, or trigger presses on it; in any case vary the pauses at random, so "
+        "that no frequency can hide behind the rhythm of the presses."
+    )
+    parameters = (
+        EffectParameter("sine_m", "m", "part in phase at the start", 0.0, -0.05, 0.05, 1e-4),
+        EffectParameter("cosine_m", "m", "part a quarter ahead", 0.0, -0.05, 0.05, 1e-4),
+        EffectParameter("frequency_hz", "Hz", "of the motion", None, 1e-3, 10.0, 0.3),
+    )
+    needs = ("time",)
+    examples = (
+        WorkedExample(
+            "0.1 mm at 0.25 Hz: a quarter of a period a second.",
+            {"sine_m": 1e-4, "cosine_m": 0.0, "frequency_hz": 0.25},
+            {"time_s": (5.0, 6.0, 7.0, 8.0), "travel_m": 1e-3},
+            {"displacement_m": (1e-3, 1.1e-3, 1e-3, 0.9e-3)},
+        ),
+    )
+
+    def reading(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Add the motion."""
+        angle = 2 * math.pi * values["frequency_hz"] * readings.elapsed_s
+        return travel_m + values["sine_m"] * np.sin(angle) + values["cosine_m"] * np.cos(angle)
+
+    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
+        """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.
+
+        A motion that comes round with each press, or at a multiple of its rhythm, looks the same
+        in all presses and imitates creep, bias and loops: no scan can tell it from them.
+        """
+        time = float(readings.elapsed_s[-1])
+        low, high = _band(readings)
+        frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
+        start = readings.elapsed_s[readings.first]
+        turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
+        # Starts at random have |mean| beyond the limit in less than 2 % of frequencies.
+        limit = max(0.3, 2 / math.sqrt(readings.presses))
+        free = np.abs(turn.mean(axis=1)) < limit
+        return [{"frequency_hz": float(f)} for f in frequency[free]]
+
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Bound the frequency by the scan's length and sampling."""
+        *parts, frequency = self.parameters
+        if readings.time_s is None:
+            return self.parameters
+        low, high = _band(readings)
+        return *parts, replace(frequency, lower=low / 2, upper=high * 1.1, typical=min(0.3, high))
+
+    def untestable(self, readings: Readings) -> str | None:
+        """Without time, or if all frequencies are locked to the presses."""
+        lacking = super().untestable(readings)
+        if lacking is not None:
+            return lacking
+        if readings.presses < 8 or readings.elapsed_s[-1] < 4 / _HIGHEST_HZ:
+            return "the scan is too short to tell a steady motion from the presses themselves"
+        return None
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say how far and how often the body moves."""
+        size = math.hypot(values["sine_m"], values["cosine_m"])
+        f = values["frequency_hz"]
+        return (
+            f"Readings swing up and down by {length(size)} every {seconds(1 / f)} "
+            f"({f:.3g} Hz, {60 * f:.3g} a minute) through the whole scan, whatever the force."
+        )
+
+
+def _band(readings: Readings) -> tuple[float, float]:
+    """Lowest and highest frequency that the scan can show: two periods, two readings a period."""
+    time = float(readings.elapsed_s[-1])
+    high = min(_HIGHEST_HZ, 0.5 / readings.sampling_step_s)
+    return min(max(_LOWEST_HZ, 2 / time), high / 2), high

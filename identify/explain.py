@@ -1,0 +1,268 @@
+"""The loop: find the missing effect, add it, refit, until what remains is noise.
+
+The linear score only ranks; the refit decides. At each step the best-scored effects and all that
+look like them are fitted jointly with the map; the winner must beat every rival by more than
+`MARGIN` in chi-square (after the price of its parameters), else the rivals are an ambiguous group
+and one of them stands in for the group. After each addition the earlier ones must still earn
+their place. The verdict follows from what remains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from identify.compare import compare_residual
+from identify.comparison import Comparison
+from identify.diagnosis import ALIKE, Diagnosis, diagnose
+from identify.effects.effect import Effect
+from identify.gaussian_map import GaussianMap
+from identify.held_out import HeldOut, held_out
+from identify.joint_fit import JointFit, fit_jointly, try_fit
+from identify.measurement_model import MeasurementModel
+from identify.score import Score
+from identify.whitening import Whitened
+from models.scan import Scan
+
+MARGIN = 10.0
+MOST_EFFECTS = 4
+_SHORTLIST = 3
+_REFIT_EVALUATIONS = 15
+_MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
+
+Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder: a model, how well it does, and what its residual calls for."""
+
+    fit: JointFit
+    comparison: Comparison
+    held_out: HeldOut
+    diagnosis: Diagnosis
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted; `criterion` is chi-square and the price of its parameters."""
+
+    name: str
+    chi2: float
+    criterion: float
+    fit: JointFit
+
+
+@dataclass(frozen=True)
+class Addition:
+    """An effect that was added, the rivals that it was compared with (best first)."""
+
+    name: str
+    rivals: tuple[Rival, ...]
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """The effect and all rivals that explain the scan as well, to within `MARGIN`."""
+        best = self.rivals[0].criterion
+        return tuple(rival.name for rival in self.rivals if rival.criterion < best + MARGIN)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What the loop found.
+
+    Attributes
+    ----------
+    verdict : of the whole scan
+    ladder : from the map alone to the last model
+    additions : in the order in which they were made, those that kept their place
+    dropped : effects that were added and later lost their place
+    """
+
+    verdict: Verdict
+    ladder: tuple[Rung, ...]
+    additions: tuple[Addition, ...]
+    dropped: tuple[str, ...]
+
+    @property
+    def final(self) -> Rung:
+        """The last rung."""
+        return self.ladder[-1]
+
+    @property
+    def ambiguous(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of effects that explain the scan equally well."""
+        return tuple(a.group for a in self.additions if len(a.group) > 1)
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Effects that are offered by name: alone in their group, and not mere helpers.
+
+        Where the remainder is structured, an effect is only offered if the effects together took
+        nearly all of what was unexplained.
+        """
+        sure = tuple(a.name for a in self.additions if len(a.group) == 1)
+        if self.verdict == "unexplained" and self.explained_share < _MAIN_PART:
+            return ()
+        return sure
+
+    @property
+    def explained_share(self) -> float:
+        """Share of the first rung's excess chi-square that the additions took away."""
+        first, last = self.ladder[0].fit, self.final.fit
+        excess = first.chi2 - first.dof
+        return float(1 - max(last.chi2 - last.dof, 0.0) / excess) if excess > 0 else 0.0
+
+
+def climb(
+    model: MeasurementModel,
+    stiffness: GaussianMap,
+    scan: Scan,
+    catalogue: Sequence[Effect],
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+    on_rung: Callable[[Rung], None] | None = None,
+) -> Explanation:
+    """Run the loop from a map on.
+
+    Parameters
+    ----------
+    model : with the effects that the study already has
+    stiffness : map to start from
+    scan : placed, with the readings of the model
+    catalogue : effects that may be added
+    seed : of the simulated nulls
+    progress : called with what is being done, in words
+    on_rung : called with each new rung
+    """
+    say = progress or (lambda text: None)
+    rise = on_rung or (lambda rung: None)
+    effects = {effect.name: effect for effect in catalogue}
+    say("fitting the map")
+    ladder = [rung_of(fit_jointly(model, stiffness), scan, catalogue, seed, say)]
+    rise(ladder[0])
+    additions: list[Addition] = []
+    dropped: list[str] = []
+    while ladder[-1].diagnosis.significant and len(additions) < MOST_EFFECTS:
+        now = ladder[-1]
+        rivals = compare_rivals(now, effects, say, exclude=dropped)
+        if not rivals or rivals[0].criterion > now.fit.bic:
+            break
+        winner = rivals[0]
+        additions.append(Addition(winner.name, rivals))
+        say(f"refitting with {winner.name}")
+        fit = fit_jointly(winner.fit.model, winner.fit.map)
+        fit, lost = _drop(fit, [a.name for a in additions[:-1]], say)
+        additions = [a for a in additions if a.name not in lost]
+        dropped.extend(lost)
+        ladder.append(rung_of(fit, scan, catalogue, seed, say))
+        rise(ladder[-1])
+    return Explanation(_verdict(ladder, additions), tuple(ladder), tuple(additions), tuple(dropped))
+
+
+def rung_of(
+    fit: JointFit,
+    scan: Scan,
+    catalogue: Sequence[Effect],
+    seed: int,
+    say: Callable[[str], None],
+) -> Rung:
+    """Judge a fit: its residual, its predictions, and what it lacks."""
+    say("judging what is left")
+    comparison = compare_residual(whitened_fit(fit, scan))
+    diagnosis = diagnose(fit, catalogue, seed=seed, progress=lambda name: say(f"scoring {name}"))
+    return Rung(fit, comparison, held_out(fit), diagnosis)
+
+
+def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:
+    """Return the residual of a joint fit in the form in which `compare` judges it."""
+    return Whitened(
+        scan=scan.used(),
+        residual_m=fit.residual_m,
+        sigma_m=fit.at.sigma_m.copy(),
+        force_n=fit.at.latent_force_n.copy(),
+        absorbed=fit.at.jacobian.copy(),
+        noise_estimated=fit.model.noise.estimated,
+    )
+
+
+def compare_rivals(
+    rung: Rung,
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    exclude: Sequence[str] = (),
+) -> tuple[Rival, ...]:
+    """Refit the best-scored effects, and all that look like them, with the map; best first."""
+    rivals = []
+    for name in shortlist(rung.diagnosis, exclude):
+        say(f"trying {name}")
+        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
+        if fit is not None:
+            rivals.append(Rival(name, fit.chi2, fit.bic, fit))
+    return tuple(sorted(rivals, key=lambda rival: rival.criterion))
+
+
+def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
+    """Return the best three significant effects and every significant one that looks like them."""
+    candidates = [
+        s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
+    ]
+    candidates.sort(key=lambda s: -s.statistic)
+    names = [s.name for s in candidates]
+    best = names[:_SHORTLIST]
+    order = [score.name for score in diagnosis.scores]
+    near = [
+        name
+        for name in names[_SHORTLIST:]
+        if any(diagnosis.cosines[order.index(name), order.index(b)] > ALIKE for b in best)
+    ]
+    return best + near
+
+
+def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
+    """Refit with one more effect from its first estimate; half of it where that is impossible."""
+    for share in (1.0, 0.3, 0.03):
+        values = dict(score.values)
+        for amplitude in effect.amplitudes:
+            assert amplitude.null is not None
+            moved = share * (values[amplitude.name] - amplitude.null)
+            values[amplitude.name] = amplitude.null + moved
+        model = fit.model.with_effect(effect, values, fit.at.state)
+        found = try_fit(model, fit.map, rounds=0, max_evaluations=_REFIT_EVALUATIONS)
+        if found is not None:
+            return found
+    return None
+
+
+def _drop(
+    fit: JointFit, earlier: Sequence[str], say: Callable[[str], None]
+) -> tuple[JointFit, list[str]]:
+    """Leave out earlier effects that no longer earn their place."""
+    lost: list[str] = []
+    for name in earlier:
+        say(f"testing whether {name} is still needed")
+        without = try_fit(
+            fit.model.without(name), fit.map, rounds=0, max_evaluations=_REFIT_EVALUATIONS
+        )
+        if without is not None and without.bic < fit.bic:
+            fit = replace(without)
+            lost.append(name)
+    return (fit_jointly(fit.model, fit.map) if lost else fit), lost
+
+
+def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition]) -> Verdict:
+    last = ladder[-1]
+    if not last.comparison.is_noise or last.diagnosis.significant:
+        return "unexplained"
+    if not additions:
+        return "nothing_missing"
+    return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
+
+
+def chi2_scatter(fit: JointFit) -> float:
+    """One standard deviation of chi-square per degree of freedom, if only noise is left."""
+    return float(np.sqrt(2 / fit.dof))

@@ -1,0 +1,89 @@
+"""All effects that the laboratory can hide."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from models.errors import InputError
+from sim.hidden.body import (
+    BaseCompliance,
+    BaseSliding,
+    ExtraInclusion,
+    MeshError,
+    PoissonRatio,
+    SkinLayer,
+    StiffnessGradient,
+)
+from sim.hidden.contact import FiniteStrain, SphericalTip, StrainStiffening
+from sim.hidden.effect import HiddenEffect
+from sim.hidden.instrument import (
+    Breathing,
+    ContactOffset,
+    ForceBias,
+    ForceDrift,
+    ForceSaturation,
+    SurfaceTilt,
+    ToolCompliance,
+)
+from sim.hidden.outsiders import (
+    CoarseEncoder,
+    CoolingBody,
+    CreepingInclusion,
+    LateForce,
+    SlippedPresses,
+    StickSlip,
+    StickyTip,
+    TwoCreepTimes,
+)
+from sim.hidden.response import Hysteresis, Preconditioning, Viscoelasticity
+
+HIDDEN: tuple[HiddenEffect, ...] = (
+    Viscoelasticity(),
+    FiniteStrain(),
+    StrainStiffening(),
+    SkinLayer(),
+    ExtraInclusion(),
+    StiffnessGradient(),
+    PoissonRatio(),
+    Preconditioning(),
+    Hysteresis(),
+    SphericalTip(),
+    BaseCompliance(),
+    BaseSliding(),
+    ToolCompliance(),
+    ForceBias(),
+    ForceDrift(),
+    ForceSaturation(),
+    ContactOffset(),
+    SurfaceTilt(),
+    Breathing(),
+    MeshError(),
+    LateForce(),
+    CreepingInclusion(),
+    SlippedPresses(),
+    CoolingBody(),
+    StickSlip(),
+    CoarseEncoder(),
+    StickyTip(),
+    TwoCreepTimes(),
+)
+
+INSIDERS = tuple(effect.name for effect in HIDDEN if effect.category != "outsider")
+OUTSIDERS = tuple(effect.name for effect in HIDDEN if effect.category == "outsider")
+
+
+def hidden_effect(name: str) -> HiddenEffect:
+    """Return the hidden effect of a name.
+
+    Raises
+    ------
+    InputError
+        An unknown name; the nearest right one is said.
+    """
+    for effect in HIDDEN:
+        if effect.name == name:
+            return effect
+    known = [*INSIDERS, *OUTSIDERS]
+    near = get_close_matches(name, known, 1)
+    hint = f"; the nearest right one is '{near[0]}'" if near else ""
+    raise InputError(f"the laboratory cannot hide '{name}'{hint}; it knows {', '.join(known)}")

@@ -1,0 +1,120 @@
+"""A scan with something hidden in it, and the record of what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from models.scan import Scan
+from sim.bench import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Bench, Planted, press, record
+from sim.hidden.amplitude import amplitude_for, size_of
+from sim.hidden.catalogue import hidden_effect
+from sim.hidden_body import HiddenBody
+from sim.press_program import PressProgram, grid_program
+from sim.truth_map import Inclusion, TruthMap
+
+DEFAULT_MAP = TruthMap(5500.0, (Inclusion(20000.0, (0.042, 0.056, 0.034), 0.010),))
+
+
+def planted_scan(
+    effect: str | Sequence[str] | None,
+    size: float | Sequence[float] = 0.03,
+    seed: int = 0,
+    radii: tuple[float, ...] = (0.005,),
+    truth: TruthMap = DEFAULT_MAP,
+    program: PressProgram | None = None,
+    values: dict[str, float] | None = None,
+    noise: tuple[float, float] = (DISPLACEMENT_NOISE_M, FORCE_NOISE_N),
+    **grid: Any,
+) -> tuple[Scan, dict[str, Any]]:
+    """Make a scan of the paper's block with effects hidden in it.
+
+    The first call for a grid and its radii sets up the truth's finite elements (seconds); later
+    ones cost milliseconds for the same map, and one or more solutions where the body changes.
+
+    Parameters
+    ----------
+    effect : name in `sim.hidden.catalogue`, several, or None
+    size : rms(with - without)/rms(without) of each effect, such as 0.03
+    seed : of the noise, the pauses and what is drawn for the effects
+    radii : of the tips, m; two take turns from press to press
+    truth : the map
+    program : the presses; a grid of 9 x 9 with 0.3 N if None
+    values : of the effects, by name, in place of drawn ones; with the amplitude among them the
+        size is not searched
+    noise : one standard deviation of displacement (m) and force (N)
+    **grid : of `sim.press_program.grid_program`, where no program is given
+
+    Returns
+    -------
+    The scan, and its truth: `effects` (each with name, category, law, values, size wanted and
+    reached), `body`, `seed`, `radii_m`, `noise`, `compliance_m_per_n` of every press as it was
+    made.
+    """
+    names = [effect] if isinstance(effect, str) else list(effect or ())
+    sizes = np.broadcast_to(np.asarray(size, float), len(names))
+    bench = Bench(
+        program or grid_program(radii_m=radii, seed=seed, **grid), HiddenBody(truth=truth)
+    )
+    rng = np.random.default_rng([seed, 3])
+    planted: tuple[Planted, ...] = ()
+    records = []
+    for name, wanted in zip(names, sizes, strict=True):
+        one, reached = _plant(bench, name, float(wanted), rng, planted, values or {})
+        planted = (*planted, one)
+        records.append(
+            {
+                "name": name,
+                "category": one[0].category,
+                "law": one[0].law,
+                "values": dict(one[1]),
+                "wanted_size": float(wanted),
+                "size": reached,
+            }
+        )
+    body = bench.body
+    for hidden, hidden_values in planted:
+        body = hidden.body(body, hidden_values)
+    scan = record(bench, press(bench, planted), seed, *noise)
+    return scan, {
+        "effects": records,
+        "body": _map_record(truth),
+        "seed": seed,
+        "radii_m": sorted(set(bench.program.radius_m.tolist())),
+        "noise": {"displacement_m": noise[0], "force_n": noise[1]},
+        "compliance_m_per_n": bench.compliance(body=body).tolist(),
+    }
+
+
+def _plant(
+    bench: Bench,
+    name: str,
+    size: float,
+    rng: np.random.Generator,
+    others: tuple[Planted, ...],
+    given: dict[str, float],
+) -> tuple[Planted, float]:
+    effect = hidden_effect(name)
+    drawn = effect.draw(bench, rng)
+    known = {*drawn, effect.amplitude}
+    drawn |= {key: value for key, value in given.items() if key in known}
+    if effect.amplitude not in drawn:
+        return amplitude_for(bench, effect, drawn, size, others)
+    without = press(bench, (*others, (effect, {**drawn, effect.amplitude: 0.0})))
+    return (effect, drawn), size_of(press(bench, (*others, (effect, drawn))), without)
+
+
+def _map_record(truth: TruthMap) -> dict[str, Any]:
+    return {
+        "background_pa": truth.background_pa,
+        "inclusions": [
+            {
+                "weight_pa": i.weight_pa,
+                **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
+                "radius_m": i.radius_m,
+            }
+            for i in truth.inclusions
+        ],
+    }

@@ -1,0 +1,210 @@
+"""A press program: the table of presses that an experiment makes, in order.
+
+As a file (CSV, header row, SI units), one row a press:
+
+| column | unit | meaning |
+|---|---|---|
+| `x_m`, `y_m` | m | contact point on the top of the block |
+| `radius_m` | m | radius of the tip |
+| `force_n` | N | peak force |
+| `ramp_s`, `hold_s` | s | duration of loading and of holding |
+| `unload_s` | s | optional: duration of unloading, 1 s where the column is missing |
+| `pause_s` | s | optional: rest before the press; drawn at random where the column is missing |
+
+Lines that begin with `#` are comments. `palpmap scan --program FILE` and the bench read it.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import InputError
+
+NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
+OPTIONAL = ("unload_s", "pause_s")
+UNLOAD_S = 1.0
+PAUSE_S = (0.05, 0.95)
+"""Shortest and longest rest between two presses where none is given, s. Drawn at random, so that
+no frequency is locked to the rhythm of the presses."""
+
+
+@dataclass(frozen=True)
+class PressProgram:
+    """Presses on the top of a block, in their order; all arrays (j,), SI units.
+
+    Attributes
+    ----------
+    x_m, y_m : contact point
+    radius_m : of the tip
+    force_n : peak force
+    ramp_s, hold_s, unload_s : duration of the parts of a press
+    pause_s : rest before each press
+    """
+
+    x_m: np.ndarray
+    y_m: np.ndarray
+    radius_m: np.ndarray
+    force_n: np.ndarray
+    ramp_s: np.ndarray
+    hold_s: np.ndarray
+    unload_s: np.ndarray
+    pause_s: np.ndarray
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            array = np.atleast_1d(np.array(getattr(self, field.name), float))
+            shape = (len(np.atleast_1d(self.x_m)),)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InputError(
+                    f"The press program's {field.name} has shape {array.shape}; expected "
+                    f"{shape[0]} finite numbers, one a press."
+                )
+            low = 0.0 if field.name in ("x_m", "y_m", "pause_s") else np.nextafter(0, 1)
+            if (array < low).any():
+                j = int((array < low).argmax())
+                raise InputError(
+                    f"Press {j} of the program: {field.name} is {array[j]:g}; it has to be "
+                    f"{'zero or more' if low == 0 else 'positive'}."
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, field.name, array)
+        if len(self.x_m) == 0:
+            raise InputError("The press program is empty; give at least one press.")
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+    @property
+    def start_s(self) -> np.ndarray:
+        """When each press begins, (j,) s."""
+        duration = self.ramp_s + self.hold_s + self.unload_s
+        return np.cumsum(self.pause_s) + np.concatenate([[0.0], np.cumsum(duration)[:-1]])
+
+
+def random_pauses(count: int, seed: int) -> np.ndarray:
+    """Rests before `count` presses, (j,) s; the same for the same seed."""
+    return np.random.default_rng([seed, 1]).uniform(*PAUSE_S, size=count)
+
+
+def grid_program(
+    size_m: tuple[float, float, float] = (0.096, 0.096, 0.048),
+    per_side: int = 9,
+    radii_m: tuple[float, ...] = (0.005,),
+    force_n: float = 0.3,
+    seed: int = 0,
+    margin_share: float = 1 / 8,
+    ramp_s: float = 1.0,
+    hold_s: float = 2.0,
+    repeats: int = 1,
+) -> PressProgram:
+    """Lay out a square grid of presses, row by row; radii take turns from point to point.
+
+    Parameters
+    ----------
+    size_m : edges of the block
+    per_side : points along each edge
+    radii_m : of the tips; with two, every other press has the second, like a chess board on a
+        grid with an odd number a side
+    force_n : peak force of a press with the first radius. A larger tip presses harder by the
+        square root of the ratio of radii, so that neither signal drowns.
+    seed : of the pauses
+    margin_share : of the edges, from the rim to the first points
+    repeats : how often the whole grid is pressed, one time after the other
+    """
+    if per_side < 2 or repeats < 1 or not radii_m:
+        raise InputError("A grid needs two points a side, one repeat and one radius or more.")
+    x, y = (np.linspace(margin_share, 1 - margin_share, per_side) * edge for edge in size_m[:2])
+    count = per_side**2 * repeats
+    radius = np.resize(np.array(radii_m, float), count)
+    return PressProgram(
+        np.tile(x, per_side * repeats),
+        np.tile(np.repeat(y, per_side), repeats),
+        radius,
+        force_n * np.sqrt(radius / radius[0]),
+        np.full(count, ramp_s),
+        np.full(count, hold_s),
+        np.full(count, UNLOAD_S),
+        random_pauses(count, seed),
+    )
+
+
+def write_program(program: PressProgram, path: str | os.PathLike[str]) -> None:
+    """Write a press program as CSV."""
+    names = [field.name for field in fields(program)]
+    rows = np.column_stack([getattr(program, name) for name in names])
+    text = "\n".join([",".join(names), *(",".join(f"{v:.9g}" for v in row) for row in rows)])
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def read_program(path: str | os.PathLike[str], seed: int = 0) -> PressProgram:
+    """Read a press program.
+
+    Parameters
+    ----------
+    path : CSV file with the columns of this module's table
+    seed : of the pauses, where the file has none
+
+    Raises
+    ------
+    InputError
+        Naming file, row and column, what was found and what is expected.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a press program ({error})") from error
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = list(csv.reader(lines))
+    if len(rows) < 2:
+        raise InputError(
+            f"{path}: found {len(rows)} rows, expected a header ({', '.join(NEEDED)}) and one row "
+            "a press"
+        )
+    header = [name.strip() for name in rows[0]]
+    _check_header(path, header)
+    columns: dict[str, list[float]] = {name: [] for name in header}
+    for number, cells in enumerate(rows[1:], start=1):
+        if len(cells) != len(header):
+            raise InputError(
+                f"{path}, row {number}: found {len(cells)} cells, expected {len(header)}"
+            )
+        for name, cell in zip(header, cells, strict=True):
+            columns[name].append(_number(path, number, name, cell))
+    count = len(rows) - 1
+    columns.setdefault("unload_s", [UNLOAD_S] * count)
+    columns.setdefault("pause_s", random_pauses(count, seed).tolist())
+    return PressProgram(**{name: np.array(values) for name, values in columns.items()})
+
+
+def _check_header(path: Path, header: list[str]) -> None:
+    known = (*NEEDED, *OPTIONAL)
+    for name in header:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f"; the nearest right name is '{near[0]}'" if near else ""
+            raise InputError(f"{path}: unknown column '{name}'{hint}; expected {', '.join(known)}")
+    missing = [name for name in NEEDED if name not in header]
+    if missing or len(set(header)) != len(header):
+        what = f"the column '{missing[0]}' is missing" if missing else "a column stands twice"
+        raise InputError(f"{path}: {what}; expected {', '.join(NEEDED)}")
+
+
+def _number(path: Path, row: int, name: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = float("nan")
+    positive = name not in ("x_m", "y_m", "pause_s")
+    if not np.isfinite(value) or value < 0 or (positive and value == 0):
+        raise InputError(
+            f"{path}, row {row}, column {name}: found '{cell.strip()}', expected a "
+            f"{'positive ' if positive else ''}number in SI units"
+        )
+    return value

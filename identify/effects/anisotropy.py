@@ -11,7 +11,7 @@ from identify.effects.effect import Effect, EffectParameter, Values, WorkedExamp
 from identify.effects.words import percent
 from identify.readings import Readings
 
-_DIRECTIONS = 12  # over half a turn
+_DIRECTIONS = 16  # over half a turn: neighbours are alike by 0.86, the background projected out
 
 
 class Anisotropy(Effect):
@@ -56,7 +56,7 @@ class Anisotropy(Effect):
         return state.changed(fibre_share=values["fibre_share"], fibre_angle_rad=values["angle_rad"])
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
-        """Directions over half a turn, 15 degrees apart; the bounds leave room beyond both ends."""
+        """Directions over half a turn, 11 degrees apart; the bounds leave room beyond both ends."""
         angles = np.arange(_DIRECTIONS) * math.pi / _DIRECTIONS
         return [{"angle_rad": float(angle)} for angle in angles]
 

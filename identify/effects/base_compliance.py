@@ -57,6 +57,6 @@ class BaseCompliance(Effect):
         softness = values["normal_m_per_pa"]
         return (
             "Presses sink as if the base gave way by "
-            f"{length(1e3 * softness)} for each kPa of pressure on it, as would foam of 20 kPa that is "
-            f"{length(2e4 * softness)} thick."
+            f"{length(1e3 * softness)} for each kPa of pressure, as would foam of 20 kPa that "
+            f"is {length(2e4 * softness)} thick."
         )

@@ -11,9 +11,12 @@ from identify.effects.effect import Effect, EffectParameter, Values, WorkedExamp
 from identify.effects.words import length, pressure
 from identify.readings import Readings
 
-_RADIUS = 0.2  # of the body's height
-_DEPTHS = (0.15, 0.3, 0.45, 0.6)  # of the height below the top
-_SPACING = 1.25  # of the candidates, in radii
+# Measured on a block of 96 x 96 x 48 mm and 81 presses: any inclusion of 6 to 14 mm radius is like
+# one of these candidates by a cosine of 0.93 or more, the background projected out; depths differ
+# by 0.98, places next to each other by 0.84.
+_RADIUS = 0.16  # of the body's height
+_DEPTHS = (0.2, 0.5)  # of the height below the top
+_SPACING = 0.95  # of the candidates, in radii
 _MOST = 300  # candidates
 
 
@@ -58,7 +61,7 @@ class ExtraInclusion(Effect):
         return state.changed(bumps=(*state.bumps, bump))
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
-        """Places below the pressed area, a good radius apart, at four depths."""
+        """Places below the pressed area, a good radius apart, at two depths."""
         radius = _RADIUS * state.height_m
         low, high = readings.point_m.min(axis=0), readings.point_m.max(axis=0)
         top = state.box_m[1][2]

@@ -55,5 +55,5 @@ class ForceDrift(Effect):
         rate, time = values["rate_n_per_s"], float(readings.elapsed_s[-1])
         return (
             f"The force sensor's reading {more(rate, 'rises', 'falls')} steadily by "
-            f"{force(abs(rate) * time)} over the {seconds(time)} of the scan, at any place and force."
+            f"{force(abs(rate) * time)} over the {seconds(time)} of the scan, at every place."
         )

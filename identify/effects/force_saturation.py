@@ -72,8 +72,9 @@ class ForceSaturation(Effect):
         """Say what the sensor loses at the largest force and at half of it."""
         loss, n = values["loss"], values["sharpness"]
         share, half = loss / (1 + loss), loss * 0.5**n / (1 + loss * 0.5**n)
+        most = force(readings.largest_force_n)
         return (
-            f"The sensor reads {percent(share)} too little at {force(readings.largest_force_n)}, and "
+            f"The sensor reads {percent(share)} too little at {most} and "
             f"{percent(half)} too little at half of that: travel runs ahead of the force as it "
             "grows, at soft and stiff places alike."
         )

@@ -28,9 +28,7 @@ class Viscoelasticity(Effect):
         "E. H. Lee, J. R. M. Radok, J. Appl. Mech. 27 (1960) 438-444; quasi-linear form: "
         "Y. C. Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, ch. 7"
     )
-    gives_away = (
-        "the tip keeps sinking while the force is held, fast at first and then ever more slowly"
-    )
+    gives_away = "the tip keeps sinking while the force is held, fast at first, then more slowly"
     cure = (
         "Hold each press for several time constants and take the last readings, "
         "or press at two clearly different speeds."
@@ -102,7 +100,7 @@ class Viscoelasticity(Effect):
 
 
 def lagging(readings: Readings, travel_m: np.ndarray, tau_s: float) -> np.ndarray:
-    """Solve tau dz/dt = u - z for z (m,), u piecewise linear in each press from nothing at first touch.
+    """Solve tau dz/dt = u - z for z (m,), u piecewise linear, nothing at first touch.
 
     Closed form over a step h from (u0, z0) to u: z = u - (u0 - z0) e - (u - u0) (1 - e) tau / h,
     e = exp(-h / tau).

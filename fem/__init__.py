@@ -9,6 +9,7 @@ a tip is positive inwards.
 
 from fem.block import block_mesh, paper_mesh
 from fem.contact import Contacts
+from fem.elasticity import Fibres, fibre_weights
 from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh, promote_to_tet10
 from fem.mesh_checks import check_mesh
@@ -21,6 +22,7 @@ from fem.tetrahedralize import tetrahedralize_surface
 
 __all__ = [
     "Contacts",
+    "Fibres",
     "Mesh",
     "MeshError",
     "PalpationModel",
@@ -33,6 +35,7 @@ __all__ = [
     "check_mesh",
     "check_surface",
     "default_solver",
+    "fibre_weights",
     "paper_mesh",
     "promote_to_tet10",
     "read_surface",

@@ -143,6 +143,20 @@ class Stiffness:
               self._pair_rank, self.gradients, self._derivatives, weights, *self._lame)  # fmt: skip
         return data
 
+    def fibre_values(self, direction: np.ndarray, modulus_pa: np.ndarray) -> np.ndarray:
+        """CSR values of fibres of that unit direction (3,) and modulus at `points_m`.
+
+        The energy density is E_f/2 (a.eps.a)^2, see `fem.elasticity`.
+        """
+        modulus = np.ascontiguousarray(modulus_pa, float).reshape(len(self.volumes), -1)
+        weights = modulus * self.rule[1] * self.volumes[:, None]
+        slopes = np.einsum("qiv,eva,a->eqi", self._derivatives, self.gradients, direction,
+                           optimize=True)  # fmt: skip
+        data = np.zeros(len(self.indices))
+        _fill_fibres(data, self.indptr, self._pairs, self._pair_node, self._pair_rank, slopes,
+                     weights, np.outer(direction, direction))  # fmt: skip
+        return data
+
     def energies(self, displacement: np.ndarray) -> np.ndarray:
         """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q).
 
@@ -222,6 +236,27 @@ def _fill(data, indptr, cells, pairs, pair_node, pair_rank, gradients, derivativ
                     data[s1] += lam * h10 + mu * h01
                     data[s2] += lam * h20 + mu * h02
                     data[s2 + 1] += lam * h21 + mu * h12
+
+
+@numba.njit(cache=True, fastmath=True)
+def _fill_fibres(data, indptr, pairs, pair_node, pair_rank, slopes, weights, square):
+    nodes = slopes.shape[2]
+    for e in range(slopes.shape[0]):
+        m = -1
+        for i in range(nodes):
+            for j in range(i, nodes):
+                m += 1
+                pair = pairs[e, m]
+                if pair < 0:
+                    continue
+                s = 0.0
+                for q in range(weights.shape[1]):
+                    s += weights[e, q] * slopes[e, q, i] * slopes[e, q, j]
+                k = pair_rank[pair]
+                for a in range(3):
+                    start = indptr[3 * pair_node[pair] + a] + 3 * k - a
+                    for b in range(a if k == 0 else 0, 3):
+                        data[start + b] += s * square[a, b]
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)

@@ -27,6 +27,7 @@ admissible fields, only less apt the more the surface bends under the tip.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,7 +41,7 @@ _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radi
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
 
 # lambda_a lambda_b, a <= b: the ten products that span the quadratics of a cell
-_PRODUCTS = np.array([(a, b) for a in range(4) for b in range(a, 4)])
+PRODUCTS = np.array([(a, b) for a in range(4) for b in range(a, 4)])
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,38 @@ class Enrichment:
     load: np.ndarray
 
 
+class Neighbourhood(NamedTuple):
+    """Where the near field of a press lives.
+
+    Attributes
+    ----------
+    frame : (3, 3) two tangents and the press direction
+    local : (n, 3) m, the mesh's nodes in that frame, from the contact point
+    cells : (c,) enriched cells
+    shape : (6,) the surface's paraboloid, see `fem.contact_shape`
+    radius : m
+    """
+
+    frame: np.ndarray
+    local: np.ndarray
+    cells: np.ndarray
+    shape: np.ndarray
+    radius: float
+
+
+def neighbourhood(
+    stiffness: Stiffness, surface: PressedSurface, contacts: Contacts, j: int
+) -> Neighbourhood:
+    """Find the cells, the frame and the surface's shape around press j."""
+    mesh = stiffness.mesh
+    radius = float(contacts.radius_m[j])
+    frame = contact_frame(contacts.directions[j])
+    local = (mesh.nodes - contacts.points_m[j]) @ frame.T  # axis 2 is the depth
+    cells = _cells_near(mesh.cells, local, radius)
+    shape = contact_shape(surface, contacts.points_m[j], frame, radius)
+    return Neighbourhood(frame, local, cells, shape, radius)
+
+
 def enrich(
     stiffness: Stiffness,
     surface: PressedSurface,
@@ -75,23 +108,19 @@ def enrich(
     surface : of the mesh
     weights : (n, 3) contact weights of the press.
     """
-    mesh = stiffness.mesh
-    radius = float(contacts.radius_m[j])
-    frame = contact_frame(contacts.directions[j])
-    local = (mesh.nodes - contacts.points_m[j]) @ frame.T  # axis 2 is the depth
+    place = neighbourhood(stiffness, surface, contacts, j)
+    mesh, (frame, local, cells, shape, radius) = stiffness.mesh, place
     nu, profile = stiffness.poisson_ratio, contacts.profile_code
-    cells = _cells_near(mesh.cells, local, radius)
     vertices = local[mesh.cells[cells, :4]]
-    shape = contact_shape(surface, contacts.points_m[j], frame, radius)
     strain, density = moments(vertices, shape, radius, nu, profile)
     # From moments of the exact field to those against the shape functions and modulus samples
-    basis, derivatives = _sample_basis(stiffness), _linear_derivatives(mesh.order)
+    basis, derivatives = sample_basis(stiffness), linear_derivatives(mesh.order)
     gradients = stiffness.gradients[cells] @ frame.T
     stress = _stress(strain, nu)  # (c, m, 3, 3, 4, 4)
     exact = np.einsum("qa,ivb,cmstab,cvt->mcqis", basis, derivatives, stress, gradients,
                       optimize=True)  # fmt: skip
     # ... less the interpolant, by the stiffness matrix's own quadrature
-    field = _nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
+    field = nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
     at_points = np.einsum("ivb,qb,cvt->cqit", derivatives, stiffness.rule[0], gradients,
                           optimize=True)  # fmt: skip
     slope = np.einsum("mcis,cqit->mcqst", field, at_points, optimize=True)
@@ -111,19 +140,19 @@ def enrich(
     exact_pressed = functions(pressed, shape, radius, nu, profile)
     load = np.einsum("p,pm->m", pressure, exact_pressed[:, :, 2])
     touched = np.flatnonzero(weights.any(axis=1))
-    nodal = _nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
+    nodal = nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
     load -= np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
     coupling = ((exact - own) @ frame).astype(np.float32)  # half the memory; its error is 1e-7
     return Enrichment(cells, coupling, energy, load)
 
 
-def _sample_basis(stiffness: Stiffness) -> np.ndarray:
+def sample_basis(stiffness: Stiffness) -> np.ndarray:
     """Matrix (q, 4) that gives each modulus sample's weight in E(x) = sum_q E_q (T lambda)_q."""
     points = stiffness.rule[0]
     return np.ones((1, 4)) if len(points) == 1 else np.linalg.inv(points).T
 
 
-def _linear_derivatives(order: int) -> np.ndarray:
+def linear_derivatives(order: int) -> np.ndarray:
     """D of dN_i/dlambda_v = sum_b D_ivb lambda_b, (nodes, 4, 4)."""
     if order == 1:
         return np.repeat(np.eye(4)[:, :, None], 4, axis=2)
@@ -136,6 +165,14 @@ def _linear_derivatives(order: int) -> np.ndarray:
     return d
 
 
+def square(moments: np.ndarray) -> np.ndarray:
+    """Moments times lambda_a lambda_b, (..., 10) -> (..., 4, 4)."""
+    result = np.empty((*moments.shape[:-1], 4, 4))
+    result[..., PRODUCTS[:, 0], PRODUCTS[:, 1]] = moments
+    result[..., PRODUCTS[:, 1], PRODUCTS[:, 0]] = moments
+    return result
+
+
 def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
     """Stress moments (c, m, 3, 3, 4, 4) of strain moments (c, m, 6, 10), E = 1."""
     lam, mu = lame(nu)
@@ -143,10 +180,7 @@ def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
     tensor = 2 * mu * strain[:, :, index]
     trace = lam * strain[:, :, :3].sum(axis=2)
     tensor[:, :, range(3), range(3)] += trace[:, :, None]
-    result = np.empty((*tensor.shape[:4], 4, 4))
-    result[..., _PRODUCTS[:, 0], _PRODUCTS[:, 1]] = tensor
-    result[..., _PRODUCTS[:, 1], _PRODUCTS[:, 0]] = tensor
-    return result
+    return square(tensor)
 
 
 def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarray:
@@ -159,7 +193,7 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
     return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
 
 
-def _nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:
+def nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:
     """Values of the functions at the nodes of cells (c, nodes): (m, c, nodes, 3)."""
     used, inverse = np.unique(cells, return_inverse=True)
     values = functions(local[used], shape, radius, nu, profile)

@@ -47,9 +47,41 @@ def moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, p
     strain : (c, m, 6, 10) times lambda_a lambda_b
     density : (c, m, m, 4) twice the energy density of each pair, times lambda_a
     """
-    c = len(vertices)
+    strain, density, _ = _integrate(vertices, shape, radius, nu, profile, np.zeros((0, 6)))
+    upper = np.triu_indices(FUNCTIONS, 1)
+    density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
+    return strain, density
+
+
+def pair_moments(
+    vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, profile: int,
+    projection: np.ndarray,
+):  # fmt: skip
+    """Integrals over each cell of some strain components and of their products.
+
+    Parameters
+    ----------
+    projection : (s, 6) of the components on the strains e_xx, e_yy, e_zz, e_xy, e_xz, e_yz
+
+    Returns
+    -------
+    strain : (c, m, s, 10) times lambda_a lambda_b
+    pairs : (c, m, s, m, s, 4) products, times lambda_a
+    """
+    strain, _, pairs = _integrate(vertices, shape, radius, nu, profile, projection)
+    size = pairs.shape[1]
+    upper = np.triu_indices(size, 1)
+    pairs[:, *upper] = pairs[:, *upper[::-1]]
+    half = (FUNCTIONS, len(projection))
+    return np.einsum("cmik,si->cmsk", strain, projection), pairs.reshape(-1, *half, *half, 4)
+
+
+def _integrate(vertices, shape, radius, nu, profile, projection):
+    """Moments of `moments`, or with a projection those of `pair_moments`."""
+    c, size = len(vertices), FUNCTIONS * len(projection)
     strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
-    arguments = (shape, radius, nu, profile, *lame(nu))
+    pairs = np.zeros((c, size, size, 4))
+    arguments = (shape, radius, nu, profile, *lame(nu), projection, pairs)
     tube = _TUBE * radius
     _integrate_cells(vertices, *TET_RULES[5], _LEAF, tube, strain, density, *arguments)
     points, weights = _tube_points(radius, tube)
@@ -60,9 +92,7 @@ def moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, p
     inside = owner >= 0
     _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
                       strain, density, *arguments)  # fmt: skip
-    upper = np.triu_indices(FUNCTIONS, 1)
-    density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
-    return strain.reshape(c, 10, FUNCTIONS, 6).transpose(0, 2, 3, 1), density
+    return strain.reshape(c, 10, FUNCTIONS, 6).transpose(0, 2, 3, 1), density, pairs
 
 
 def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
@@ -130,7 +160,8 @@ def _field(x, y, z, radius, nu, profile):
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu, eps):
+def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu,
+         projection, pairs, eps):  # fmt: skip
     """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
     x, y = position[0], position[1]
     z = depth_below(shape, x, y, position[2], radius)
@@ -161,6 +192,9 @@ def _add(position, weight, barycentric, strain, density, shape, radius, nu, prof
             for i in range(flat.size):
                 strain[k, i] += s * flat[i]
             k += 1
+    if len(projection) > 0:
+        _add_pairs(weight, barycentric, eps, projection, pairs)
+        return
     for m in range(eps.shape[0]):
         trace = lam * (eps[m, 0] + eps[m, 1] + eps[m, 2])
         for n in range(m + 1):
@@ -172,19 +206,35 @@ def _add(position, weight, barycentric, strain, density, shape, radius, nu, prof
                 density[m, n, a] += weight * value * barycentric[a]
 
 
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _add_pairs(weight, barycentric, eps, projection, pairs):
+    kinds = len(projection)
+    for k in range(len(pairs)):
+        first = 0.0
+        for i in range(6):
+            first += projection[k % kinds, i] * eps[k // kinds, i]
+        for n in range(k + 1):
+            value = 0.0
+            for i in range(6):
+                value += projection[n % kinds, i] * eps[n // kinds, i]
+            value *= weight * first
+            for a in range(4):
+                pairs[k, n, a] += value * barycentric[a]
+
+
 @numba.njit(cache=True, nogil=True)
 def _integrate_points(points, weights, owner, barycentric, strain, density, shape, radius, nu,
-                      profile, lam, mu):  # fmt: skip
+                      profile, lam, mu, projection, pairs):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     for p in range(len(points)):
         c = owner[p]
         _add(points[p], weights[p], barycentric[p], strain[c], density[c], shape, radius, nu,
-             profile, lam, mu, eps)  # fmt: skip
+             profile, lam, mu, projection, pairs[c], eps)  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
 def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, shape,
-                     radius, nu, profile, lam, mu):  # fmt: skip
+                     radius, nu, profile, lam, mu, projection, pairs):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
@@ -247,8 +297,9 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                         position[a] += barycentric[b] * v[b, a]
                 w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
-                    _add(position, w * size * rule_weights[q], barycentric, strain[c], density[c],
-                         shape, radius, nu, profile, lam, mu, eps)  # fmt: skip
+                    w *= size * rule_weights[q]
+                    _add(position, w, barycentric, strain[c], density[c], shape, radius, nu,
+                         profile, lam, mu, projection, pairs[c], eps)  # fmt: skip
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -16,6 +16,7 @@ import numpy as np
 
 from fem.assembly import Stiffness
 from fem.contact import Contacts, PressedSurface, contact_weights
+from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
 from fem.near_field import Enrichment, enrich
@@ -98,6 +99,7 @@ class PalpationModel:
         self._weights = contact_weights(mesh, contacts)
         self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
         self.stiffness = self._bonded.stiffness
+        self._plane: FibrePlane | None = None
         self.enrichments: list[Enrichment] = []
         if near_field and contacts.profile != "nodal":
             surface = PressedSurface(mesh)
@@ -128,6 +130,7 @@ class PalpationModel:
         self,
         modulus_pa: np.ndarray | float,
         support_compliance: tuple[float, float] | None = None,
+        fibres: Fibres | tuple | None = None,
     ) -> Response:
         """Solve for all presses.
 
@@ -136,6 +139,7 @@ class PalpationModel:
         modulus_pa : (p,) Young's modulus at `points_m`, Pa, or one number for a homogeneous body.
         support_compliance : normal and tangential compliance (m/Pa) in place of the support's own;
             the near fields need not be made again for another one.
+        fibres : direction and modulus of fibres, see `fem.elasticity.Fibres`
 
         Raises
         ------
@@ -149,11 +153,13 @@ class PalpationModel:
                 "Young's modulus must be positive and finite everywhere; its smallest value is "
                 f"{np.nanmin(modulus):.4g} Pa"
             )
+        if fibres is not None:
+            fibres = checked_fibres(fibres, len(modulus))
         support = self.support
         if support_compliance is not None:
             support = Support(support.surface, *support_compliance, support.held)
         body = self._bonded if support.bonded else self.floating
-        values = self.values(body.stiffness, modulus)
+        values = self.values(body.stiffness, modulus, fibres)
         springs = None
         if not support.bonded:
             springs = body.foundation.effective(support.normal, support.tangential, modulus)
@@ -162,7 +168,7 @@ class PalpationModel:
         field = factor.solve(body.loads)
         compliance = np.einsum("dj,dj->j", body.loads, field)
         amplitude = np.zeros((len(compliance), FUNCTIONS if self.enrichments else 0))
-        for group, near in self.near_fields(body.stiffness, modulus):
+        for group, near in self.near_fields(body.stiffness, modulus, fibres):
             k = near.coupling
             z = factor.solve(k.reshape(len(k), -1)).reshape(k.shape)
             missing = near.load - np.einsum("djm,dj->jm", k, field[:, group])
@@ -170,7 +176,7 @@ class PalpationModel:
             amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
             compliance[group] += np.sum(missing * amplitude[group], axis=1)
             field[:, group] -= np.einsum("djm,jm->dj", z, amplitude[group])
-        response = Response(compliance, self, body, modulus, field, amplitude, springs)
+        response = Response(compliance, self, body, modulus, field, amplitude, fibres, springs)
         if springs is None:
             return response
         if np.isinf(support.tangential):
@@ -179,12 +185,17 @@ class PalpationModel:
         compliance += first_order_rest(asked, springs, response.support_sensitivity)
         return response
 
-    def values(self, stiffness: Stiffness, modulus: np.ndarray) -> np.ndarray:
+    def values(
+        self, stiffness: Stiffness, modulus: np.ndarray, fibres: Fibres | None
+    ) -> np.ndarray:
         """Values of a stiffness matrix of this body, without the support's springs."""
-        return stiffness.values(modulus)
+        values = stiffness.values(modulus)
+        if fibres is not None:
+            values += stiffness.fibre_values(fibres.direction, np.asarray(fibres.modulus_pa))
+        return values
 
     def near_fields(
-        self, stiffness: Stiffness, modulus: np.ndarray
+        self, stiffness: Stiffness, modulus: np.ndarray, fibres: Fibres | None
     ) -> Iterator[tuple[slice, NearFields]]:
         """Near fields in groups of presses, so that memory does not grow with their number."""
         by_cell = modulus.reshape(-1, stiffness.samples)
@@ -197,11 +208,29 @@ class PalpationModel:
                 local = by_cell[part.cells]
                 energy[i] = np.einsum("cq,mlcq->ml", local, part.energy)
                 vectors = np.einsum("cq,mcqia->cmia", local, part.coupling)
+                if fibres is not None:
+                    plane = self.fibre_plane(fibres.direction)
+                    strength = np.reshape(fibres.modulus_pa, by_cell.shape)
+                    more, own = plane.near(first + i, fibres.direction, strength)
+                    energy[i] += own
+                    vectors = vectors + more
                 _scatter(nodal[i], self.mesh.cells[part.cells], vectors)
             coupling = stiffness.restrict(nodal.reshape(len(parts) * m, -1, 3))
             load = np.array([part.load for part in parts])
             near = NearFields(coupling.reshape(len(coupling), -1, m), energy, load)
             yield slice(first, first + len(parts)), near
+
+    def fibre_plane(self, direction: np.ndarray) -> FibrePlane:
+        """Return a plane that holds the direction: the last one used, if it does."""
+        if self._plane is not None and self._plane.holds(direction):
+            return self._plane
+        return self.plane(plane_of(direction))
+
+    def plane(self, plane: np.ndarray) -> FibrePlane:
+        """Return what fibres in a plane (2, 3) do; kept until another one is asked for."""
+        if self._plane is None or not np.array_equal(self._plane.plane, plane):
+            self._plane = FibrePlane(self.stiffness, self.contacts, plane, bool(self.enrichments))
+        return self._plane
 
 
 def _check_equilibrium(response: Response, springs: tuple[float, float]) -> None:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.contact import Contacts
+from fem.elasticity import Fibres, checked_fibres
 from fem.errors import MeshError
 from fem.palpation import PalpationModel, Response
 
@@ -73,12 +74,18 @@ class RefinedModel:
         self,
         modulus_pa: np.ndarray | float,
         support_compliance: tuple[float, float] | None = None,
+        fibres: Fibres | tuple | None = None,
     ) -> RefinedResponse:
         """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`."""
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
         split = len(self.coarse.points_m)
-        coarse = self.coarse.evaluate(modulus[:split], support_compliance).compliance
-        response = self.fine.evaluate(modulus[split:], support_compliance)
+        parts: list[Fibres | None] = [None, None]
+        if fibres is not None:
+            direction, strength = checked_fibres(fibres, len(modulus))
+            strength = np.asarray(strength)
+            parts = [Fibres(direction, strength[:split]), Fibres(direction, strength[split:])]
+        coarse = self.coarse.evaluate(modulus[:split], support_compliance, parts[0]).compliance
+        response = self.fine.evaluate(modulus[split:], support_compliance, parts[1])
         fine = response.compliance
         added = (fine - coarse) / (self._ratio**RATE - 1)
         return RefinedResponse(fine + added, added / fine, response)

@@ -7,12 +7,15 @@ The problem is self-adjoint, so that the fields that give the compliances give t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
+
+from fem.elasticity import HORIZONTAL, Fibres
 
 if TYPE_CHECKING:
     from fem.palpation import HeldBody, PalpationModel
@@ -33,6 +36,7 @@ class Response:
     _modulus: np.ndarray  # (p,)
     _free: np.ndarray  # (3 f, j) finite element part of the fields
     _amplitude: np.ndarray  # (j, m) of the near-field functions
+    _fibres: Fibres | None
     _springs: tuple[float, float] | None  # of the support, None if it is bonded
 
     def displacement(self, j: int) -> np.ndarray:
@@ -77,6 +81,38 @@ class Response:
         """
         return self.sensitivity @ modulus_gradient
 
+    def fibre_moments(
+        self, weight: np.ndarray | float = 1.0, plane: np.ndarray = HORIZONTAL
+    ) -> np.ndarray:
+        """Integrals of the products of in-plane strains, (j, 6) 1/(N Pa) for a weight of 1.
+
+        With the strains e = (e_11, e_22, 2 e_12) under 1 N in the plane of two orthonormal
+        directions (2, 3): of weight times e_1^2, e_2^2, e_3^2, e_1 e_2, e_1 e_3, e_2 e_3. If the
+        modulus of fibres in the direction t_1 cos(p) + t_2 sin(p) is E_f = c weight,
+
+            dC_j/dc = -(fibre_moments(weight, plane) @ fem.elasticity.fibre_weights(p))_j.
+
+        Parameters
+        ----------
+        weight : (p,) at the model's `points_m`, or one number
+        """
+        weight = np.broadcast_to(np.asarray(weight, float), len(self._modulus))
+        return np.array([weight @ products for products in self._plane_products(plane)])
+
+    def fibre_sensitivity(self, direction: np.ndarray) -> np.ndarray:
+        """Return dC/dE_f by the modulus samples for a unit direction (3,), (j, p) m/(N Pa)."""
+        direction = np.asarray(direction, float)
+        plane = self._model.fibre_plane(direction)
+        weights = plane.weights(direction)
+        return -np.array([p @ weights for p in self._plane_products(plane.plane)])
+
+    def _plane_products(self, plane: np.ndarray) -> Iterator[np.ndarray]:
+        """For each press the products (p, 6) by modulus sample."""
+        fibre_plane = self._model.plane(plane)
+        for j in range(len(self.compliance)):
+            nodal = self._body.stiffness.prolong(self._free[:, [j]])[0]
+            yield fibre_plane.products(nodal, self._amplitude[j], j)
+
     @cached_property
     def support_sensitivity(self) -> np.ndarray:
         """Derivative by the support's normal and tangential compliance, (j, 2) Pa/N.
@@ -95,12 +131,16 @@ class Response:
         stiffness = floating.stiffness
         size = len(stiffness.indptr) - 1
         upper = sp.csr_array(
-            (self._model.values(stiffness, self._modulus), stiffness.indices, stiffness.indptr),
+            (
+                self._model.values(stiffness, self._modulus, self._fibres),
+                stiffness.indices,
+                stiffness.indptr,
+            ),
             shape=(size, size),
         )
         field = stiffness.restrict(self._body.stiffness.prolong(self._free))
         force = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
         force -= floating.loads
-        for group, near in self._model.near_fields(stiffness, self._modulus):
+        for group, near in self._model.near_fields(stiffness, self._modulus, self._fibres):
             force[:, group] += np.einsum("djm,jm->dj", near.coupling, self._amplitude[group])
         return stiffness.prolong(force)[:, floating.foundation.nodes]

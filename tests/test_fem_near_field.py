@@ -149,7 +149,7 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
         corner = np.array([1.0, 0, 0, 0])
         near_field_moments._add(
             np.array(x), 1.0, corner, strain, density, shape, a, nu, profile, lam, mu,
-            np.empty((4, 6)),
+            np.zeros((0, 6)), np.zeros((0, 0, 4)), np.empty((4, 6)),
         )  # fmt: skip
         steps = 1e-4 * np.eye(3)
         slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4

@@ -193,14 +193,25 @@ class BodyMechanics:
         scale: np.ndarray,
     ) -> np.ndarray:
         """First-order change (j,) by fibres, support and skin."""
-        return np.zeros_like(scale)
+        change = np.zeros_like(scale)
+        by_base = np.array(
+            [
+                new.base_normal_m_per_pa - old.base_normal_m_per_pa,
+                new.base_tangential_m_per_pa - old.base_tangential_m_per_pa,
+            ]
+        )
+        if by_base.any():
+            change += scale * (response.support_sensitivity @ by_base)
+        return change
 
     def with_skin(self, response: BodyResponse) -> BodyResponse:
         """Return the response of the body with its skin."""
         return response
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
-        return model.evaluate(positive_modulus(_Changed(stiffness, state), model.points_m))
+        modulus = positive_modulus(_Changed(stiffness, state), model.points_m)
+        base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
+        return model.evaluate(modulus, support_compliance=base if any(base) else None)
 
 
 @dataclass(frozen=True)

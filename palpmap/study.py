@@ -25,6 +25,29 @@ LARGEST_BODY_M = 1.0
 LARGEST_RADIUS_M = 0.05
 LARGEST_NOISE_M = 0.005
 UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
+EFFECTS = (
+    "viscoelasticity",
+    "finite_strain",
+    "strain_stiffening",
+    "anisotropy",
+    "skin_layer",
+    "extra_inclusion",
+    "stiffness_gradient",
+    "poisson_ratio",
+    "preconditioning",
+    "hysteresis",
+    "spherical_tip",
+    "base_compliance",
+    "base_sliding",
+    "tool_compliance",
+    "force_bias",
+    "force_drift",
+    "force_saturation",
+    "contact_offset",
+    "surface_tilt",
+    "breathing",
+    "mesh_error",
+)
 INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -160,31 +183,25 @@ class Map(_Table):
 
 
 class Effect(_Table):
-    """One entry of `[[effects]]`: an effect that the model has, by its name in the catalogue."""
+    """One entry of `[[effects]]`: an effect that the model has.
 
-    name: Literal[
-        "viscoelasticity",
-        "finite_strain",
-        "strain_stiffening",
-        "anisotropy",
-        "skin_layer",
-        "extra_inclusion",
-        "stiffness_gradient",
-        "poisson_ratio",
-        "preconditioning",
-        "hysteresis",
-        "spherical_tip",
-        "base_compliance",
-        "base_sliding",
-        "tool_compliance",
-        "force_bias",
-        "force_drift",
-        "force_saturation",
-        "contact_offset",
-        "surface_tilt",
-        "breathing",
-        "mesh_error",
-    ] = Field(description="the effect's name")
+    `name` is one of the catalogue's, or with `file` (Python code, which is executed) the user's
+    own; `initial` are values to start from, by parameter.
+    """
+
+    name: str = Field(min_length=1, description="the effect's name")
+    file: File | None = None
+    initial: dict[str, Real] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_known(self) -> "Effect":
+        if self.file is None and self.name not in EFFECTS:
+            near = _nearest(self.name, list(EFFECTS))
+            raise ValueError(
+                "an effect of the catalogue (`palpmap effects` lists them), or with file = ... one "
+                f"of your own, not '{self.name}'{near}"
+            )
+        return self
 
 
 class Study(_Table):
@@ -251,7 +268,11 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     if body.file is not None:
         body = body.model_copy(update={"file": folder / body.file})
     about = study.study.model_copy(update={"scan": folder / study.study.scan})
-    return study.model_copy(update={"study": about, "body": body})
+    effects = tuple(
+        entry if entry.file is None else entry.model_copy(update={"file": folder / entry.file})
+        for entry in study.effects
+    )
+    return study.model_copy(update={"study": about, "body": body, "effects": effects})
 
 
 def write_study(study: Study, path: str | os.PathLike[str]) -> None:
@@ -269,6 +290,9 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
     tables["body"]["support"] = study.body.support
     if study.body.file is not None:
         tables["body"]["file"] = relative(study.body.file)
+    for table, entry in zip(tables.get("effects", ()), study.effects, strict=False):
+        if entry.file is not None:
+            table["file"] = relative(entry.file)
     tables.setdefault("map", {})["inclusions"] = study.map.inclusions
     Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8")
 

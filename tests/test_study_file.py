@@ -120,7 +120,7 @@ BAD = {
     "an unknown effect": (
         "[map]",
         '[[effects]]\nname = "tool_complianc"\n[map]',
-        r"effects.0.name: found 'tool_complianc'.*right one is 'tool_compliance'",
+        r"effects.0: .*not 'tool_complianc'.*right one is 'tool_compliance'",
     ),
     "text that is not TOML": ("[map]", "[map", r"not TOML: .*line 19"),
     "a newer schema": ("[study]", "[study]\nschema = 2", r"study.schema: found 2, .*update"),

@@ -1,0 +1,144 @@
+"""result.json: what the loop found, as plain data."""
+
+from typing import Any
+
+from identify.diagnosis import Diagnosis
+from identify.effects.effect import Effect
+from identify.explain import Explanation, Rung
+from identify.score import Score
+from palpmap.fit import AXES
+from palpmap.problem import Problem, named
+
+SCHEMA = 1
+
+
+def explain_record(explained: Explanation, problem: Problem) -> dict[str, Any]:
+    """Return verdict, additions, ladder, candidates and parameters of an explanation.
+
+    Positions are in the scan's frame, as in the study file.
+    """
+    return {
+        "schema": SCHEMA,
+        "verdict": explained.verdict,
+        "added": list(explained.added),
+        "ambiguous": [list(group) for group in explained.ambiguous],
+        "helpers": [a.name for a in explained.additions if a.name not in explained.added],
+        "ladder": [rung_record(rung) for rung in explained.ladder],
+        "candidates": [
+            candidate_record(effect, explained, problem)
+            for effect in problem.catalogue
+            if effect.name not in problem.model.has
+        ],
+        "parameters": parameters_of(explained.final, problem),
+        "residual": explained.final.comparison.statement,
+        "suspect_presses": list(explained.ladder[0].comparison.bad_presses),
+        "explained_share": explained.explained_share,
+    }
+
+
+def rung_record(rung: Rung) -> dict[str, Any]:
+    """Return one step of the ladder."""
+    return {
+        "effects": list(rung.fit.model.has),
+        "rms_m": rung.fit.rms_m,
+        "held_out_rms_m": rung.held_out.rms_m,
+        "held_out_high_rms_m": rung.held_out.high_rms_m,
+        "noise_rms_m": rung.comparison.expected_rms_m,
+        "chi2_per_dof": rung.fit.chi2_per_dof,
+        "is_noise": rung.comparison.is_noise,
+        "statement": rung.comparison.statement,
+    }
+
+
+def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -> dict[str, Any]:
+    """Return what the scan says of one effect, at the step at which that was decided."""
+    name = effect.name
+    rung, group = _decided_at(name, explained)
+    score = rung.diagnosis[name]
+    verdict = rung.diagnosis.verdict(name)
+    confused = [other for other in rung.diagnosis.confused_with(name)]
+    if group is not None:
+        verdict = "supported" if len(group) == 1 else "indistinguishable"
+        confused = [other for other in group if other != name]
+    elif verdict == "supported":
+        # It scores while something else is missing, but does not win: no support of its own
+        verdict = "not_seen" if explained.verdict != "unexplained" else "supported"
+    record = score_record(score, rung.diagnosis)
+    return {
+        **record,
+        "verdict": verdict,
+        "confused_with": confused,
+        "evidence": evidence(effect, score, problem),
+    }
+
+
+def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return an effect's score alone."""
+    return {
+        "name": score.name,
+        "verdict": diagnosis.verdict(score.name),
+        "score": score.statistic,
+        "p_value": score.p_value,
+        "explained_fraction": diagnosis.explained_fraction(score.name),
+        "confused_with": list(diagnosis.confused_with(score.name)),
+        "rms_m": score.rms_m,
+        "visible": score.visible,
+        "values": {name: float(value) for name, value in score.values.items()},
+        "untestable": score.untestable,
+    }
+
+
+def evidence(effect: Effect, score: Score, problem: Problem) -> str:
+    """Return one sentence that a reader understands."""
+    if score.untestable is not None:
+        return f"Cannot be tested: {score.untestable}."
+    return effect.evidence(score.values, problem.model.readings)
+
+
+def parameters_of(rung: Rung, problem: Problem) -> dict[str, dict[str, Any]]:
+    """Return values and standard errors of all parameters, positions in the scan's frame."""
+    fit = rung.fit
+    held = fit.at_bound
+    found = {}
+    for name, value in fit.values.items():
+        axis = AXES.get(name.split(".")[-1])
+        shift = 0.0 if axis is None else float(problem.placement.origin_m[axis])
+        found[name] = {
+            "value": value + shift,
+            "std": fit.std.get(name, 0.0),
+            "unit": unit_of(name, fit.model),
+            "at_bound": name in held,
+        }
+    return found
+
+
+def unit_of(name: str, model: Any) -> str:
+    """Return the unit of a parameter of map or effects."""
+    effect, _, own = name.rpartition(".")
+    for part in model.effects:
+        if part.effect.name == effect:
+            return next(p.unit for p in part.parameters if p.name == own)
+    return "Pa" if name.endswith("_pa") else "m"
+
+
+def _decided_at(name: str, explained: Explanation) -> tuple[Rung, tuple[str, ...] | None]:
+    """Return the rung at which an effect was judged, and its group if it was chosen there."""
+    for number, addition in enumerate(explained.additions):
+        if name in addition.group:
+            return _rung_before(explained, number, name), addition.group
+    last = explained.final
+    if any(score.name == name for score in last.diagnosis.scores):
+        return last, None
+    return next(r for r in explained.ladder if _scored(r, name)), None
+
+
+def _rung_before(explained: Explanation, number: int, name: str) -> Rung:
+    rungs = [rung for rung in explained.ladder if _scored(rung, name)]
+    return rungs[min(number, len(rungs) - 1)]
+
+
+def _scored(rung: Rung, name: str) -> bool:
+    return any(score.name == name for score in rung.diagnosis.scores)
+
+
+__all__ = ["candidate_record", "explain_record", "named", "rung_record", "score_record"]

@@ -1,0 +1,103 @@
+"""An explanation on one screen: the error that falls, what was found, what it rests on."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from identify.effects.words import percent
+from identify.explain import Explanation, Rung
+from identify.residual_statement import length
+from palpmap.problem import Problem, named
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_WIDTH = 30
+VERDICTS = {
+    "nothing_missing": ("Nothing is missing.", "green"),
+    "explained": ("Explained.", "green"),
+    "ambiguous": ("Ambiguous: these effects cannot be told apart by this scan.", "yellow"),
+    "unexplained": ("Unexplained: something is missing that is not in the catalogue.", "red"),
+}
+
+
+def rung_line(rung: Rung) -> str:
+    """Return one line: the effects, the error and its bar, chi-square per degree of freedom."""
+    noise = rung.comparison.expected_rms_m
+    bar = "█" * min(round(_WIDTH / 4 * rung.fit.rms_m / noise), _WIDTH)
+    what = "+ " + rung.fit.model.has[-1] if rung.fit.model.has else "map alone"
+    return (
+        f"  {what:<22} {length(rung.fit.rms_m, signed=False):>9}  {bar}  "
+        f"chi2/dof {rung.fit.chi2_per_dof:.3g}"
+    )
+
+
+def explain_summary(
+    record: Mapping[str, Any], explained: Explanation, problem: Problem
+) -> tuple["RenderableType", ...]:
+    """Return the explanation as rich renderables that fit one screen."""
+    from rich.text import Text
+
+    sentence, style = VERDICTS[explained.verdict]
+    lines: list[RenderableType] = [_ladder_table(explained)]
+    lines.append(Text(f"{sentence} {_detail(explained)}".strip(), style=f"bold {style}"))
+    for addition in explained.additions:
+        effect = named(problem.catalogue, addition.name)
+        values = explained.final.fit.at.values.get(addition.name)
+        if values is not None:
+            text = effect.evidence(values, problem.model.readings)
+            lines.append(Text(f"- {effect.title}: {text}"))
+    lines.append(_parameter_table(record))
+    held = [name for name, p in record["parameters"].items() if p["at_bound"]]
+    if held:
+        lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
+    if record["suspect_presses"]:
+        presses = ", ".join(map(str, record["suspect_presses"]))
+        lines.append(Text(f"Presses that stand out by themselves: {presses}", style="yellow"))
+    return tuple(lines)
+
+
+def _detail(explained: Explanation) -> str:
+    if explained.verdict == "ambiguous":
+        return "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
+    if explained.verdict == "unexplained":
+        helps = [a.name for a in explained.additions]
+        share = percent(explained.explained_share)
+        text = f"{' and '.join(helps)} take {share} of it, but are not it. " if helps else ""
+        return text + explained.final.comparison.statement
+    if explained.verdict == "explained":
+        return f"{' and '.join(explained.added)}; what remains is noise."
+    return "The residual is noise, and no effect of the catalogue is seen."
+
+
+def _ladder_table(explained: Explanation) -> "RenderableType":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, title="the error", title_justify="left")
+    for name in ("model", "rms", "held-out presses", "noise alone", "chi2/dof"):
+        table.add_column(name, justify="left" if name == "model" else "right")
+    for rung in explained.ladder:
+        has = rung.fit.model.has
+        table.add_row(
+            "map" + "".join(f" + {name}" for name in has),
+            length(rung.fit.rms_m, signed=False),
+            length(rung.held_out.rms_m, signed=False),
+            length(rung.comparison.expected_rms_m, signed=False),
+            f"{rung.fit.chi2_per_dof:.3g}",
+        )
+    return table
+
+
+def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE, title="found", title_justify="left")
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("standard error", justify="right")
+    for name, p in record["parameters"].items():
+        scale, unit = (1e3, "mm") if p["unit"] == "m" else (1.0, p["unit"])
+        unit = "" if unit == "1" else f" {unit}"
+        table.add_row(name, f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}")
+    return table

@@ -30,6 +30,7 @@ from models.scan import Scan
 MARGIN = 10.0
 MOST_EFFECTS = 4
 _SHORTLIST = 3
+_HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
 _REFIT_EVALUATIONS = 15
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
@@ -201,7 +202,7 @@ def compare_rivals(
     for name in shortlist(rung.diagnosis, exclude):
         say(f"trying {name}")
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
-        if fit is not None:
+        if fit is not None and not effects[name].doubt(fit.at.values[name], fit.model.readings):
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
 
@@ -212,7 +213,8 @@ def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
         s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
     ]
     candidates.sort(key=lambda s: -s.statistic)
-    names = [s.name for s in candidates]
+    least = _HOPELESS * candidates[0].statistic if candidates else 0.0
+    names = [s.name for s in candidates if s.statistic >= least]
     best = names[:_SHORTLIST]
     order = [score.name for score in diagnosis.scores]
     near = [

@@ -25,6 +25,7 @@ from identify.optimize_result import InadmissibleError
 from identify.parameter_space import ParameterSpace
 from identify.readings import Readings
 
+_STEEPEST = 2.0  # times the compliance: largest slope with which the force's noise is counted
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 
 
@@ -212,6 +213,9 @@ class MeasurementModel:
         predicted = self.chain.predict(c, e, force, values)
         residual = self.displacement_m - predicted
         slope = self.chain.by_force(c, e, force, values)
+        # A law that turns a little force into any displacement would explain everything
+        most = _STEEPEST * c[self.readings.press]
+        slope = np.clip(slope, -most, most)
         sigma, latent = latent_force(residual, slope, force, self.noise)
         by_c, by_e = self.chain.by_body(c, e, latent, values)
         k = len(self.space.free)

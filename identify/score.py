@@ -79,11 +79,18 @@ class Score:
         return float(np.exp(max(self.log_p, np.log(1e-300))))
 
 
-def effect_patterns(model: MeasurementModel, at: Linearised, effect: Effect) -> Pattern:
-    """Patterns of an effect at its null, beside what the model already has."""
+def effect_patterns(
+    model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
+) -> Pattern:
+    """Return the patterns of an effect at its null, beside what the model already has.
+
+    `most` limits the candidates of its shape to so many, evenly over its grid.
+    """
     parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
     amplitudes = [parameters[p.name] for p in effect.amplitudes]
     shapes = effect.grid(model.readings, at.state)
+    if most is not None and len(shapes) > most:
+        shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
     null = effect.null
     rows = np.empty((len(shapes), len(at.residual), len(amplitudes)))
     chain = Chain(

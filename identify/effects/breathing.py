@@ -13,7 +13,8 @@ from identify.effects.words import length, seconds
 from identify.readings import Readings
 
 _LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
-_OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
+_OVERSAMPLING = 4
+_RESOLUTION = 1.5  # in 1 / duration: so near to a locked frequency none can be told from it  # candidates within the resolution 1 / T of the scan
 
 
 class Breathing(Effect):
@@ -61,15 +62,17 @@ class Breathing(Effect):
         A motion that comes round with each press, or at a multiple of its rhythm, looks the same
         in all presses and imitates creep, bias and loops: no scan can tell it from them.
         """
-        time = float(readings.elapsed_s[-1])
-        low, high = _band(readings)
-        frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
-        start = readings.elapsed_s[readings.first]
-        turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
-        # Starts at random have |mean| beyond the limit in less than 2 % of frequencies.
-        limit = max(0.3, 2 / math.sqrt(readings.presses))
-        free = np.abs(turn.mean(axis=1)) < limit
+        frequency, free = _free_frequencies(readings)
         return [{"frequency_hz": float(f)} for f in frequency[free]]
+
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """A frequency that has drifted to the rhythm of the presses."""
+        frequency, free = _free_frequencies(readings)
+        f = values["frequency_hz"]
+        nearest = int(np.argmin(np.abs(frequency - f)))
+        if free[nearest]:
+            return None
+        return f"{f:.3g} Hz keeps step with the presses, whose own course it imitates"
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the frequency by the scan's length and sampling."""
@@ -103,3 +106,21 @@ def _band(readings: Readings) -> tuple[float, float]:
     time = float(readings.elapsed_s[-1])
     high = min(_HIGHEST_HZ, 0.5 / readings.sampling_step_s)
     return min(max(_LOWEST_HZ, 2 / time), high / 2), high
+
+
+def _free_frequencies(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies in Hz and which of them are further than the resolution from any that is locked.
+
+    Locked: the presses start at nearly one angle of the motion.
+    """
+    time = float(readings.elapsed_s[-1])
+    low, high = _band(readings)
+    frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
+    start = readings.elapsed_s[readings.first]
+    turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
+    # Starts at random have |mean| beyond the limit in less than 2 % of frequencies.
+    limit = max(0.3, 2 / math.sqrt(readings.presses))
+    locked = np.abs(turn.mean(axis=1)) >= limit
+    reach = round(_RESOLUTION * _OVERSAMPLING)
+    near = np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
+    return frequency, ~near

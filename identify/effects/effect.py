@@ -186,6 +186,10 @@ class Effect:
         """Why this scan cannot show the effect, or None; by default from `needs`."""
         return readings.lacks(self.needs)
 
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """Why values that a fit has found are not to be believed, or None."""
+        return None
+
     # ---- conveniences --------------------------------------------------------------------
 
     @property

@@ -1,0 +1,229 @@
+"""What a scan can see of each effect, what it would take it for, and what ignoring it would do.
+
+All from the derivatives at the present fit, for this scan or for one that is only planned:
+
+    smallest amplitude seen    5 / |A_perp|   (5 standard errors, after the map took its share)
+    confused with              effects whose A_perp has a cosine above 0.9 with its own
+    bias of the map            (G'G)^-1 G'A a: what the fitted map takes for the effect
+
+Source: the same algebra as the score test, see `identify.score`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem import Contacts, PalpationModel
+from identify.body_mechanics import BodyMechanics
+from identify.diagnosis import ALIKE
+from identify.effects.effect import Effect
+from identify.joint_fit import JointFit
+from identify.measurement_model import Linearised, MeasurementModel
+from identify.optimize_result import InadmissibleError
+from identify.readings import Readings
+from identify.scan_design import Design, presses_of, readings_of
+from identify.score import beyond, effect_patterns, fitted_basis
+
+SIGMAS = 5.0
+SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
+_SAMPLE = 12  # candidates of a grid that are looked at
+_NOTHING = 1e-5
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a scan can see of one effect.
+
+    Attributes
+    ----------
+    name : of the effect
+    smallest_share : of the signal's rms that 5 standard errors are; None where nothing is seen
+    sizes : amplitudes at that size, by parameter, in their units
+    visible : share of the pattern that the map leaves
+    confused_with : effects that look the same to this scan
+    map_bias : by parameter, in its unit, what ignoring the effect at 3 % of the signal does
+    untestable : why the scan cannot show it at all, or None
+    """
+
+    name: str
+    smallest_share: float | None
+    sizes: Mapping[str, float]
+    visible: float
+    confused_with: tuple[str, ...]
+    map_bias: Mapping[str, float]
+    untestable: str | None = None
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The pattern of an effect at one candidate of its shape, in one direction."""
+
+    share: float  # of the signal at one standard error
+    sizes: np.ndarray
+    visible: float
+    basis: np.ndarray
+    bias: np.ndarray
+
+
+def detection_limits(
+    fit: JointFit, catalogue: Sequence[Effect], at: Linearised | None = None
+) -> tuple[Limit, ...]:
+    """Return the limits of every effect of a catalogue that the model does not have.
+
+    Parameters
+    ----------
+    at : the model's linearisation; default the fit's own
+    """
+    return limits_at(fit.model, at or fit.at, fit.u, catalogue)
+
+
+def limits_at(
+    model: MeasurementModel, at: Linearised, u: np.ndarray, catalogue: Sequence[Effect]
+) -> tuple[Limit, ...]:
+    """Return the limits of a model linearised at scaled unknowns u (k,)."""
+    signal = float(np.sqrt(np.mean(at.predicted_m**2)))
+    fitted = fitted_basis(at)
+    normal = np.linalg.pinv(at.jacobian, rcond=1e-10)
+    seen: dict[str, _Seen | str] = {}
+    for effect in catalogue:
+        if effect.name not in model.has:
+            seen[effect.name] = _seen(model, at, effect, fitted, normal, signal)
+    bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
+    slope = model.slope(u)
+    limits = []
+    for effect in catalogue:
+        own = seen.get(effect.name)
+        if own is None:
+            continue
+        if isinstance(own, str):
+            limits.append(Limit(effect.name, None, {}, 0.0, (), {}, own))
+            continue
+        alike = [
+            (float(np.linalg.norm(own.basis @ other)), name)
+            for name, other in bases.items()
+            if name != effect.name and effect.name in bases
+        ]
+        factor = SHARE / own.share if own.share > 0 else 0.0
+        typical = [
+            p.typical for p in effect.bounded(model.readings, at.state) if p.null is not None
+        ]
+        sizes = SIGMAS * own.sizes * typical
+        limits.append(
+            Limit(
+                effect.name,
+                SIGMAS * own.share if np.isfinite(own.share) else None,
+                dict(zip((p.name for p in effect.amplitudes), sizes.tolist(), strict=True)),
+                own.visible,
+                tuple(name for cosine, name in sorted(alike, reverse=True) if cosine > ALIKE),
+                dict(zip(model.names, (factor * own.bias * slope).tolist(), strict=True)),
+            )
+        )
+    return tuple(limits)
+
+
+def _seen(
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    fitted: np.ndarray,
+    normal: np.ndarray,
+    signal: float,
+) -> _Seen | str:
+    """Return the typical candidate's pattern, or why there is none."""
+    reason = effect.untestable(model.readings)
+    if reason is not None:
+        return reason
+    try:
+        pattern = effect_patterns(model, at, effect, _SAMPLE)
+    except InadmissibleError as error:
+        return str(error)
+    if not pattern.shapes:
+        return "the scan leaves no candidate of its shape to be told from another effect"
+    left, _, visible = beyond(pattern, fitted)
+    candidates = []
+    for g in range(len(left)):
+        # The direction of the amplitudes that shows least
+        _, singular, right = np.linalg.svd(left[g], full_matrices=False)
+        if singular[0] == 0:
+            continue
+        weakest = right[-1] / max(singular[-1], 1e-300)
+        column = pattern.columns[g] @ weakest
+        share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal
+        if visible[g] < _NOTHING:
+            share = np.inf
+        along = left[g] @ weakest
+        basis = along / max(float(np.linalg.norm(along)), 1e-300)
+        candidates.append(_Seen(share, weakest, float(visible[g]), basis, normal @ column))
+    if not candidates:
+        return "the scan does not show it at all"
+    candidates.sort(key=lambda s: s.share)
+    middle = candidates[len(candidates) // 2]
+    return middle if np.isfinite(middle.share) else "the stiffness map absorbs it entirely"
+
+
+def planned(fit: JointFit, design: Design) -> tuple[MeasurementModel, Linearised]:
+    """Return the model of a planned scan, and its linearisation at a fit's estimate."""
+    timed = fit.model.readings.time_s is not None
+    readings = readings_of(design.presses, timed)
+    mechanics = _mechanics(fit.model.mechanics, fit.model.readings, design)
+    model = replace(
+        fit.model,
+        readings=readings,
+        displacement_m=np.zeros(len(readings)),
+        mechanics=mechanics,
+    )
+    at = model.linearise(fit.u)
+    model = replace(model, displacement_m=at.predicted_m)
+    return model, replace(at, residual=np.zeros(len(readings)))
+
+
+def _mechanics(own: BodyMechanics, readings: Readings, design: Design) -> BodyMechanics:
+    """Return the body pressed as a design does; the present presses keep their models."""
+    present = presses_of(readings)
+    presses = design.presses
+    same = len(presses) == len(present) and all(
+        np.array_equal(getattr(presses, name), getattr(present, name))
+        for name in ("point_m", "direction", "radius_m")
+    )
+    if same:
+        return own
+    coarse = own.coarse
+    scale = coarse.contacts.radius_m / present.radius_m  # a sphere's patch is not its radius
+    contacts = Contacts(
+        presses.point_m,
+        presses.direction,
+        presses.radius_m * float(np.median(scale)),
+        coarse.contacts.profile,
+    )
+
+    def at_poisson_ratio(nu: float) -> PalpationModel:
+        return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
+
+    return BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A planned scan, and how much smaller an effect it would see; ratio below 1 is better."""
+
+    design: Design
+    limits: tuple[Limit, ...]
+
+
+def improvements(
+    fit: JointFit,
+    catalogue: Sequence[Effect],
+    designs: Sequence[Design],
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Improvement, ...]:
+    """Return the limits of planned scans, in the order of the designs."""
+    found = []
+    for design in designs:
+        if progress:
+            progress(f"planning a scan {design.change}")
+        model, at = planned(fit, design)
+        found.append(Improvement(design, limits_at(model, at, fit.u, catalogue)))
+    return tuple(found)

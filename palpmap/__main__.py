@@ -6,8 +6,10 @@ import typer
 
 from palpmap import __version__
 from palpmap.cli.check import check
+from palpmap.cli.check_effect import check_effect
 from palpmap.cli.compare import compare
 from palpmap.cli.demo import demo
+from palpmap.cli.effects import effects
 from palpmap.cli.fit import fit
 from palpmap.cli.paper import paper
 from palpmap.cli.review import review
@@ -43,7 +45,7 @@ def palpmap(
     """
 
 
-for _command in (demo, paper, scan, fit, compare, review, check):
+for _command in (demo, paper, scan, fit, compare, review, check, effects, check_effect):
     app.command()(answers(_command))
 
 

@@ -31,7 +31,7 @@ class FiniteStrain(Effect):
         "Cambridge 2008, ch. 6 (neo-Hookean law); reduced here to its first term in d / a"
     )
     gives_away = (
-        "force and travel are not proportional, the less so the deeper and softer the place"
+        "force and travel part from proportion, most so where the tip goes deepest"
     )
     cure = "Press less deep, to a tenth of the tip's radius where noise allows; use a larger tip."
     parameters = (

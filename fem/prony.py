@@ -171,36 +171,39 @@ def respond(
 
 @numba.njit(cache=True, nogil=True)
 def _retard(parts, by_time, u, time, press, tau):
-    """Recursion of y = int exp(-(t - s)/tau) du(s) and of dy/dtau; a bad row, or -1."""
+    """Recursion of the parts r, exact for a straight line from row to row; a bad row, or -1.
+
+    r <- e r + (1 - e) u_before + (1 - m) (u - u_before), e = exp(-x), m = (1 - e)/x, x = step/tau.
+    """
     rows, columns = u.shape
     presses = 0
     for t in range(rows):
         presses = max(presses, press[t] + 1)
-    y = np.zeros((presses, len(tau), columns))
-    dy = np.zeros((presses, len(tau), columns))
+    r = np.zeros((presses, len(tau), columns))
+    dr = np.zeros((presses, len(tau), columns))
     last = np.full(presses, -1)
     for t in range(rows):
         p = press[t]
         before = last[p]
+        last[p] = t
         step = 0.0 if before < 0 else time[t] - time[before]
         if step < 0:
             return t
         for i in range(len(tau)):
             x = step / tau[i]
             decay = np.exp(-x)
-            if x > 1e-4:
-                mean = -np.expm1(-x) / x  # of exp(-s/tau) over the step
-                by_x = (decay - mean) / x
+            if x > 1e-3:
+                lost = 1 + np.expm1(-x) / x  # 1 - m
+                slope = (decay - 1 + lost) / x  # dm/dx
             else:  # series, as the differences cancel
-                mean = 1 - x / 2 + x * x / 6
-                by_x = -0.5 + x / 3 - x * x / 8
+                lost = x * (1 / 2 - x * (1 / 6 - x * (1 / 24 - x / 120)))
+                slope = -1 / 2 + x * (1 / 3 - x * (1 / 8 - x / 30))
             for c in range(columns):
-                rise = u[t, c] - (0.0 if before < 0 else u[before, c])
-                dy[p, i, c] = (
-                    decay * (dy[p, i, c] + y[p, i, c] * x / tau[i]) - rise * by_x * x / tau[i]
-                )
-                y[p, i, c] = decay * y[p, i, c] + rise * mean
-                parts[i, t, c] = u[t, c] - y[p, i, c]
-                by_time[i, t, c] = -dy[p, i, c]
-        last[p] = t
+                old = 0.0 if before < 0 else u[before, c]
+                rise = u[t, c] - old
+                turn = decay * (r[p, i, c] - old) + rise * slope
+                dr[p, i, c] = decay * dr[p, i, c] + turn * x / tau[i]
+                r[p, i, c] = decay * r[p, i, c] - np.expm1(-x) * old + lost * rise
+                parts[i, t, c] = r[p, i, c]
+                by_time[i, t, c] = dr[p, i, c]
     return -1

@@ -100,7 +100,7 @@ def test_derivatives_by_the_times_are_those_of_differences():
     times[20] = times[19]
     press = rng.integers(0, 3, 50)
     history = rng.normal(size=(50, 2))
-    tau, step = np.array([0.02, 0.9, 3e3]), 1e-5
+    tau, step = np.array([0.02, 0.9, 4e5]), 1e-5
     exact = retarded(history, times, press, tau).by_time
     up, down = (retarded(history, times, press, tau * (1 + s)).parts for s in (step, -step))
     for i, t in enumerate(tau):

@@ -30,7 +30,8 @@ def minimize_bfgs(
     first_step: float = 0.1,
     max_step: float = 1.0,
     gtol: float = 1e-8,
-    rtol: float = _ROUNDING,
+    rtol: float = 0.0,
+    above: float = 0.0,
     max_evaluations: int = 200,
     callback: Callback | None = None,
 ) -> OptimizeResult:
@@ -49,9 +50,9 @@ def minimize_bfgs(
         Largest change of a coordinate in the first and in any step.
     gtol
         Converged when no component of the projected gradient exceeds it.
-    rtol
-        Converged, too, when a step promises no more than this part of the value; at least its
-        rounding.
+    rtol, above
+        Converged, too, when a step promises no more than the part rtol of what the value exceeds
+        `above`; in any case at the value's rounding.
     max_evaluations
         Limit of evaluations.
     callback
@@ -75,7 +76,8 @@ def minimize_bfgs(
         length = float(np.abs(direction).max())
         # The first direction has no scale of its own; later ones are only kept from leaping.
         direction *= first_step / length if nit == 0 else min(1.0, max_step / length)
-        if -float(current.gradient @ direction) <= max(rtol, _ROUNDING) * abs(current.fun):
+        slack = max(rtol * max(current.fun - above, 0.0), _ROUNDING * abs(current.fun))
+        if -float(current.gradient @ direction) <= slack:
             return search.result(current, nit, 0, "a further decrease would be within rtol")
         after = search.along(current, direction, max_step)
         if after is None:
@@ -98,6 +100,7 @@ def minimize_bfgs_residuals(
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
     ftol: float = 1e-6,
     rtol: float = 0.0,
+    above: float = 0.0,
     max_evaluations: int = 200,
     callback: Callback | None = None,
 ) -> OptimizeResult:
@@ -117,6 +120,7 @@ def minimize_bfgs_residuals(
         bounds=bounds,
         gtol=float(np.sqrt(2 * ftol)),
         rtol=rtol,
+        above=above,
         max_evaluations=max_evaluations,
         callback=callback,
     )

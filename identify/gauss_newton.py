@@ -13,6 +13,9 @@ import numpy as np
 from fem.errors import SolverError
 from identify.optimize_result import InadmissibleError, OptimizeResult, free_directions
 
+_IDLE_STEPS = 2
+_FELT = 1e-6  # less damping than this hardly changes a step
+
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -24,6 +27,7 @@ def minimize_gauss_newton(
     max_step: float = 1.0,
     ftol: float = 1e-6,
     rtol: float = 0.0,
+    above: float = 0.0,
     max_evaluations: int = 100,
     callback: Callable[[np.ndarray, float], None] | None = None,
 ) -> OptimizeResult:
@@ -40,10 +44,13 @@ def minimize_gauss_newton(
         Lower and upper (k,).
     max_step
         Largest change of a coordinate in one step.
-    ftol, rtol
-        Converged when an undamped step would lower |r|^2 / 2 by no more than ftol, or than the
-        part rtol of itself. With whitened residuals, an ftol of 1e-6 leaves every parameter within
-        about a thousandth of its standard deviation.
+    ftol
+        Converged when an undamped step would lower |r|^2 / 2 by no more. With whitened residuals,
+        an ftol of 1e-6 leaves every parameter within about a thousandth of its standard deviation.
+    rtol, above
+        Converged, too, when an undamped step would lower |r|^2 / 2 by no more than the part rtol of
+        what exceeds `above`, or when two steps in a row did: a valley that is rough or curved can
+        promise more for ever.
     max_evaluations
         Limit of evaluations.
     callback
@@ -56,7 +63,7 @@ def minimize_gauss_newton(
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jac))):
         raise InadmissibleError(f"the start {x} gives residuals that are not finite")
     fun, nfev, nit = 0.5 * float(r @ r), 1, 0
-    damping, growth = 1e-3, 2.0
+    damping, growth, idle = 1e-3, 2.0, 0
     diagonal = np.zeros_like(x)
     if callback:
         callback(x, fun)
@@ -70,8 +77,12 @@ def minimize_gauss_newton(
         free = free_directions(x, gradient, lower, upper)
         step = _solve(normal, gradient, diagonal, 0.0, free)
         expected = -0.5 * float(gradient @ step)
-        if expected <= max(ftol, rtol * fun):
-            return result(0, f"a further step would lower fun by {expected:.1e}, within ftol")
+        slack = rtol * max(fun - above, 0.0)
+        if expected <= max(ftol, slack):
+            within = "ftol" if expected <= ftol else f"{slack:.1e}"
+            return result(0, f"a further step would lower fun by {expected:.1e}, within {within}")
+        if idle == _IDLE_STEPS:
+            return result(0, f"the last {idle} steps lowered fun by less than {slack:.1e} each")
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
         step = _solve(normal, gradient, diagonal, damping, free)
@@ -84,13 +95,14 @@ def minimize_gauss_newton(
         trial_fun = np.inf if trial is None else 0.5 * float(trial[0] @ trial[0])
         if trial is not None and trial_fun < fun:
             gain = (fun - trial_fun) / predicted if predicted > 0 else 0.0
+            idle = idle + 1 if fun - trial_fun <= slack else 0
             x, fun, (r, jac), nit = trial_x, trial_fun, trial, nit + 1
             damping = max(damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
             growth = 2.0
             if callback:
                 callback(x, fun)
         else:
-            damping, growth = damping * growth, growth * 2
+            damping, growth = max(damping, _FELT) * growth, growth * 2
             if damping > 1e16:
                 return result(2, "no step decreases fun")
 

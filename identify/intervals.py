@@ -10,7 +10,8 @@ parameter. Across the valley the spread s_i is the one at fixed depth. The inter
     q_i(c cos a) + c s_i sin a    over all angles a,    c = 1.96,
 
 which for a straight valley is the usual one, and for the depth itself the profile likelihood's
-(Bates & Watts, Nonlinear Regression Analysis, 1988, ch. 6).
+(Bates & Watts, Nonlinear Regression Analysis, 1988, ch. 6). Where the model misfits grossly, the
+noise says nothing of the valley, and the covariance's intervals are left as they are.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ def intervals(
     deviation = np.sqrt(np.diag(total))
     ends = np.column_stack([u - NORMAL_95 * deviation, u + NORMAL_95 * deviation])
     spent = 0
+    if problem.is_gross(minimum):
+        return ends, spent
     for position, name in enumerate(space.free_names):
         if not name.endswith(".z_m") or len(u) < 2 or not np.isfinite(deviation).all():
             continue

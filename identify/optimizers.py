@@ -25,12 +25,13 @@ class Optimizer(Protocol):
         bounds: tuple[np.ndarray, np.ndarray] | None = None,
         ftol: float = 1e-6,
         rtol: float = 0.0,
+        above: float = 0.0,
         max_evaluations: int = 100,
         callback: Callable[[np.ndarray, float], None] | None = None,
     ) -> OptimizeResult:
         """Minimise from x0 (k,) within the bounds.
 
-        A decrease of `ftol`, or of the part `rtol` of the value, no longer counts.
+        A decrease of `ftol`, or of the part `rtol` of what the value has `above`, no longer counts.
         """
         ...
 

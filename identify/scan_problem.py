@@ -25,13 +25,13 @@ Progress = Callable[[FitIteration], None]
 
 # Half of chi-square that is not worth a step: it moves no parameter by more than 0.015 deviations.
 _FTOL = 1e-4
-# Where the model misfits grossly, its minimum is not worth more digits than this.
-_RTOL = 1e-8
+# A model that misfits so many times the noise is wrong, and neither digits nor rounds cure it: of
+# what chi-square has in excess, this part is not worth a step, and few rounds of correction do.
+_GROSS, _GROSS_ROUNDS = 5.0, 3
+_GROSS_RTOL = 1e-4
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8
-# A misfit of so many times the noise is not the mesh's: few rounds then do.
-_GROSS, _GROSS_ROUNDS = 5.0, 2
 # A round of defect correction that moves the estimate by fewer standard deviations is the last.
 _SETTLED = 0.03
 
@@ -85,6 +85,16 @@ class ScanProblem:
         """Chi-square of compliances (j,) over all rows."""
         return float(np.sum(self.table.residuals(prediction, self.noise)[0] ** 2))
 
+    def is_gross(self, minimum: Minimum) -> bool:
+        """Whether the model misfits so much that the noise says nothing of its parameters."""
+        dof = self.table.dof(len(minimum.result.x))
+        return minimum.result.fun > self._gross(dof)
+
+    @staticmethod
+    def _gross(dof: int) -> float:
+        """Half of chi-square from which on a misfit is gross."""
+        return 0.5 * dof * _GROSS**2
+
     def jacobian(self, forward: Forward, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compliance (j,) and the whitened residuals' derivative (2 j, k) by the coordinates u."""
         prediction, gradient = forward.evaluate(u)
@@ -121,7 +131,8 @@ class ScanProblem:
             u,
             bounds=forward.space.bounds,
             ftol=_FTOL,
-            rtol=_RTOL,
+            rtol=_GROSS_RTOL,
+            above=self._gross(dof),
             max_evaluations=limit,
             callback=accept,
         )
@@ -193,9 +204,12 @@ class ScanProblem:
             _, jac = self.jacobian(minimum.forward, minimum.result.x)
             # Where the model misfits, its parameters scatter more than the noise says, and the more
             # so the less another round is worth.
-            misfit = np.sqrt(max(1.0, 2 * minimum.result.fun / self.table.dof(jac.shape[1])))
-            moved = np.linalg.norm(jac @ (minimum.result.x - before)) / misfit
-            settled = bool(moved < _SETTLED * min(misfit, 10.0))
+            fun, dof = minimum.result.fun, self.table.dof(jac.shape[1])
+            misfit = np.sqrt(max(1.0, 2 * fun / dof))
+            moved = np.linalg.norm(jac @ (minimum.result.x - before))
+            # No minimum is known better than the stop of its search.
+            stop = np.sqrt(2 * _GROSS_RTOL * max(fun - self._gross(dof), 0.0))
+            settled = bool(moved < max(_SETTLED * misfit * min(misfit, 10.0), stop))
             rounds += 1
-            if settled or rounds == (_FINE_ROUNDS if misfit < _GROSS else _GROSS_ROUNDS):
+            if settled or rounds == (_GROSS_ROUNDS if self.is_gross(minimum) else _FINE_ROUNDS):
                 return Correction(minimum, coarse / corrected - 1, own_error, settled)

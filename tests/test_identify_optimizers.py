@@ -109,6 +109,36 @@ def test_the_limit_of_evaluations_is_kept_and_said(minimize):
     assert "4 evaluations" in result.message
 
 
+@both
+def test_what_a_gross_misfit_exceeds_decides_when_to_stop(minimize):
+    def misfitting(x):
+        r, jac = rosenbrock(x)
+        return np.append(r, 1e3), np.vstack([jac, np.zeros(2)])
+
+    start = np.array([-1.2, 1.0])
+    to_the_end = minimize(misfitting, start, ftol=1e-12)
+    sooner = minimize(misfitting, start, ftol=1e-12, rtol=1e-6)
+    assert sooner.success
+    assert sooner.nfev < to_the_end.nfev
+    assert sooner.fun - to_the_end.fun < 1e-5 * to_the_end.fun
+    # A value that is not gross is followed to its end.
+    ordinary = minimize(misfitting, start, ftol=1e-12, rtol=1e-6, above=6e5)
+    assert ordinary.nfev == to_the_end.nfev
+    assert_allclose(ordinary.x, to_the_end.x)
+
+
+def test_gauss_newton_stops_where_steps_keep_less_than_they_promise():
+    def promising(x):
+        """The second residual's zero, which its slope promises, does not exist."""
+        return np.append(100.0, 1 + x**2), np.array([[0.0], [2 * x[0]]])
+
+    assert not minimize_gauss_newton(promising, np.array([1.5]), ftol=1e-6).success
+    result = minimize_gauss_newton(promising, np.array([1.5]), ftol=1e-6, rtol=1e-5)
+    assert result.success
+    assert result.nfev < 30
+    assert result.fun - 5000.5 < 0.1
+
+
 def test_the_first_step_of_bfgs_is_bounded_however_steep_the_function():
     seen = []
 

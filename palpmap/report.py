@@ -4,23 +4,17 @@ Pictures come first: the found map beside the true one; then the numbers, then w
 not explain, then how all this was made.  Every text from a file is escaped.
 """
 
-import base64
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
 from identify.fit_record import Estimate
 from identify.residual_statement import length
-from palpmap.figure_style import DPI
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
-
-SCREEN_DPI = 88
-"""Screen pixels an inch of a picture."""
+from palpmap.report_parts import listing, picture, section, table, write_page
 
 CAPTIONS = {
     "map": (
@@ -50,16 +44,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
     path : Path
         The HTML file, replaced in one step.
     """
-    template = Template(files("palpmap").joinpath("report.html").read_text(encoding="utf-8"))
-    page = template.substitute(
-        title=escape(f"{finding.name} - palpmap"),
-        name=escape(finding.name),
-        lead=escape(_lead(finding)),
-        body="\n".join(_sections(finding, pictures)),
-    )
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(page, encoding="utf-8")
-    beside.replace(path)
+    write_page(path, finding.name, _lead(finding), _sections(finding, pictures))
 
 
 def _lead(f: Finding) -> str:
@@ -72,61 +57,28 @@ def _lead(f: Finding) -> str:
 
 
 def _sections(f: Finding, pictures: Mapping[str, bytes]) -> Iterable[str]:
-    def picture(name: str) -> str:
-        return _picture(name, pictures[name]) if name in pictures else ""
+    def shown_picture(name: str) -> str:
+        return picture(CAPTIONS[name], pictures[name]) if name in pictures else ""
 
     beside = "Found map beside the true map" if f.truth is not None else "Found map"
-    yield _section(beside, picture("map"))
-    yield _section("What was found", parameter_table(f) + _fit_line(f))
+    yield section(beside, shown_picture("map"))
+    yield section("What was found", parameter_table(f) + _fit_line(f))
     yield _verdict(f)
-    yield _section(
+    yield section(
         "What the model leaves over",
-        "".join(picture(n) for n in ("residual_place", "residual_along", "residual_tests"))
+        "".join(shown_picture(n) for n in ("residual_place", "residual_along", "residual_tests"))
         + _question_table(f),
     )
-    yield _section("Largest misfits", _misfit_tables(f))
-    yield _section("Measured and modelled", picture("measured_modelled") + picture("presses"))
-    yield _section("How the fit got there", picture("convergence") + picture("uncertainty"))
-    yield _section("The scan and the time it took", _scan_tables(f))
-    yield _section("How far to trust this", _list(f.limits))
-    yield _section("How this was made", _table(("", ""), f.how.items(), numeric=False))
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>" if content else ""
-
-
-def _picture(name: str, data: bytes) -> str:
-    text = escape(CAPTIONS[name])
-    source = "data:image/png;base64," + base64.b64encode(data).decode("ascii")
-    # One scale for all pictures, so that their letters have one size.
-    width = round(int.from_bytes(data[16:20], "big") * SCREEN_DPI / DPI)
-    image = f'<img alt="{text}" style="max-width: {width}px" src="{source}">'
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>\n"
-
-
-def _list(items: Sequence[str]) -> str:
-    return "<ul>" + "".join(f"<li>{escape(i)}</li>" for i in items) + "</ul>" if items else ""
-
-
-def _table(
-    head: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: bool = True, raw: bool = False
-) -> str:
-    """Return a table; all but the first column right-aligned if `numeric`."""
-    text = (lambda cell: cell) if raw else escape
-
-    def cells(tag: str, values: Sequence[str]) -> str:
-        out = [
-            f'<{tag} class="n">{text(v)}</{tag}>' if i and numeric else f"<{tag}>{text(v)}</{tag}>"
-            for i, v in enumerate(values)
-        ]
-        return f"<tr>{''.join(out)}</tr>"
-
-    lines = [cells("td", row) for row in rows]
-    if not lines:
-        return ""
-    header = f"<thead>{cells('th', head)}</thead>" if any(head) else ""
-    return f'<div class="wide"><table>{header}<tbody>{"".join(lines)}</tbody></table></div>\n'
+    yield section("Largest misfits", _misfit_tables(f))
+    yield section(
+        "Measured and modelled", shown_picture("measured_modelled") + shown_picture("presses")
+    )
+    yield section(
+        "How the fit got there", shown_picture("convergence") + shown_picture("uncertainty")
+    )
+    yield section("The scan and the time it took", _scan_tables(f))
+    yield section("How far to trust this", listing(f.limits))
+    yield section("How this was made", table(("", ""), f.how.items(), numeric=False))
 
 
 def shown(value: float, unit: str) -> str:
@@ -175,7 +127,7 @@ def parameter_table(f: Finding) -> str:
             )
             row += [escape(true), mark]
         rows.append(row)
-    return _table(head, rows, raw=True)
+    return table(head, rows, raw=True)
 
 
 def _shift(f: Finding, name: str) -> float:
@@ -204,7 +156,7 @@ def _verdict(f: Finding) -> str:
     head = "The model explains the scan" if c.is_noise else "The model does not explain all"
     return (
         f'<section class="{kind}">\n<h2>{head}</h2>\n<p class="say">{escape(c.statement)}</p>\n'
-        f"{_list(c.notes)}</section>"
+        f"{listing(c.notes)}</section>"
     )
 
 
@@ -219,7 +171,7 @@ def _question_table(f: Finding) -> str:
         size = f"{t.times_noise:.2g}" if t.times_noise else ""
         rows.append([escape(t.question), answer, size, chance])
     head = ("Question", "Answer", "Size, noise = 1", "Chance under noise")
-    return _table(head, rows, raw=True)
+    return table(head, rows, raw=True)
 
 
 def _misfit_tables(f: Finding) -> str:
@@ -249,13 +201,13 @@ def _misfit_tables(f: Finding) -> str:
         for r in f.comparison.largest
     ]
     return (
-        _table(
+        table(
             ("Press", "x, y, z in mm", "Mean residual", "Sigmas", "Softer than modelled",
              "Pull on the map, sigmas"),
             presses,
         )
         + "<p></p>"
-        + _table(("Reading", "x, y, z in mm", "Time", "Force", "Residual", "Sigmas"), readings)
+        + table(("Reading", "x, y, z in mm", "Time", "Force", "Residual", "Sigmas"), readings)
     )  # fmt: skip
 
 
@@ -281,7 +233,7 @@ def _scan_tables(f: Finding) -> str:
     times = [(name, f"{seconds:.1f} s") for name, seconds in f.stage_s.items()]
     return (
         '<div class="pair">'
-        + _table(("", ""), rows, numeric=False)
-        + _table(("Stage", "Time"), times)
+        + table(("", ""), rows, numeric=False)
+        + table(("Stage", "Time"), times)
         + "</div>"
     )

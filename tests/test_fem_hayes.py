@@ -39,7 +39,7 @@ def test_the_stiffness_of_a_thick_layer_is_the_half_spaces():
 
 def test_waves_much_shorter_than_the_layer_do_not_feel_its_base():
     np.testing.assert_allclose(layer_transfer(np.array([25.0, 400.0]), 0.3), 1, rtol=1e-12)
-    # Long waves compress it like a spring of the constrained modulus: M/x -> (1 - 2nu)/(2 (1 - nu)^2)
+    # Long waves compress it with the constrained modulus: M/x -> (1 - 2 nu)/(2 (1 - nu)^2)
     for nu in (0.1, 0.4):
         long = layer_transfer(np.array([1e-3]), nu)[0] / 1e-3
         assert long == pytest.approx((1 - 2 * nu) / (2 * (1 - nu) ** 2), rel=1e-3)

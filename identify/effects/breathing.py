@@ -13,8 +13,10 @@ from identify.effects.words import length, seconds
 from identify.readings import Readings
 
 _LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
-_OVERSAMPLING = 4
-_RESOLUTION = 1.5  # in 1 / duration: so near to a locked frequency none can be told from it  # candidates within the resolution 1 / T of the scan
+_OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
+_RESOLUTION = 1.5  # in 1 / T: so near to a locked frequency none can be told from it
+_COHERENT = 0.3  # |mean| of the presses' phases: they keep step with a frequency
+_CHANCE = 2.5  # times 1 / sqrt(presses): what starts at random reach in 0.2 % of frequencies
 
 
 class Breathing(Effect):
@@ -66,7 +68,7 @@ class Breathing(Effect):
         return [{"frequency_hz": float(f)} for f in frequency[free]]
 
     def doubt(self, values: Values, readings: Readings) -> str | None:
-        """A frequency that has drifted to the rhythm of the presses."""
+        """Doubt a frequency that has drifted to the rhythm of the presses."""
         frequency, free = _free_frequencies(readings)
         f = values["frequency_hz"]
         nearest = int(np.argmin(np.abs(frequency - f)))
@@ -109,7 +111,7 @@ def _band(readings: Readings) -> tuple[float, float]:
 
 
 def _free_frequencies(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in Hz and which of them are further than the resolution from any that is locked.
+    """Return frequencies in Hz, and which of them lie far enough from any that is locked.
 
     Locked: the presses start at nearly one angle of the motion.
     """
@@ -118,8 +120,7 @@ def _free_frequencies(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
     frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
     start = readings.elapsed_s[readings.first]
     turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
-    # Starts at random have |mean| beyond the limit in less than 2 % of frequencies.
-    limit = max(0.3, 2 / math.sqrt(readings.presses))
+    limit = max(_COHERENT, _CHANCE / math.sqrt(readings.presses))
     locked = np.abs(turn.mean(axis=1)) >= limit
     reach = round(_RESOLUTION * _OVERSAMPLING)
     near = np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0

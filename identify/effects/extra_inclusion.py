@@ -65,13 +65,13 @@ class ExtraInclusion(Effect):
         radius = _RADIUS * state.height_m
         low, high = readings.point_m.min(axis=0), readings.point_m.max(axis=0)
         top = state.box_m[1][2]
-        area = (high[0] - low[0] + radius) * (high[1] - low[1] + radius)
-        # A body much wider than high: as many places as can be afforded.
-        spacing = max(_SPACING * radius, np.sqrt(area * len(_DEPTHS) / _MOST))
+        sides, spacing = (high - low)[:2], _SPACING * radius
+        count = 1 + np.ceil(sides / spacing)
+        while len(_DEPTHS) * count.prod() > _MOST:  # much wider than high: what can be afforded
+            spacing *= 1.05
+            count = 1 + np.ceil(sides / spacing)
         axes = [
-            np.linspace(low[i], high[i], 1 + int((high[i] - low[i]) / spacing + 0.5))
-            if high[i] - low[i] > spacing / 2
-            else np.array([(low[i] + high[i]) / 2])
+            low[i] + sides[i] * (np.arange(count[i]) + 0.5 * (count[i] == 1)) / max(count[i] - 1, 1)
             for i in (0, 1)
         ]
         return [

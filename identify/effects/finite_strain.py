@@ -30,9 +30,7 @@ class FiniteStrain(Effect):
         "J. Bonet, R. D. Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, "
         "Cambridge 2008, ch. 6 (neo-Hookean law); reduced here to its first term in d / a"
     )
-    gives_away = (
-        "force and travel part from proportion, most so where the tip goes deepest"
-    )
+    gives_away = "force and travel part from proportion, most so where the tip goes deepest"
     cure = "Press less deep, to a tenth of the tip's radius where noise allows; use a larger tip."
     parameters = (
         EffectParameter(

@@ -15,7 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from fem import PalpationModel
-from fem.palpation import Response
+from fem.elasticity import fibre_weights
+from fem.errors import SolverError
+from fem.layered import skin_compliance
+from fem.response import Response
 from identify.body_state import BodyState
 from identify.discretization import FineModel, fine_compliance
 from identify.forward import positive_modulus
@@ -67,12 +70,30 @@ class BodyResponse:
         if state.mesh_error_share != self._state.mesh_error_share:
             step = state.mesh_error_share - self._state.mesh_error_share
             change += step * own.model_error * self.compliance
-        change += own.linear_changes(self._response, self._map, self._state, state, self._scale)
+        old = self._state
+        by_base = np.array(
+            [
+                state.base_normal_m_per_pa - old.base_normal_m_per_pa,
+                state.base_tangential_m_per_pa - old.base_tangential_m_per_pa,
+            ]
+        )
+        if by_base.any():
+            change += self._scale * (self._response.support_sensitivity @ by_base)
+        fibres = _fibres(state) - _fibres(old)
+        if fibres.any():
+            change -= self._scale * (self._fibre_moments @ fibres)
+        if _skin(state) != _skin(old):
+            change += (own.skin(state) - own.skin(old)) / self.local_modulus
         return change, local
 
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
         return self._scale[:, None] * (self._response.sensitivity @ moduli)
+
+    @cached_property
+    def _fibre_moments(self) -> np.ndarray:
+        modulus = modulus_of(self._map, self._state, self._mechanics.coarse.points_m)
+        return self._response.fibre_moments(modulus)
 
     def _by_poisson_ratio(self) -> np.ndarray:
         """Difference quotient towards the compressible side, (j,)."""
@@ -138,7 +159,7 @@ class BodyMechanics:
         local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
         result = BodyResponse(
             compliance=factor * response.compliance,
-            by_map=factor[:, None] * response.gradient(gradient),
+            by_map=factor[:, None] * self._gradient(response, gradient, state),
             local_modulus=modulus_of(stiffness, state, self.local_points),
             local_by_map=local,
             _mechanics=self,
@@ -147,7 +168,15 @@ class BodyMechanics:
             _response=response,
             _scale=factor,
         )
-        return self.with_skin(result)
+        skin = self.skin(state)
+        if not skin.any():
+            return result
+        by_local = -skin / result.local_modulus**2
+        return replace(
+            result,
+            compliance=result.compliance + skin / result.local_modulus,
+            by_map=result.by_map + by_local[:, None] * local,
+        )
 
     def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
         """Return the mechanics with the coarse model carried to the finer one at this estimate.
@@ -161,6 +190,17 @@ class BodyMechanics:
         changed = _Changed(stiffness, plain)
         fine, error = fine_compliance(self.fine, changed, self.coarse, coarse)
         return replace(self, ratio=fine / coarse, model_error=error)
+
+    def _gradient(
+        self, response: Response, by_parameter: np.ndarray, state: BodyState
+    ) -> np.ndarray:
+        """Return dC/dp (j, k) of parameters p that change the modulus, and the fibres with it."""
+        gradient = response.gradient(by_parameter)
+        if state.fibre_share:
+            angle = state.fibre_angle_rad
+            by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
+            gradient += state.fibre_share * (by_fibres @ by_parameter)
+        return gradient
 
     def poisson_factor(self, stiffness: GaussianMap, state: BodyState, nu: float) -> np.ndarray:
         """Compliance (j,) at another Poisson's ratio over that at the model's own."""
@@ -184,34 +224,34 @@ class BodyMechanics:
         ]  # Lagrange's polynomial through three nodes
         return np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
 
-    def linear_changes(
-        self,
-        response: Response,
-        stiffness: GaussianMap,
-        old: BodyState,
-        new: BodyState,
-        scale: np.ndarray,
-    ) -> np.ndarray:
-        """First-order change (j,) by fibres, support and skin."""
-        change = np.zeros_like(scale)
-        by_base = np.array(
-            [
-                new.base_normal_m_per_pa - old.base_normal_m_per_pa,
-                new.base_tangential_m_per_pa - old.base_tangential_m_per_pa,
-            ]
-        )
-        if by_base.any():
-            change += scale * (response.support_sensitivity @ by_base)
-        return change
-
-    def with_skin(self, response: BodyResponse) -> BodyResponse:
-        """Return the response of the body with its skin."""
-        return response
+    def skin(self, state: BodyState) -> np.ndarray:
+        """Return what a state's skin adds to the compliances (j,) times the local modulus."""
+        contacts = self.coarse.contacts
+        if state.skin_factor == 1 or state.skin_thickness_m == 0:
+            return np.zeros(len(contacts))
+        if not (state.skin_factor > 0 and state.skin_thickness_m > 0):
+            raise InadmissibleError("a skin needs a positive modulus and thickness")
+        return skin_compliance(
+            contacts.radius_m,
+            state.skin_thickness_m,
+            state.skin_factor,
+            state.poisson_ratio,
+            contacts.profile_code,
+        ).value
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         modulus = positive_modulus(_Changed(stiffness, state), model.points_m)
         base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
-        return model.evaluate(modulus, support_compliance=base if any(base) else None)
+        angle, share = state.fibre_angle_rad, state.fibre_share
+        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+        try:
+            return model.evaluate(
+                modulus,
+                support_compliance=base if any(base) else None,
+                fibres=(direction, share * modulus) if share else None,
+            )
+        except SolverError as error:
+            raise InadmissibleError(str(error)) from error
 
 
 @dataclass(frozen=True)
@@ -223,6 +263,15 @@ class _Changed:
 
     def modulus(self, points: np.ndarray) -> np.ndarray:
         return modulus_of(self.stiffness, self.state, points)
+
+
+def _fibres(state: BodyState) -> np.ndarray:
+    """Share of the fibres times the weights (6,) of their strain products."""
+    return state.fibre_share * fibre_weights(state.fibre_angle_rad)
+
+
+def _skin(state: BodyState) -> tuple[float, float]:
+    return (state.skin_thickness_m, state.skin_factor)
 
 
 def modulus_of(stiffness: GaussianMap, state: BodyState, points: np.ndarray) -> np.ndarray:

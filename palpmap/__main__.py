@@ -5,13 +5,16 @@ from typing import Annotated
 import typer
 
 from palpmap import __version__
+from palpmap.cli.blind import blind
 from palpmap.cli.check import check
 from palpmap.cli.check_effect import check_effect
 from palpmap.cli.compare import compare
 from palpmap.cli.demo import demo
 from palpmap.cli.effects import effects
+from palpmap.cli.explain import explain
 from palpmap.cli.fit import fit
 from palpmap.cli.paper import paper
+from palpmap.cli.reveal import reveal
 from palpmap.cli.review import review
 from palpmap.cli.scan import scan
 from palpmap.console import answers
@@ -45,7 +48,20 @@ def palpmap(
     """
 
 
-for _command in (demo, paper, scan, fit, compare, review, check, effects, check_effect):
+for _command in (
+    demo,
+    paper,
+    scan,
+    fit,
+    compare,
+    explain,
+    review,
+    check,
+    effects,
+    check_effect,
+    blind,
+    reveal,
+):
     app.command()(answers(_command))
 
 

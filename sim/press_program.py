@@ -29,6 +29,7 @@ from models.errors import InputError
 NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
 OPTIONAL = ("unload_s", "pause_s")
 UNLOAD_S = 1.0
+USUAL_RADIUS_M = 0.005
 PAUSE_S = (0.05, 0.95)
 """Shortest and longest rest between two presses where none is given, s. Drawn at random, so that
 no frequency is locked to the rhythm of the presses."""
@@ -102,6 +103,7 @@ def grid_program(
     ramp_s: float = 1.0,
     hold_s: float = 2.0,
     repeats: int = 1,
+    shuffled: bool = False,
 ) -> PressProgram:
     """Lay out a square grid of presses, row by row; radii take turns from point to point.
 
@@ -111,22 +113,24 @@ def grid_program(
     per_side : points along each edge
     radii_m : of the tips; with two, every other press has the second, like a chess board on a
         grid with an odd number a side
-    force_n : peak force of a press with the first radius. A larger tip presses harder by the
-        square root of the ratio of radii, so that neither signal drowns.
+    force_n : peak force of a tip of 5 mm radius; others press in proportion to their radius, so
+        that all go about as deep
     seed : of the pauses
     margin_share : of the edges, from the rim to the first points
     repeats : how often the whole grid is pressed, one time after the other
+    shuffled : whether the order is random, in place of row by row
     """
     if per_side < 2 or repeats < 1 or not radii_m:
         raise InputError("A grid needs two points a side, one repeat and one radius or more.")
     x, y = (np.linspace(margin_share, 1 - margin_share, per_side) * edge for edge in size_m[:2])
     count = per_side**2 * repeats
     radius = np.resize(np.array(radii_m, float), count)
+    order = np.random.default_rng([seed, 4]).permutation(count) if shuffled else np.arange(count)
     return PressProgram(
-        np.tile(x, per_side * repeats),
-        np.tile(np.repeat(y, per_side), repeats),
-        radius,
-        force_n * np.sqrt(radius / radius[0]),
+        np.tile(x, per_side * repeats)[order],
+        np.tile(np.repeat(y, per_side), repeats)[order],
+        radius[order],
+        force_n * radius[order] / USUAL_RADIUS_M,
         np.full(count, ramp_s),
         np.full(count, hold_s),
         np.full(count, UNLOAD_S),

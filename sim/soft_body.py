@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh, promote_to_tet10
-from fem.refined import RATE
 from sim.hidden_body import HiddenBody
 
 DIVISIONS = (14, 14, 7)
@@ -130,7 +129,7 @@ def block_compliance(
 
 _MODELS: OrderedDict[Hashable, Any] = OrderedDict()
 _SOLVED: OrderedDict[Hashable, Any] = OrderedDict()
-_LARGEST = {id(_MODELS): 4, id(_SOLVED): 256}
+_LARGEST = {id(_MODELS): 8, id(_SOLVED): 256}
 
 
 def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:
@@ -156,13 +155,13 @@ def _solve(
 
 
 def _evaluate(model: PalpationModel | RefinedModel, body: HiddenBody) -> np.ndarray:
-    """Compliances (j,) of one mesh, or of two extrapolated as in `fem.refined`."""
-    if isinstance(model, PalpationModel):
-        support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
-        return np.array(model.evaluate(body.modulus(model.points_m), support).compliance)
-    coarse, fine = (_evaluate(one, body) for one in (model.coarse, model.fine))
-    ratio = (len(model.fine.mesh.cells) / len(model.coarse.mesh.cells)) ** (1 / 3)
-    return fine + (fine - coarse) / (ratio**RATE - 1)
+    modulus = body.modulus(model.points_m)
+    support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
+    fibres = None
+    if body.fibre_share:
+        along = np.array([np.cos(body.fibre_angle_rad), np.sin(body.fibre_angle_rad), 0.0])
+        fibres = (along, body.fibre_share * modulus)
+    return np.array(model.evaluate(modulus, support, fibres).compliance)
 
 
 def _model(

@@ -31,6 +31,7 @@ def amplitude_for(
     drawn: Mapping[str, float],
     size: float,
     others: tuple[Planted, ...] = (),
+    sign: float = 1.0,
 ) -> tuple[Planted, float]:
     """Search the amplitude that gives an effect a size.
 
@@ -39,6 +40,7 @@ def amplitude_for(
     drawn : the effect's other values
     size : rms(with - without)/rms(without)
     others : effects that are there too; what counts is what this one adds
+    sign : 1 or -1, of the amplitude
 
     Returns
     -------
@@ -49,7 +51,7 @@ def amplitude_for(
     seen: list[tuple[float, float]] = [(0.0, 0.0)]
 
     def reach(amplitude: float) -> float:
-        values = {**drawn, effect.amplitude: amplitude}
+        values = {**drawn, effect.amplitude: sign * amplitude}
         found = size_of(press(bench, (*others, (effect, values))), without)
         seen.append((amplitude, found))
         return found
@@ -61,7 +63,7 @@ def amplitude_for(
             break
         reach(_next(sorted(seen), size, effect.limit))
     amplitude, found = min(seen[1:], key=lambda pair: abs(pair[1] - size))
-    return (effect, {**drawn, effect.amplitude: amplitude}), found
+    return (effect, {**drawn, effect.amplitude: sign * amplitude}), found
 
 
 def _next(seen: list[tuple[float, float]], size: float, limit: float) -> float:

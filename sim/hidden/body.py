@@ -47,11 +47,12 @@ class ExtraInclusion(HiddenEffect):
 
 
 class StiffnessGradient(HiddenEffect):
-    """The body is stiffer towards the top."""
+    """The body is stiffer (or softer) towards the top."""
 
     name, category = "stiffness_gradient", "compliance"
     law = "E exp(g (z/h - 1/2))"
     amplitude, typical, limit = "gradient", 0.2, 4.0
+    two_sided = True
 
     def body(self, body, values):
         """Grade the modulus."""
@@ -88,6 +89,22 @@ class PoissonRatio(HiddenEffect):
     def body(self, body, values):
         """Lower Poisson's ratio."""
         return replace(body, poisson_ratio=body.poisson_ratio - values["deficit"])
+
+
+class Anisotropy(HiddenEffect):
+    """Fibres in one direction of the horizontal plane, the same everywhere."""
+
+    name, category = "anisotropy", "compliance"
+    law = "energy + (share E/2) (a . strain . a)^2"
+    amplitude, typical, limit = "share", 0.3, 20.0
+
+    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+        """Draw the direction."""
+        return {"angle_rad": float(rng.uniform(0, np.pi))}
+
+    def body(self, body, values):
+        """Lay the fibres."""
+        return replace(body, fibre_share=values["share"], fibre_angle_rad=values["angle_rad"])
 
 
 class BaseCompliance(HiddenEffect):

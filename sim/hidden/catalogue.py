@@ -6,6 +6,7 @@ from difflib import get_close_matches
 
 from models.errors import InputError
 from sim.hidden.body import (
+    Anisotropy,
     BaseCompliance,
     BaseSliding,
     ExtraInclusion,
@@ -41,6 +42,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
     Viscoelasticity(),
     FiniteStrain(),
     StrainStiffening(),
+    Anisotropy(),
     SkinLayer(),
     ExtraInclusion(),
     StiffnessGradient(),

@@ -30,6 +30,8 @@ class HiddenEffect:
     amplitude : name of the value that is searched for the wanted size; the effect is absent at 0
     typical : an ordinary amplitude, where the search begins
     limit : largest amplitude that still makes sense
+    two_sided : whether the amplitude may be negative too
+    kin : of an outsider, the effects of the catalogue that come as near as it can
     """
 
     name: ClassVar[str]
@@ -38,6 +40,8 @@ class HiddenEffect:
     amplitude: ClassVar[str]
     typical: ClassVar[float]
     limit: ClassVar[float] = np.inf
+    two_sided: ClassVar[bool] = False
+    kin: ClassVar[tuple[str, ...]] = ()
 
     def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
         """Draw all values but the amplitude."""

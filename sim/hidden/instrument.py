@@ -30,6 +30,7 @@ class ForceBias(HiddenEffect):
     name, category = "force_bias", "structured"
     law = "force + b"
     amplitude, typical = "bias_n", 0.01
+    two_sided = True
 
     def sensor(self, bench, force_n, travel_m, values):
         """Shift the force."""
@@ -42,6 +43,7 @@ class ForceDrift(HiddenEffect):
     name, category = "force_drift", "structured"
     law = "force + rate t, t since the first press"
     amplitude, typical = "rate_n_per_s", 6e-5
+    two_sided = True
 
     def sensor(self, bench, force_n, travel_m, values):
         """Let the force channel drift."""
@@ -63,11 +65,12 @@ class ForceSaturation(HiddenEffect):
 
 
 class ContactOffset(HiddenEffect):
-    """First touch was called too late: all travels are too short by the same length."""
+    """First touch was called too late (or too early): all travels lack the same length."""
 
     name, category = "contact_offset", "structured"
     law = "travel - offset"
     amplitude, typical = "offset_m", 1.5e-4
+    two_sided = True
 
     def sensor(self, bench, force_n, travel_m, values):
         """Shift the travel."""

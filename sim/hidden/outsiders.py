@@ -135,6 +135,7 @@ class TwoCreepTimes(HiddenEffect):
     name, category = "outside_two_creep_times", "outsider"
     law = "u + g (z_1 + z_2)/2"
     amplitude, typical, limit = "share", 0.1, 3.0
+    kin = ("viscoelasticity",)
 
     def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
         """Draw the shorter time constant."""

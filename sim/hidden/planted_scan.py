@@ -98,10 +98,11 @@ def _plant(
 ) -> tuple[Planted, float]:
     effect = hidden_effect(name)
     drawn = effect.draw(bench, rng)
+    sign = float(rng.choice([-1, 1])) if effect.two_sided else 1.0
     known = {*drawn, effect.amplitude}
     drawn |= {key: value for key, value in given.items() if key in known}
     if effect.amplitude not in drawn:
-        return amplitude_for(bench, effect, drawn, size, others)
+        return amplitude_for(bench, effect, drawn, size, others, sign)
     without = press(bench, (*others, (effect, {**drawn, effect.amplitude: 0.0})))
     return (effect, drawn), size_of(press(bench, (*others, (effect, drawn))), without)
 

@@ -1,0 +1,83 @@
+"""`palpmap blind`."""
+
+from typing import Annotated
+
+import typer
+
+from palpmap.cli.options import Json, Out, Quiet, Seed
+from palpmap.console import Output
+
+
+def blind(
+    effects: Annotated[
+        str | None,
+        typer.Option(
+            "--effects",
+            metavar="NAME,...",
+            help="What may be hidden: names of effects, A+B for two at once, or the words none, "
+            "structured, compliance, pair, outsider, single.",
+            show_default="anything",
+        ),
+    ] = None,
+    size: Annotated[
+        float | None,
+        typer.Option(
+            "--size",
+            metavar="PERCENT",
+            help="Size of what is hidden, % of the signal's rms.",
+            show_default="1 to 10, drawn",
+        ),
+    ] = None,
+    radii: Annotated[
+        int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm.")
+    ] = 1,
+    tournament: Annotated[
+        int | None,
+        typer.Option(
+            "--tournament",
+            metavar="N",
+            min=1,
+            help="Make, explain and judge N trials, on all cores; goes on where it was stopped.",
+            show_default="one trial, not explained",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="Processes.", show_default="one a core"),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster that plays."),
+    ] = None,
+    out: Out = None,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Hide an effect in a scan of the virtual bench and seal the answer.
+
+    Example: palpmap blind --seed 7 --out trial
+    """
+    names = [name.strip() for name in effects.split(",") if name.strip()] if effects else []
+    share = None if size is None else size / 100
+    if tournament is None:
+        if workers is not None or dask is not None:
+            raise typer.BadParameter("--workers and --dask go with --tournament")
+        from palpmap.blind import run_blind
+
+        return run_blind(
+            effects=names, size=share, radii=radii, out=out, seed=seed, output=Output(quiet, json)
+        )
+    from palpmap.tournament import run_tournament
+
+    return run_tournament(
+        count=tournament,
+        effects=names,
+        size=share,
+        radii=radii,
+        workers=workers,
+        dask=dask,
+        out=out,
+        seed=seed,
+        output=Output(quiet, json),
+    )

@@ -1,0 +1,314 @@
+"""`palpmap blind --tournament N`: many blind trials, each made, explained and judged.
+
+`trials.jsonl` in the run folder gets one line a finished trial, as it finishes: what was hidden,
+what was found, the judgement. A tournament that was stopped goes on from there with the same
+`--out`.
+"""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.errors import InputError
+from palpmap.blind import PRESSES_PER_SIDE, Trial, draw_trial, make_trial
+from palpmap.blind_score import map_errors, score_blind
+from palpmap.console import Output
+from palpmap.run_folder import RunFolder, write_record
+from palpmap.sealed import unseal
+
+FILE = "trials.jsonl"
+NONE_SHARE = 0.1
+PAIR_SHARE = 0.1
+
+Explain = Callable[[Path, Path, int], dict[str, Any]]
+"""From a study, a new folder and a seed to the result of result.json."""
+
+
+@dataclass(frozen=True)
+class Game:
+    """One trial of a tournament: its number, where it is played, and what is drawn for it."""
+
+    number: int
+    folder: str
+    trial: Trial
+
+
+def run_tournament(
+    *,
+    count: int,
+    effects: Sequence[str],
+    size: float | None,
+    radii: int,
+    workers: int | None,
+    dask: str | None,
+    out: Path | None,
+    seed: int,
+    output: Output,
+) -> bool:
+    """Play a tournament; see the module.
+
+    Parameters
+    ----------
+    count : number of trials
+    effects, size, radii : see `palpmap.blind.run_blind`; without effects all take turns
+    workers : processes, None for one a core
+    dask : address of a dask scheduler that plays instead
+    """
+    settings = {"effects": list(effects), "size": size, "radii": radii, "seed": seed}
+    with RunFolder("tournament", out, seed=seed, settings=settings) as run:
+        done = earlier_games(run.path, settings)
+        games = [g for g in draw_games(run.path, count, effects, size, radii, seed)
+                 if g.number not in done]  # fmt: skip
+        with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
+            task = progress.add_task("playing", total=count, completed=count - len(games))
+            players = workers or os.cpu_count() or 1
+            played = play_dask(games, dask) if dask else play_here(games, players)
+            for line in played:
+                done[line["number"]] = line
+                file.write(json.dumps(line, allow_nan=False) + "\n")
+                file.flush()
+                progress.update(task, advance=1, description=tally(list(done.values())))
+        lines = [done[number] for number in sorted(done) if number < count]
+        record = tournament_record(lines)
+        write_record(run / "tournament.json", record)
+        output.result({"schema": 1, **record, "run": str(run.path)}, *tournament_screen(record))
+    return record["wrong"] == 0 and record["failed"] == 0
+
+
+def draw_games(
+    run: Path, count: int, effects: Sequence[str], size: float | None, radii: int, seed: int
+) -> list[Game]:
+    """Draw the trials; without a choice of effects, all that can be hidden take turns."""
+    from sim.hidden.catalogue import INSIDERS, OUTSIDERS
+
+    words = list(effects)
+    if not words:
+        singles = [*INSIDERS, *OUTSIDERS]
+        words = singles + ["none"] * max(round(NONE_SHARE * len(singles)), 1)
+        words += ["pair"] * max(round(PAIR_SHARE * len(singles)), 1)
+    turns: list[str] = []
+    rng = np.random.default_rng([seed, 13])
+    while len(turns) < count:
+        turns += [words[i] for i in rng.permutation(len(words))]
+    return [
+        Game(
+            number,
+            str(run / "trials" / f"{number:04d}"),
+            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii),
+        )
+        for number in range(count)
+    ]
+
+
+def earlier_games(run: Path, settings: dict[str, Any]) -> dict[int, dict[str, Any]]:
+    """Lines of the trials that were played before, by number; a line cut off is dropped.
+
+    Raises
+    ------
+    InputError
+        They were played with other settings.
+    """
+    path = run / FILE
+    head = run / "settings.json"
+    if head.is_file():
+        before = json.loads(head.read_text(encoding="utf-8"))
+        if before != settings:
+            raise InputError(
+                f"{run}: the tournament there was begun with {before}, now asked for with "
+                f"{settings}; take the same settings or another --out"
+            )
+    else:
+        head.write_text(json.dumps(settings) + "\n", encoding="utf-8")
+    done: dict[int, dict[str, Any]] = {}
+    if not path.is_file():
+        return done
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            game = json.loads(line)
+        except ValueError:
+            continue
+        done[game["number"]] = game
+    whole = "".join(json.dumps(game) + "\n" for game in done.values())
+    beside = path.with_name(path.name + ".part")
+    beside.write_text(whole, encoding="utf-8")
+    beside.replace(path)
+    return done
+
+
+def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
+    """Play on this machine's cores; yields each line as its trial ends.
+
+    Workers start anew (no fork: the parent has threads), one thread each.
+    """
+    if not games:
+        return
+    single = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+    before = {name: os.environ.get(name) for name in single}
+    os.environ.update(single)
+    pool = ProcessPoolExecutor(min(players, len(games)), mp_context=get_context("spawn"))
+    try:
+        waiting = [pool.submit(play, game) for game in games]
+        for future in as_completed(waiting):
+            yield future.result()
+    finally:
+        workers = list((pool._processes or {}).values())
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:  # a trial under way is not worth waiting for after Ctrl-C
+            worker.terminate()
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
+    """Play on a dask cluster whose workers have palpmap and see the run folder."""
+    try:
+        from dask.distributed import Client, as_completed  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise InputError(
+            "--dask needs dask.distributed, which is not installed: pip install 'palpmap[dask]'"
+        ) from error
+    with Client(address) as client:
+        for future in as_completed(client.map(play, games, pure=False)):
+            yield future.result()
+
+
+def play(
+    game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER_SIDE
+) -> dict[str, Any]:
+    """Make, explain and judge one trial; a fault of the loop is a line too, not an end of it all.
+
+    Parameters
+    ----------
+    explain : the loop to be judged, that of `palpmap explain` if None
+    per_side : presses along each edge
+    """
+    folder = Path(game.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    started = time.perf_counter()
+    line: dict[str, Any] = {
+        "number": game.number,
+        "trial": asdict(game.trial),
+        "hidden": list(game.trial.effects),
+    }
+    try:
+        make_trial(folder, game.trial, per_side)
+        made = time.perf_counter()
+        result = (explain or explain_trial)(folder / "study.toml", folder, game.trial.seed)
+        truth = unseal(folder)
+        score = score_blind(result, truth)
+        line |= {
+            "sizes": [effect["size"] for effect in truth["effects"]],
+            "verdict": result["verdict"],
+            "added": result["added"],
+            "ambiguous": result["ambiguous"],
+            **asdict(score),
+            "map": map_errors(result, truth),
+            "made_s": made - started,
+            "explained_s": time.perf_counter() - made,
+        }
+    except Exception as error:  # a trial that fails is counted, the others go on
+        line["error"] = f"{type(error).__name__}: {error}"
+    return line
+
+
+def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
+    """Run the loop of `palpmap explain` on a study, without report and recording."""
+    from identify.limits import detection_limits
+    from palpmap.explain import explain_study
+    from palpmap.explain_record import explain_record
+    from palpmap.study import load_study
+
+    explained, problem = explain_study(load_study(study), (), seed, Output(quiet=True))
+    limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
+    seen = {one.name: one.smallest_share for one in limits if one.smallest_share is not None}
+    record = {**explain_record(explained, problem), "detection_limits": seen}
+    write_record(out / "result.json", record)
+    return record
+
+
+def tally(lines: Sequence[dict[str, Any]]) -> str:
+    """Return a few words of how it stands."""
+    counts = {o: sum(line.get("outcome") == o for line in lines) for o in OUTCOMES}
+    failed = sum("error" in line for line in lines)
+    text = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+    return text + (f", {failed} failed" if failed else "")
+
+
+OUTCOMES = ("right", "honest", "missed", "wrong")
+
+
+def tournament_record(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return rates by category and by what was hidden, and what was named for what.
+
+    Parameters
+    ----------
+    lines : of `trials.jsonl`
+    """
+    judged = [line for line in lines if "error" not in line]
+    confusion: dict[str, dict[str, int]] = {}
+    for line in judged:
+        hidden, found = "+".join(line["hidden"]) or "none", _found(line)
+        confusion.setdefault(hidden, {})
+        confusion[hidden][found] = confusion[hidden].get(found, 0) + 1
+    return {
+        "trials": len(lines),
+        "failed": len(lines) - len(judged),
+        "errors": sorted({line["error"] for line in lines if "error" in line}),
+        "passed": sum(line["passed"] for line in judged),
+        "wrong": sum(line["outcome"] == "wrong" for line in judged),
+        "categories": _rates(judged, lambda line: line["category"]),
+        "effects": _rates(judged, lambda line: "+".join(line["hidden"]) or "none"),
+        "confusion": confusion,
+    }
+
+
+def _found(line: dict[str, Any]) -> str:
+    if line["added"]:
+        ended = "" if line["verdict"] == "explained" else f" ({line['verdict']})"
+        return "+".join(line["added"]) + ended
+    if line["ambiguous"]:
+        return "one of " + ", ".join(line["ambiguous"][0])
+    return line["verdict"]
+
+
+def _rates(
+    lines: Sequence[dict[str, Any]], key: Callable[[dict[str, Any]], str]
+) -> dict[str, dict[str, int]]:
+    found: dict[str, dict[str, int]] = {}
+    for line in sorted(lines, key=key):
+        row = found.setdefault(key(line), {"trials": 0, "passed": 0, **dict.fromkeys(OUTCOMES, 0)})
+        row["trials"] += 1
+        row["passed"] += bool(line["passed"])
+        row[line["outcome"]] += 1
+    return found
+
+
+def tournament_screen(record: dict[str, Any]) -> list[Any]:
+    """Return tables: rates by category, then what was named for what."""
+    from rich import box
+    from rich.table import Table
+
+    rates = Table("category", "trials", "passed", *OUTCOMES, box=box.SIMPLE)
+    for name, row in record["categories"].items():
+        share = f"{row['passed']} ({100 * row['passed'] / row['trials']:.0f} %)"
+        rates.add_row(name, str(row["trials"]), share, *(str(row[o]) for o in OUTCOMES))
+    confusion = Table("hidden", "found", "times", box=box.SIMPLE)
+    for hidden in sorted(record["confusion"]):
+        ordered = sorted(record["confusion"][hidden].items(), key=lambda pair: -pair[1])
+        for i, (found, times) in enumerate(ordered):
+            confusion.add_row(hidden if i == 0 else "", found, str(times))
+    last = f"{record['passed']} of {record['trials']} passed, {record['wrong']} wrong"
+    if record["failed"]:
+        last += f", {record['failed']} failed: {record['errors'][0]}"
+    return [confusion, rates, last]

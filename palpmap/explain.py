@@ -1,16 +1,18 @@
-"""`palpmap explain`: find the missing effects of a study, unattended, until what is left is noise."""
+"""`palpmap explain`: find what a study lacks, unattended, until what is left is noise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from identify.effects.effect import Effect
-from identify.effects.user_effect import load_effect
 from identify.explain import Explanation, Rung, climb
+from identify.limits import detection_limits
 from palpmap.console import Output, to_type
+from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
-from palpmap.problem import Problem, pose
+from palpmap.next_scan import proposal_records, propose
+from palpmap.problem import Problem, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import Study, load_study
 from palpmap.study_versions import version_of
@@ -44,7 +46,8 @@ def run_explain(
     inputs = [study, known.scan, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         explained, problem = explain_study(known, own, seed, output)
-        record = write_explanation(run.path, problem, explained, study)
+        files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
+        record = write_explanation(run.path, problem, explained, files)
         output.result(
             {**record, "run": str(run.path)},
             *explain_summary(record, explained, problem),
@@ -52,12 +55,6 @@ def run_explain(
             f"Recording: {to_type('review', run.path)}",
         )
     return explained.verdict in ("nothing_missing", "explained")
-
-
-def own_effects(study: Study, files: Sequence[Path]) -> list[Effect]:
-    """Return the user's effects that a command or a study names; their files are executed."""
-    named = [entry.file for entry in study.effects if entry.file is not None]
-    return [load_effect(path) for path in dict.fromkeys(p.resolve() for p in [*files, *named])]
 
 
 def explain_study(
@@ -89,13 +86,20 @@ def explain_study(
 
 
 def write_explanation(
-    run: Path, problem: Problem, explained: Explanation, source: Path
+    run: Path, problem: Problem, explained: Explanation, files: Mapping[str, Path] | None = None
 ) -> dict[str, Any]:
-    """Write result.json, the explained study, report and recording into a run folder."""
+    """Write result.json, next scans, the explained study, report and recording into a run folder.
+
+    `files` are those of the user's own effects, by name.
+    """
     from palpmap.explain_files import write_explain_files
 
     record = explain_record(explained, problem)
+    proposals = propose(explained, problem)
+    record["next_presses"] = proposal_records(proposals, problem, run)
+    limits = detection_limits(explained.final.fit, problem.catalogue)
+    record["detection_limits"] = [limit_record(limit) for limit in limits]
     write_record(run / "result.json", record)
-    version_of(problem.study, explained.final.fit, run / "study.toml")
+    version_of(problem.study, explained.final.fit, run / "study.toml", files)
     write_explain_files(run, problem, explained, record)
     return record

@@ -1,5 +1,6 @@
 """The last rung of an explanation as the finding that `fit` and `compare` show."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,9 @@ import numpy as np
 
 from identify.explain import Explanation, Rung
 from identify.fit_record import Estimate, Fit
-from identify.gaussian_map import GaussianMap
+from identify.gaussian_map import GaussianMap, Inclusion
 from identify.joint_fit import JointFit
-from palpmap.finding import Finding, read_truth, study_outline
+from palpmap.finding import Finding, study_outline
 from palpmap.finding_files import how_made
 from palpmap.limits import limits_of
 from palpmap.problem import Problem
@@ -46,9 +47,18 @@ def rung_finding(run: Path, problem: Problem, rung: Rung) -> Finding:
 
 
 def truth_beside(problem: Problem) -> GaussianMap | None:
-    """Return the true map of a virtual laboratory, if its file lies beside the scan."""
+    """Return the true map of a virtual laboratory, if its file lies beside the scan.
+
+    The file may be another laboratory's own: what cannot be read as a map is no truth, and no
+    reason to lose a run at its end.
+    """
     path = problem.study.scan.with_name(TRUTH)
-    return read_truth(path) if path.is_file() else None
+    try:
+        body = json.loads(path.read_text(encoding="utf-8"))["body"]
+        inclusions = tuple(Inclusion(**i) for i in body["inclusions"])
+        return GaussianMap(float(body["background_pa"]), inclusions)
+    except (OSError, KeyError, TypeError, ValueError):
+        return None
 
 
 def fit_of(start: Fit, fit: JointFit) -> Fit:

@@ -77,12 +77,13 @@ class Breathing(Effect):
         return f"{f:.3g} Hz keeps step with the presses, whose own course it imitates"
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Bound the frequency by the scan's length and sampling."""
+        """Bound the frequency by the scan's length and sampling; its scale is the resolution."""
         *parts, frequency = self.parameters
         if readings.time_s is None:
             return self.parameters
         low, high = _band(readings)
-        return *parts, replace(frequency, lower=low / 2, upper=high * 1.1, typical=min(0.3, high))
+        scale = 0.5 / float(readings.elapsed_s[-1])
+        return *parts, replace(frequency, lower=low / 2, upper=high * 1.1, typical=scale)
 
     def untestable(self, readings: Readings) -> str | None:
         """Without time, or if all frequencies are locked to the presses."""

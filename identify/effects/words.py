@@ -10,18 +10,18 @@ def percent(share: float) -> str:
 
 def length(metres: float) -> str:
     """Return a length in mm, or in µm below a tenth of a mm."""
-    small = abs(metres) < 1e-4
+    small = abs(metres) < 0.995e-4
     return f"{_two(1e6 * metres)} µm" if small else f"{_two(1e3 * metres)} mm"
 
 
 def force(newtons: float) -> str:
     """Return a force in N, or in mN below a tenth of a N."""
-    return f"{_two(1e3 * newtons)} mN" if abs(newtons) < 0.1 else f"{_two(newtons)} N"
+    return f"{_two(1e3 * newtons)} mN" if abs(newtons) < 0.0995 else f"{_two(newtons)} N"
 
 
 def pressure(pascals: float) -> str:
     """Return a modulus in kPa, or in Pa below 1 kPa."""
-    return f"{_two(pascals)} Pa" if abs(pascals) < 1e3 else f"{_two(1e-3 * pascals)} kPa"
+    return f"{_two(pascals)} Pa" if abs(pascals) < 995 else f"{_two(1e-3 * pascals)} kPa"
 
 
 def seconds(time: float) -> str:

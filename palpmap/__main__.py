@@ -5,14 +5,18 @@ from typing import Annotated
 import typer
 
 from palpmap import __version__
+from palpmap.cli.add import add
 from palpmap.cli.blind import blind
 from palpmap.cli.check import check
 from palpmap.cli.check_effect import check_effect
 from palpmap.cli.compare import compare
 from palpmap.cli.demo import demo
+from palpmap.cli.diagnose import diagnose
 from palpmap.cli.effects import effects
 from palpmap.cli.explain import explain
 from palpmap.cli.fit import fit
+from palpmap.cli.history import history
+from palpmap.cli.limits import limits
 from palpmap.cli.paper import paper
 from palpmap.cli.reveal import reveal
 from palpmap.cli.review import review
@@ -48,20 +52,25 @@ def palpmap(
     """
 
 
-for _command in (
+_COMMANDS = (
     demo,
     paper,
     scan,
     fit,
     compare,
+    diagnose,
+    add,
+    history,
+    limits,
     explain,
-    review,
-    check,
     effects,
     check_effect,
     blind,
     reveal,
-):
+    review,
+    check,
+)
+for _command in _COMMANDS:
     app.command()(answers(_command))
 
 

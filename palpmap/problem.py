@@ -14,6 +14,7 @@ from fem import PalpationModel
 from identify.body_mechanics import BodyMechanics
 from identify.effects.catalogue import CATALOGUE
 from identify.effects.effect import Effect
+from identify.effects.user_effect import load_effect
 from identify.explain import fit_with
 from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
@@ -146,6 +147,10 @@ def _with_effect(
     return joint
 
 
-def study_effects_file(study: Study) -> list[Path]:
-    """Files of the user's own effects that a study names."""
-    return [entry.file for entry in study.effects if entry.file is not None]
+def own_effects(study: Study, files: Sequence[Path]) -> list[Effect]:
+    """Return the user's effects that a command or a study names; their files are executed.
+
+    Those of the command come first.
+    """
+    named = [entry.file for entry in study.effects if entry.file is not None]
+    return [load_effect(path) for path in dict.fromkeys(p.resolve() for p in [*files, *named])]

@@ -1,0 +1,29 @@
+"""`palpmap add`."""
+
+from typing import Annotated
+
+import typer
+
+from palpmap.cli.options import EffectFiles, Json, Quiet, Seed, StudyFile
+from palpmap.console import Output
+
+
+def add(
+    study: StudyFile,
+    name: Annotated[str, typer.Argument(metavar="EFFECT", help="See `palpmap effects`.")],
+    effect: EffectFiles = None,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Add an effect, refit everything, and write the next version of the study.
+
+    Exit code 1: the effect does not earn its place.
+
+    Example: palpmap add study.toml viscoelasticity
+    """
+    from palpmap.add import run_add
+
+    return run_add(
+        study=study, name=name, seed=seed, effects=effect or [], output=Output(quiet, json)
+    )

@@ -1,0 +1,114 @@
+"""`palpmap diagnose`: every effect of the catalogue scored from the present fit."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from identify.diagnosis import Diagnosis
+from identify.explain import Rung, rung_of
+from identify.joint_fit import fit_jointly
+from identify.residual_statement import length
+from palpmap.console import Output
+from palpmap.explain_record import evidence, parameters_of, rung_record, score_record
+from palpmap.problem import Problem, named, own_effects, pose
+from palpmap.run_folder import RunFolder, write_record
+from palpmap.study import load_study
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+WORDS = {
+    "supported": "supported",
+    "not_seen": "not seen",
+    "indistinguishable": "alike",
+    "untestable": "untestable",
+}
+
+
+def run_diagnose(
+    *, study: Path, out: Path | None, seed: int, effects: Sequence[Path], output: Output
+) -> bool:
+    """Score the catalogue on a study's scan; write diagnosis.json into a run folder.
+
+    Returns
+    -------
+    bool
+        Whether nothing is missing: the residual is noise and no effect is supported.
+    """
+    known = load_study(study)
+    own = own_effects(known, effects)
+    with RunFolder("diagnose", out, seed=seed, inputs=[study, known.scan, *effects]) as run:
+        with output.progress() as progress:
+            task = progress.add_task("reading", total=None)
+
+            def say(text: str) -> None:
+                progress.update(task, description=text)
+
+            problem = pose(known, own, say)
+            rung = judged(problem, seed, say)
+            progress.update(task, description="done", total=1, completed=1)
+        record = diagnosis_record(rung, problem)
+        write_record(run / "diagnosis.json", record)
+        output.result({**record, "run": str(run.path)}, *diagnosis_table(record, rung))
+    return rung.comparison.is_noise and not rung.diagnosis.significant
+
+
+def judged(problem: Problem, seed: int, say: Any) -> Rung:
+    """Fit a problem's model and judge what is left."""
+    fit = fit_jointly(problem.model, problem.start)
+    return rung_of(fit, problem.scan, problem.catalogue, seed, say)
+
+
+def diagnosis_record(rung: Rung, problem: Problem) -> dict[str, Any]:
+    """Return fit, residual and candidates as plain data."""
+    diagnosis = rung.diagnosis
+    return {
+        **rung_record(rung),
+        "parameters": parameters_of(rung, problem),
+        "candidates": [
+            {
+                **score_record(score, diagnosis),
+                "evidence": evidence(named(problem.catalogue, score.name), score, problem),
+            }
+            for score in diagnosis.scores
+        ],
+    }
+
+
+def diagnosis_table(record: dict[str, Any], rung: Rung) -> tuple["RenderableType", ...]:
+    """Return the candidates, best first, as rich renderables that fit a screen."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    style = "green" if rung.comparison.is_noise else "yellow"
+    table = Table(box=box.SIMPLE, title="effects, by their score", title_justify="left")
+    for name in ("effect", "", "share", "p", "alike or why not"):
+        table.add_column(name, justify="right" if name in ("share", "p") else "left")
+    for c in record["candidates"]:
+        verdict = WORDS[c["verdict"]]
+        alike = c["untestable"] or ", ".join(c["confused_with"][:3])
+        colour = {"supported": "green", "alike": "yellow"}.get(verdict, "dim")
+        numbers = ("", "") if c["untestable"] else (
+            f"{100 * c['explained_fraction']:.0f} %", f"{c['p_value']:.1g}"
+        )  # fmt: skip
+        table.add_row(c["name"], Text(verdict, style=colour), *numbers, alike)
+    lines: list[RenderableType] = [Text(rung.comparison.statement, style=style), table]
+    best = best_evidence(record, rung.diagnosis)
+    if best:
+        lines.append(Text(best))
+    else:
+        size = length(rung.fit.rms_m, signed=False)
+        lines.append(Text(f"No effect of the catalogue is seen (rms {size})."))
+    return tuple(lines)
+
+
+def best_evidence(record: dict[str, Any], diagnosis: Diagnosis) -> str:
+    """Return the evidence of the best-scored effect, with what looks like it; empty for none."""
+    best = diagnosis.scores[0] if diagnosis.scores else None
+    if best is None or best.name not in diagnosis.significant:
+        return ""
+    candidate = next(c for c in record["candidates"] if c["name"] == best.name)
+    alike = [n for n in candidate["confused_with"] if n in diagnosis.significant]
+    rivals = f" ({', '.join(alike)} would look much the same: `palpmap explain` decides)"
+    return f"Best: {best.name}. {candidate['evidence']}{rivals if alike else ''}"

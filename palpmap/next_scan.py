@@ -1,0 +1,62 @@
+"""Scans that the diagnosis proposes, as programs that `palpmap scan --program` runs."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.explain import Explanation
+from identify.next_presses import Proposal, next_presses
+from identify.scan_design import Presses, presses_of, variations
+from palpmap.problem import Problem, Say
+
+COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
+_MOST = 3
+
+
+def propose(explained: Explanation, problem: Problem, say: Say = lambda text: None) -> tuple[Proposal, ...]:
+    """Return the scans that tell the last ambiguous group apart, best first."""
+    ambiguous = [a for a in explained.additions if len(a.group) > 1]
+    if not ambiguous:
+        return ()
+    group = ambiguous[-1]
+    rivals = [(r.name, r.fit) for r in group.rivals if r.name in group.group]
+    readings = problem.model.readings
+    designs = list(variations(presses_of(readings), readings.time_s is not None))
+    return next_presses(rivals, designs, say)
+
+
+def proposal_records(
+    proposals: tuple[Proposal, ...], problem: Problem, run: Path
+) -> list[dict[str, Any]]:
+    """Write the best proposals as programs into a run folder; return their records."""
+    records = []
+    for number, proposal in enumerate(proposals[:_MOST], start=1):
+        name = f"next_scan_{number}.csv"
+        write_presses(proposal.design.presses, problem.placement.origin_m, run / name)
+        first, second = proposal.pair
+        chance = "tells them apart" if proposal.enough else "does not yet tell them apart"
+        records.append(
+            {
+                "change": f"Make the scan {proposal.design.change}",
+                "why": f"it {chance}: between {first} and {second} chi-square would differ by "
+                f"{proposal.discrimination:.3g}",
+                "discrimination": proposal.discrimination,
+                "duration_s": proposal.design.presses.duration_s,
+                "program": name,
+            }
+        )
+    return records
+
+
+def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:
+    """Write presses as a program, in the scan's frame."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for j in range(len(presses)):
+            x, y = presses.point_m[j, :2] + origin_m[:2]
+            numbers = (x, y, presses.radius_m[j], presses.force_n[j], presses.ramp_s[j],
+                       presses.hold_s[j], presses.unload_s[j], presses.pause_s[j])  # fmt: skip
+            writer.writerow([f"{number:.6g}" for number in numbers])

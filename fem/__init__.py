@@ -15,6 +15,7 @@ from fem.mesh import Mesh, promote_to_tet10
 from fem.mesh_checks import check_mesh
 from fem.palpation import PalpationModel, Response
 from fem.refined import RefinedModel
+from fem.skin import Skin
 from fem.solver import default_solver
 from fem.support import Support
 from fem.surface import Surface, check_surface, read_surface
@@ -28,6 +29,7 @@ __all__ = [
     "PalpationModel",
     "RefinedModel",
     "Response",
+    "Skin",
     "SolverError",
     "Support",
     "Surface",

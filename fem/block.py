@@ -20,6 +20,7 @@ def block_mesh(
     grading: float = 1.0,
     order: int = 2,
     split: str = "kuhn",
+    levels_m: Sequence[float] | None = None,
 ) -> Mesh:
     """Mesh a block of hexahedra cut into tetrahedra.
 
@@ -32,6 +33,8 @@ def block_mesh(
     order : 1 (four nodes a cell) or 2 (ten).
     split : "kuhn", six tetrahedra a hexahedron around its diagonal, or "alternating", five a
         hexahedron and mirrored from one to the next (no preferred direction).
+    levels_m : heights of the planes between layers of hexahedra, rising from 0 to the block's, m,
+        in place of `divisions[2]` and `grading`.
 
     Returns
     -------
@@ -49,9 +52,16 @@ def block_mesh(
             f"block mesh needs grading > 0, order 1 or 2 and split in {sorted(_SPLITS)}, "
             f"got {grading}, {order}, '{split}'"
         )
+    if levels_m is not None:
+        levels = np.asarray(levels_m, float)
+        if levels.ndim != 1 or levels.size < 2 or not (np.diff(levels) > 0).all() or (
+            levels[0] != 0 or levels[-1] != size[2]
+        ):  # fmt: skip
+            raise MeshError(f"levels must rise from 0 to {size[2]} m, got {levels_m}")
+        counts = np.array([counts[0], counts[1], levels.size - 1])
     nx, ny, nz = (int(c) for c in counts)
     axes = [np.linspace(0, 1, c + 1) for c in (nx, ny, nz)]
-    axes[2] = 1 - (1 - axes[2]) ** grading
+    axes[2] = 1 - (1 - axes[2]) ** grading if levels_m is None else levels / levels[-1]
     grid = np.meshgrid(*axes, indexing="ij")
     nodes = np.stack([g.ravel() for g in grid], axis=1) * size
     number = np.arange(len(nodes)).reshape(nx + 1, ny + 1, nz + 1)

@@ -22,6 +22,7 @@ from fem.mesh import Mesh
 from fem.near_field import Enrichment, enrich
 from fem.near_field_moments import FUNCTIONS
 from fem.response import Response
+from fem.skin import Skin, SkinnedSurface
 from fem.solver import Pattern, Solver, default_solver
 from fem.support import Foundation, Support, first_order_rest
 
@@ -35,11 +36,11 @@ class HeldBody:
 
     def __init__(
         self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: np.ndarray, solver: Solver,
-        resting: str,
+        resting: str, skin: tuple[str, Contacts],
     ) -> None:  # fmt: skip
         self.stiffness = Stiffness(mesh, nu, held)
         self.loads = self.stiffness.restrict(weights)
-        self._solver, self._resting = solver, resting
+        self._solver, self._resting, self._skin = solver, resting, skin
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -50,6 +51,19 @@ class HeldBody:
     def foundation(self) -> Foundation:
         """The springs under the surface that is not held."""
         return Foundation(self.stiffness, self._resting)
+
+    @cached_property
+    def skinned(self) -> SkinnedSurface:
+        """The surface that may bear a skin."""
+        return SkinnedSurface(self.stiffness, *self._skin)
+
+
+class Material(NamedTuple):
+    """What a body is made of: modulus samples (p,), fibres and skin."""
+
+    modulus: np.ndarray
+    fibres: Fibres | None
+    skin: Skin | None
 
 
 class NearFields(NamedTuple):
@@ -80,6 +94,7 @@ class PalpationModel:
         result is that of the bare mesh, as in the paper. A nodal contact has none.
     solver : direct solver, default `fem.solver.default_solver()`
     support : what holds the body, in place of `fixed_surface`
+    skin_surface : name of the surface that bears a skin, where one is evaluated
     """
 
     def __init__(
@@ -91,10 +106,12 @@ class PalpationModel:
         near_field: bool = True,
         solver: Solver | None = None,
         support: Support | None = None,
+        skin_surface: str = "top",
     ) -> None:
         self.mesh = mesh
         self.contacts = contacts
         self.support = support or Support(fixed_surface)
+        self._skin_surface = skin_surface
         self._solver = solver or default_solver()
         self._weights = contact_weights(mesh, contacts)
         self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
@@ -113,7 +130,13 @@ class PalpationModel:
 
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
         return HeldBody(
-            self.mesh, poisson_ratio, held, self._weights, self._solver, self.support.surface
+            self.mesh,
+            poisson_ratio,
+            held,
+            self._weights,
+            self._solver,
+            self.support.surface,
+            (self._skin_surface, self.contacts),
         )
 
     @cached_property
@@ -131,6 +154,7 @@ class PalpationModel:
         modulus_pa: np.ndarray | float,
         support_compliance: tuple[float, float] | None = None,
         fibres: Fibres | tuple | None = None,
+        skin: Skin | tuple | None = None,
     ) -> Response:
         """Solve for all presses.
 
@@ -140,6 +164,8 @@ class PalpationModel:
         support_compliance : normal and tangential compliance (m/Pa) in place of the support's own;
             the near fields need not be made again for another one.
         fibres : direction and modulus of fibres, see `fem.elasticity.Fibres`
+        skin : thickness and modulus factor of a skin on the surface `skin_surface`, see `fem.skin`;
+            it counts in `compliance`, `sensitivity` and `skin_sensitivity`
 
         Raises
         ------
@@ -155,11 +181,13 @@ class PalpationModel:
             )
         if fibres is not None:
             fibres = checked_fibres(fibres, len(modulus))
+        skin = None if skin is None else Skin(*skin)
+        material = Material(modulus, fibres, skin)
         support = self.support
         if support_compliance is not None:
             support = Support(support.surface, *support_compliance, support.held)
         body = self._bonded if support.bonded else self.floating
-        values = self.values(body.stiffness, modulus, fibres)
+        values = self.values(body, material)
         springs = None
         if not support.bonded:
             springs = body.foundation.effective(support.normal, support.tangential, modulus)
@@ -168,7 +196,7 @@ class PalpationModel:
         field = factor.solve(body.loads)
         compliance = np.einsum("dj,dj->j", body.loads, field)
         amplitude = np.zeros((len(compliance), FUNCTIONS if self.enrichments else 0))
-        for group, near in self.near_fields(body.stiffness, modulus, fibres):
+        for group, near in self.near_fields(body.stiffness, material):
             k = near.coupling
             z = factor.solve(k.reshape(len(k), -1)).reshape(k.shape)
             missing = near.load - np.einsum("djm,dj->jm", k, field[:, group])
@@ -176,28 +204,32 @@ class PalpationModel:
             amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
             compliance[group] += np.sum(missing * amplitude[group], axis=1)
             field[:, group] -= np.einsum("djm,jm->dj", z, amplitude[group])
-        response = Response(compliance, self, body, modulus, field, amplitude, fibres, springs)
-        if springs is None:
-            return response
-        if np.isinf(support.tangential):
-            _check_equilibrium(response, springs)
-        asked = (support.normal, support.tangential)
-        compliance += first_order_rest(asked, springs, response.support_sensitivity)
+        response = Response(compliance, self, body, material, field, amplitude, springs)
+        if springs is not None:
+            if np.isinf(support.tangential):
+                _check_equilibrium(response, springs)
+            asked = (support.normal, support.tangential)
+            compliance += first_order_rest(asked, springs, response.support_sensitivity)
+        if skin is not None:
+            near = body.skinned.near(skin).value
+            compliance += near / body.skinned.local_modulus(modulus)
         return response
 
-    def values(
-        self, stiffness: Stiffness, modulus: np.ndarray, fibres: Fibres | None
-    ) -> np.ndarray:
-        """Values of a stiffness matrix of this body, without the support's springs."""
-        values = stiffness.values(modulus)
-        if fibres is not None:
-            values += stiffness.fibre_values(fibres.direction, np.asarray(fibres.modulus_pa))
+    def values(self, body: HeldBody, material: Material) -> np.ndarray:
+        """Values of a body's stiffness matrix, without the support's springs."""
+        values = body.stiffness.values(material.modulus)
+        if material.fibres is not None:
+            direction, strength = material.fibres
+            values += body.stiffness.fibre_values(direction, np.asarray(strength))
+        if material.skin is not None:
+            values += material.skin.stretch_m * body.skinned.membrane.values(material.modulus)
         return values
 
     def near_fields(
-        self, stiffness: Stiffness, modulus: np.ndarray, fibres: Fibres | None
+        self, stiffness: Stiffness, material: Material
     ) -> Iterator[tuple[slice, NearFields]]:
         """Near fields in groups of presses, so that memory does not grow with their number."""
+        modulus, fibres = material.modulus, material.fibres
         by_cell = modulus.reshape(-1, stiffness.samples)
         m = FUNCTIONS
         for first in range(0, len(self.enrichments), _GROUP):

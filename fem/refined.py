@@ -20,6 +20,7 @@ from fem.contact import Contacts
 from fem.elasticity import Fibres, checked_fibres
 from fem.errors import MeshError
 from fem.palpation import PalpationModel, Response
+from fem.skin import Skin
 
 RATE = 2.5
 
@@ -75,6 +76,7 @@ class RefinedModel:
         modulus_pa: np.ndarray | float,
         support_compliance: tuple[float, float] | None = None,
         fibres: Fibres | tuple | None = None,
+        skin: Skin | tuple | None = None,
     ) -> RefinedResponse:
         """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`."""
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
@@ -84,8 +86,9 @@ class RefinedModel:
             direction, strength = checked_fibres(fibres, len(modulus))
             strength = np.asarray(strength)
             parts = [Fibres(direction, strength[:split]), Fibres(direction, strength[split:])]
-        coarse = self.coarse.evaluate(modulus[:split], support_compliance, parts[0]).compliance
-        response = self.fine.evaluate(modulus[split:], support_compliance, parts[1])
+        rest = (support_compliance, parts[0], skin), (support_compliance, parts[1], skin)
+        coarse = self.coarse.evaluate(modulus[:split], *rest[0]).compliance
+        response = self.fine.evaluate(modulus[split:], *rest[1])
         fine = response.compliance
         added = (fine - coarse) / (self._ratio**RATE - 1)
         return RefinedResponse(fine + added, added / fine, response)

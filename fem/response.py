@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from fem.elasticity import HORIZONTAL, Fibres
+from fem.elasticity import HORIZONTAL
+from fem.skin import Skin
 
 if TYPE_CHECKING:
-    from fem.palpation import HeldBody, PalpationModel
+    from fem.palpation import HeldBody, Material, PalpationModel
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,9 @@ class Response:
     compliance: np.ndarray
     _model: PalpationModel
     _body: HeldBody
-    _modulus: np.ndarray  # (p,)
+    _material: Material
     _free: np.ndarray  # (3 f, j) finite element part of the fields
     _amplitude: np.ndarray  # (j, m) of the near-field functions
-    _fibres: Fibres | None
     _springs: tuple[float, float] | None  # of the support, None if it is bonded
 
     def displacement(self, j: int) -> np.ndarray:
@@ -70,7 +70,31 @@ class Response:
             mixed = np.einsum("m,mcqia,cia->cq", alpha, part.coupling, field, optimize=True)
             own = np.einsum("m,l,mlcq->cq", alpha, alpha, part.energy, optimize=True)
             result[j, part.cells] += 2 * mixed + own
-        return -result.reshape(len(nodal), -1)
+        result = -result.reshape(len(nodal), -1)
+        skin = self._material.skin
+        if skin is not None:
+            skinned = self._body.skinned
+            samples, near = skinned.near_sensitivity(skin, self._material.modulus)
+            np.add.at(result, (np.arange(len(result))[:, None], samples), near)
+            for j, field in enumerate(nodal):
+                result[j] -= skin.stretch_m * skinned.membrane.energies(field)
+        return result
+
+    @cached_property
+    def skin_sensitivity(self) -> np.ndarray:
+        """Derivative by the thickness and the modulus factor of the skin, (j, 2) 1/N, m/N.
+
+        At f = 1 that towards harder skins; without a skin at all it is 0 or of no use.
+        """
+        skin = self._material.skin or Skin(0.0, 1.0)
+        skinned, modulus = self._body.skinned, self._material.modulus
+        near = skinned.near(skin)
+        local = skinned.local_modulus(modulus)
+        nodal = self._body.stiffness.prolong(self._free)
+        stretch = np.array([skinned.membrane.energies(field) @ modulus for field in nodal])
+        stretch *= skin.factor >= 1
+        by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
+        return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
 
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).
@@ -96,7 +120,7 @@ class Response:
         ----------
         weight : (p,) at the model's `points_m`, or one number
         """
-        weight = np.broadcast_to(np.asarray(weight, float), len(self._modulus))
+        weight = np.broadcast_to(np.asarray(weight, float), len(self._material.modulus))
         return np.array([weight @ products for products in self._plane_products(plane)])
 
     def fibre_sensitivity(self, direction: np.ndarray) -> np.ndarray:
@@ -132,7 +156,7 @@ class Response:
         size = len(stiffness.indptr) - 1
         upper = sp.csr_array(
             (
-                self._model.values(stiffness, self._modulus, self._fibres),
+                self._model.values(floating, self._material),
                 stiffness.indices,
                 stiffness.indptr,
             ),
@@ -141,6 +165,6 @@ class Response:
         field = stiffness.restrict(self._body.stiffness.prolong(self._free))
         force = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
         force -= floating.loads
-        for group, near in self._model.near_fields(stiffness, self._modulus, self._fibres):
+        for group, near in self._model.near_fields(stiffness, self._material):
             force[:, group] += np.einsum("djm,jm->dj", near.coupling, self._amplitude[group])
         return stiffness.prolong(force)[:, floating.foundation.nodes]

@@ -165,7 +165,7 @@ def _mass_and_normals(mesh: Mesh, faces: np.ndarray) -> tuple[sp.csr_array, np.n
     corners = mesh.nodes[faces[:, :3]]
     vector = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     area = np.linalg.norm(vector, axis=1)
-    points, weights = _triangle_rule()
+    points, weights = triangle_rule()
     shape = shape_functions(points, mesh.order)
     local = np.einsum("p,pi,pj->ij", weights, shape, shape)
     values = area[:, None, None] * local
@@ -179,7 +179,7 @@ def _mass_and_normals(mesh: Mesh, faces: np.ndarray) -> tuple[sp.csr_array, np.n
     return mass, normals / np.where(length > 0, length, 1), float(area.sum())
 
 
-def _triangle_rule() -> tuple[np.ndarray, np.ndarray]:
+def triangle_rule() -> tuple[np.ndarray, np.ndarray]:
     """Barycentric points (p, 3) and weights, exact to degree 4 (Gauss on the collapsed square)."""
     x, w = np.polynomial.legendre.leggauss(4)
     x, w = (x + 1) / 2, w / 2

@@ -242,7 +242,7 @@ def lab_model() -> PalpationModel:
     return PalpationModel(mesh, 0.49, Contacts(points, DOWN, 0.005))
 
 
-@pytest.mark.parametrize("case", ["case_a", "case_k"])
+@pytest.mark.parametrize("case", ["case_a", "case_e", "case_k"])
 def test_an_inclusion_is_felt_as_by_an_independent_solver(case, lab_model):
     body, points, exact = lab(case)
     side = np.linspace(0.012, 0.084, 9)

@@ -14,6 +14,7 @@ from identify.readings import Readings
 
 BINS = 12
 _LEAST = 4  # readings that a bin must have
+_SPLIT = 0.1  # share that a picture of several curves must show more to be preferred
 _PHASES = ("load", "hold", "unload")
 
 
@@ -27,6 +28,7 @@ class Axis:
     at : (m,) place of each reading on it
     group : (m,) index of the curve that each reading belongs to
     curves : names of the curves
+    resolution : least width of a bin worth having
     """
 
     name: str
@@ -34,6 +36,7 @@ class Axis:
     at: np.ndarray
     group: np.ndarray
     curves: tuple[str, ...] = ("",)
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ def evidence_of(name: str, before: Rung, after: Rung, most: int = 2) -> Evidence
     weight = 1 / before.fit.at.sigma_m**2
     axes = axes_of(before, after.fit.at.values.get(name, {}))
     shares = [shown_share(axis, change, weight) for axis in axes]
-    best = np.argsort(shares)[::-1][:most]
+    worth = [s - _SPLIT * (len(a.curves) > 1) for s, a in zip(shares, axes, strict=True)]
+    best = np.argsort(worth)[::-1][:most]
     shown = tuple((axes[i], curves_of(axes[i], before, after)) for i in best)
     return Evidence(name, before, after, shown, float(shares[best[0]]))
 
@@ -121,7 +125,9 @@ def axes_of(rung: Rung, values: Mapping[str, float]) -> list[Axis]:
     phase = np.array([_PHASES.index(p) for p in readings.phase])
     force = fit.at.latent_force_n
     order = readings.order[readings.press].astype(float)
-    axes = [Axis("force", "true force (best estimate), N", force, phase, _PHASES)]
+    # The best estimate moves with the residual: within the force's noise, order means nothing
+    least = 4 * fit.model.noise.force_n
+    axes = [Axis("force", "true force (best estimate), N", force, phase, _PHASES, least)]
     if np.ptp(order) > 0:
         axes.append(Axis("order", "press, in the order of making", order, none))
     compliance = fit.at.body.compliance[readings.press]
@@ -157,6 +163,8 @@ def bins_of(axis: Axis, bins: int = BINS) -> np.ndarray:
     for group in np.unique(axis.group):
         rows = np.flatnonzero(axis.group == group)
         count = min(bins, max(len(rows) // _LEAST, 1))
+        if axis.resolution > 0:
+            count = int(np.clip(np.ptp(axis.at[rows]) / axis.resolution, 1, count))
         edges = np.unique(np.quantile(axis.at[rows], np.linspace(0, 1, count + 1)))
         own = np.clip(np.searchsorted(edges, axis.at[rows], side="right") - 1, 0, None)
         own = np.minimum(own, max(len(edges) - 2, 0))

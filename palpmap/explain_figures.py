@@ -103,13 +103,13 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     wide = max(len(rungs), 2)
     width = min(3.1 * wide + 1.2, 12.5)
     ratio = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
-    figure = new_figure(width, 2 * (width - 1.2) / wide * ratio + 1.9)
+    figure = new_figure(width, 2 * 0.93 * (width - 1.2) / wide * ratio + 0.9)
     grid = figure.subplots(2, len(rungs), squeeze=False, sharex=True, sharey=True)
     panel = (width - 1.2) / wide * 72 * 0.62  # points across a panel's data
     size = (panel / max(np.sqrt(len(points)), 2)) ** 2 * 0.62
     rows = (
         (mean, DIFFERENCE_COLORS, -reach, reach, "mean residual, µm"),
-        (rms, _MISFIT_COLORS, 0.0, largest, "rms in the press, noise = 1"),
+        (rms, _MISFIT_COLORS, 1.0, largest, "rms in the press, noise = 1"),
     )
     for row, (values, colors, low, high, label) in enumerate(rows):
         image = None
@@ -158,7 +158,9 @@ def draw_evidence(evidence: Evidence) -> Figure:
         axes.set_title(_along(axis))
         if number == 0:
             axes.set_ylabel("mean residual in a bin, µm")
-            axes.legend(fontsize=8.5)
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + (0.34 if len(curves) > 1 else 0.26) * (high - low))
+        axes.legend(fontsize=8.5, loc="upper left", ncols=len(curves))
     return figure
 
 

@@ -8,17 +8,15 @@ from matplotlib import rc_context
 
 from identify.explain import Explanation
 from palpmap.explain_evidence import evidences
-from palpmap.explain_figures import (
-    draw_cosines,
-    draw_evidence,
-    draw_ladder,
-    draw_residuals,
-)
+from palpmap.explain_figures import draw_cosines, draw_evidence, draw_ladder, draw_residuals
 from palpmap.explain_finding import final_finding
-from palpmap.explain_report import write_explain_report
+from palpmap.explain_map_figures import draw_maps, draw_parameters, draw_presses
+from palpmap.explain_report import Told, write_explain_report
 from palpmap.figure_style import STYLE, png
 from palpmap.figures import save_figures
+from palpmap.finding import Finding
 from palpmap.problem import Problem
+from palpmap.residual_figures import draw_along, draw_tests
 
 
 def write_explain_files(
@@ -33,20 +31,28 @@ def write_explain_files(
     """
     finding = final_finding(run, problem, explained)
     finding.comparison.write(run / "comparison.json")
-    pictures = explain_pictures(problem, explained)
+    pictures = explain_pictures(finding, explained)
     save_figures(pictures, run / "figures")
-    write_explain_report(finding, explained, record, problem, pictures, run / "report.html")
+    write_explain_report(Told(finding, explained, record, problem, pictures), run / "report.html")
 
 
-def explain_pictures(problem: Problem, explained: Explanation) -> dict[str, bytes]:
+def explain_pictures(finding: Finding, explained: Explanation) -> dict[str, bytes]:
     """Draw all figures of an explanation: PNG by name."""
-    pictures = {}
+    first = explained.ladder[0]
     with rc_context(STYLE):
-        pictures["ladder"] = png(draw_ladder(explained))
-        pictures["residuals"] = png(draw_residuals(explained, problem.placement.origin_m))
-        for evidence in evidences(explained):
-            pictures[f"evidence_{evidence.name}"] = png(draw_evidence(evidence))
-        cosines = draw_cosines(explained.ladder[0].diagnosis)
+        pictures = {
+            "ladder": png(draw_ladder(explained)),
+            "residuals": png(draw_residuals(explained, finding.origin_m)),
+            "maps": png(draw_maps(finding, explained)),
+            "presses": png(draw_presses(explained)),
+            "residual_along": png(draw_along(finding)),
+            "residual_tests": png(draw_tests(finding)),
+        }
+        for number, evidence in enumerate(evidences(explained), start=1):
+            pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
+        if explained.final is not first:
+            pictures["parameters"] = png(draw_parameters(finding, explained))
+        cosines = draw_cosines(first.diagnosis)
         if cosines is not None:
             pictures["confusion"] = png(cosines)
     return pictures

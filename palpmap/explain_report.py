@@ -1,39 +1,219 @@
-"""The report of `palpmap explain`: the error that falls first, then what each step rests on."""
+"""The report of `palpmap explain`: the error that falls first, then what each step rests on.
+
+Its words are no more certain than result.json (`palpmap.explain_words`).
+"""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from identify.effects.words import percent
 from identify.explain import Explanation
-from palpmap.explain_summary import VERDICTS
+from palpmap.explain_evidence import added_name, kept
+from palpmap.explain_tables import (
+    candidate_table,
+    detection_table,
+    ladder_table,
+    next_press_table,
+    parameter_table,
+    rival_table,
+)
+from palpmap.explain_words import (
+    VERDICTS,
+    doubts,
+    limits_of_method,
+    step_evidence,
+    step_notes,
+    steps_of,
+    verdict_detail,
+)
 from palpmap.finding import Finding
-from palpmap.problem import Problem
-from palpmap.report_parts import paragraph, picture, section, table, write_page
+from palpmap.problem import Problem, named
+from palpmap.report_parts import listing, paragraph, picture, section, table, write_page
+
+CAPTIONS = {
+    "ladder": (
+        "The error of the model, and the error at readings that the fit did not see, at every "
+        "step. On the dashed line only the noise is left."
+    ),
+    "residuals": (
+        "Measured less modelled displacement of each press, painted where it was made; one colour "
+        "scale for all steps. Above: its mean. Below: its size over all readings of the press, in "
+        "units of the noise, which also shows what averages out in the mean; pale is noise."
+    ),
+    "evidence": (
+        "Dots: the residual of the step before, averaged in bins, with one standard error. Line: "
+        "what the model says more with the effect than without, all parameters fitted anew. "
+        "Crosses: what is left. The two axes are those along which the effect shows best."
+    ),
+    "maps": (
+        "Young's modulus, cut through the strongest inclusion. Circles: inclusions of the map, one "
+        "radius around the centre; dashed: the true ones, where they are known."
+    ),
+    "parameters": (
+        "The map's parameters with their 95 % intervals, step by step; dashed: the truth, where it "
+        "is known. The grey intervals are those that a fit without the effect would report."
+    ),
+    "presses": "Single presses: readings, and the model before and after.",
+    "confusion": (
+        "How alike two effects look in this very scan once the map has taken its share: 100 x "
+        "|cosine| between their patterns (0: nothing in common, 100: the same). Framed: more than "
+        "90, where only a refit, or another scan, can decide."
+    ),
+    "residual_along": (
+        "What the last model leaves: mean residual with one standard error; grey: where 95 % of "
+        "pure noise lies."
+    ),
+    "residual_tests": (
+        "Left: residuals of the last model in units of the noise. Right: the questions asked of "
+        "them."
+    ),
+}
 
 
-def write_explain_report(
-    finding: Finding,
-    explained: Explanation,
-    record: Mapping[str, Any],
-    problem: Problem,
-    pictures: Mapping[str, bytes],
-    path: Path,
-) -> None:
-    """Write the report of an explanation as one HTML file."""
-    write_page(path, finding.name, VERDICTS[explained.verdict][0], _sections(record, pictures))
+@dataclass(frozen=True)
+class Told:
+    """All that the report tells: pictures are PNG by name, `record` is result.json."""
+
+    finding: Finding
+    explained: Explanation
+    record: Mapping[str, Any]
+    problem: Problem
+    pictures: Mapping[str, bytes]
+
+    def picture(self, name: str, caption: str = "") -> str:
+        """Return a picture with its caption as HTML, nothing where it was not drawn."""
+        if name not in self.pictures:
+            return ""
+        return picture(CAPTIONS[caption or name], self.pictures[name])
 
 
-def _sections(record: Mapping[str, Any], pictures: Mapping[str, bytes]) -> Iterable[str]:
-    yield section("The error", picture("The error, step by step.", pictures["ladder"]))
-    yield section("The residual", picture("The residual.", pictures["residuals"]))
-    for name, data in pictures.items():
-        if name.startswith("evidence_"):
-            yield section(name.removeprefix("evidence_"), picture("Evidence.", data))
-    rows = [
-        (c["name"], c["verdict"], f"{100 * c['explained_fraction']:.2g} %", f"{c['p_value']:.2g}",
-         c["evidence"])
-        for c in record["candidates"]
-    ]  # fmt: skip
-    head = ("Effect", "Verdict", "Share", "p", "Evidence")
-    yield section("Candidates", table(head, rows, numeric=False))
-    yield section("Residual", paragraph(record["residual"]))
+def write_explain_report(told: Told, path: Path) -> None:
+    """Write the report of an explanation as one HTML file, replaced in one step."""
+    write_page(path, told.finding.name, _lead(told), _sections(told))
+
+
+def _lead(t: Told) -> str:
+    scan, tried = t.finding.scan, t.record["candidates"]
+    testable = sum(c["untestable"] is None for c in tried)
+    return (
+        f"{len(scan.press_ids)} presses, {len(scan)} readings; {len(tried)} effects of the "
+        f"catalogue asked for, of which this scan can show {testable}."
+    )
+
+
+def _sections(t: Told) -> Iterable[str]:
+    yield section("The error, step by step", t.picture("ladder") + ladder_table(t.explained))
+    yield _verdict(t)
+    yield section("Where the error was", t.picture("residuals"))
+    for number in steps_of(t.explained):
+        yield _step(t, number)
+    yield _map(t)
+    yield _ahead(t)
+    yield section("Every effect that was asked for", candidate_table(t.record))
+    yield section("What this scan can tell apart", t.picture("confusion"))
+    yield section(
+        "What the last model leaves over",
+        paragraph(t.record["residual"]) + t.picture("residual_along") + t.picture("residual_tests"),
+    )
+    yield section(
+        "How far to trust this",
+        listing([*limits_of_method(t.explained, t.record), *t.finding.limits]),
+    )
+    yield section("How this was made", table(("", ""), t.finding.how.items(), numeric=False))
+
+
+def _verdict(t: Told) -> str:
+    sure = t.explained.verdict in ("nothing_missing", "explained")
+    text = paragraph(verdict_detail(t.explained), "say")
+    if t.explained.verdict == "nothing_missing":
+        text += paragraph(
+            "This is no proof that nothing is there: an effect too small for this scan, or one "
+            "that a softer or stiffer map imitates, leaves no trace in the residual."
+        )
+    if t.explained.verdict == "unexplained":
+        text += paragraph(
+            "No effect of the catalogue, nor any sum of them that was tried, explains what is "
+            "left. Until it is known, the map's parameters may be wrong by more than their "
+            "standard errors."
+        )
+    text += "".join(
+        paragraph(step_evidence(t.explained, t.problem, number))
+        for number in steps_of(t.explained)
+        if added_name(t.explained.ladder[number - 1], t.explained.ladder[number])
+        in t.explained.added
+    )
+    text += listing(doubts(t.record, t.explained))
+    return section(VERDICTS[t.explained.verdict][0], text, "verdict" if sure else "verdict not")
+
+
+def _step(t: Told, number: int) -> str:
+    before, after = t.explained.ladder[number - 1], t.explained.ladder[number]
+    name = added_name(before, after)
+    effect = named(t.problem.catalogue, name)
+    addition = kept(t.explained, name)
+    text = paragraph(step_evidence(t.explained, t.problem, number), "say")
+    text += t.picture(f"evidence_{number}", "evidence")
+    text += listing(step_notes(t.explained, number))
+    text += rival_table(addition) if addition is not None else ""
+    about = (
+        ("What it is", effect.summary),
+        ("What would give it away", effect.gives_away),
+        ("Formula", effect.formula),
+        ("Source", effect.source),
+        ("What avoids or separates it", effect.cure),
+    )
+    text += table(("", ""), about, numeric=False)
+    return section(f"Step {number}: {effect.title} ({name})", text)
+
+
+def _map(t: Told) -> str:
+    stepped = len(t.explained.ladder) > 1
+    title = "What ignoring it had done to the map" if stepped else "The map"
+    text = t.picture("maps") + t.picture("parameters")
+    text += parameter_table(t.finding, t.explained, t.record)
+    if t.finding.truth is not None:
+        text += paragraph(
+            "The true map lies beside the scan and is shown for comparison; nothing was fitted to "
+            "it. Off: the distance to the truth in standard errors (s.e.) of that fit."
+        )
+    if stepped and t.explained.verdict != "explained":
+        text += paragraph(
+            "'After' is not the truth either: "
+            + (
+                "another effect of the group would give another map."
+                if t.explained.verdict == "ambiguous"
+                else "what is not explained still pulls at the map."
+            )
+        )
+    return section(title, text + t.picture("presses"))
+
+
+def _ahead(t: Told) -> str:
+    """Which presses to make next, and what could hide."""
+    text = ""
+    presses = t.record.get("next_presses")
+    if presses:
+        text += section(
+            "Which presses to make next",
+            paragraph(
+                "Changes of the scan that would tell the effects apart, best first; each stands "
+                "as a press program in the run folder."
+            )
+            + next_press_table(presses),
+        )
+    limits = t.record.get("detection_limits")
+    if limits:
+        share = limits[0].get("bias_at_share")
+        size = f" of {percent(share)} of the signal" if isinstance(share, float) else ""
+        text += section(
+            "What could hide in this scan",
+            paragraph(
+                "The smallest size at which this scan would show each effect, at five standard "
+                "errors, after the map has taken its share; and what an effect"
+                f"{size} that is ignored does to the map."
+            )
+            + detection_table(limits),
+        )
+    return text

@@ -3,21 +3,15 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from identify.effects.words import percent
 from identify.explain import Explanation, Rung
 from identify.residual_statement import length
+from palpmap.explain_words import VERDICTS, verdict_detail
 from palpmap.problem import Problem, named
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _WIDTH = 30
-VERDICTS = {
-    "nothing_missing": ("Nothing is missing.", "green"),
-    "explained": ("Explained.", "green"),
-    "ambiguous": ("Ambiguous: these effects cannot be told apart by this scan.", "yellow"),
-    "unexplained": ("Unexplained: something is missing that is not in the catalogue.", "red"),
-}
 
 
 def rung_line(rung: Rung) -> str:
@@ -39,7 +33,7 @@ def explain_summary(
 
     sentence, style = VERDICTS[explained.verdict]
     lines: list[RenderableType] = [_ladder_table(explained)]
-    lines.append(Text(f"{sentence} {_detail(explained)}".strip(), style=f"bold {style}"))
+    lines.append(Text(f"{sentence} {verdict_detail(explained)}".strip(), style=f"bold {style}"))
     for addition in explained.additions:
         effect = named(problem.catalogue, addition.name)
         values = explained.final.fit.at.values.get(addition.name)
@@ -54,19 +48,6 @@ def explain_summary(
         presses = ", ".join(map(str, record["suspect_presses"]))
         lines.append(Text(f"Presses that stand out by themselves: {presses}", style="yellow"))
     return tuple(lines)
-
-
-def _detail(explained: Explanation) -> str:
-    if explained.verdict == "ambiguous":
-        return "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
-    if explained.verdict == "unexplained":
-        helps = [a.name for a in explained.additions]
-        share = percent(explained.explained_share)
-        text = f"{' and '.join(helps)} take {share} of it, but are not it. " if helps else ""
-        return text + explained.final.comparison.statement
-    if explained.verdict == "explained":
-        return f"{' and '.join(explained.added)}; what remains is noise."
-    return "The residual is noise, and no effect of the catalogue is seen."
 
 
 def _ladder_table(explained: Explanation) -> "RenderableType":

@@ -1,0 +1,209 @@
+"""The tables of an explanation's report, as HTML: ladder, rivals, candidates, parameters."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from identify.effects.words import percent
+from identify.explain import Addition, Explanation
+from identify.residual_statement import length
+from palpmap.explain_figures import rung_labels
+from palpmap.explain_words import CANDIDATES
+from palpmap.finding import Finding, matched
+from palpmap.fit_figures import plain_name
+from palpmap.report import shown
+from palpmap.report_parts import table
+
+_ORDER = ("supported", "helps", "indistinguishable", "not_seen", "untestable")
+_LEAST_P = 1e-12
+
+
+def ladder_table(explained: Explanation) -> str:
+    """Return the ladder: errors and chi-square at every rung."""
+    rows = [
+        (
+            label.replace("\n", ", "),
+            length(rung.fit.rms_m, signed=False),
+            length(rung.held_out.rms_m, signed=False),
+            "" if high is None else length(high, signed=False),
+            length(rung.comparison.expected_rms_m, signed=False),
+            f"{rung.fit.chi2_per_dof:.3g}",
+        )
+        for label, rung in zip(rung_labels(explained), explained.ladder, strict=True)
+        for high in (rung.held_out.high_rms_m,)
+    ]
+    head = (
+        "Model", "Error (rms)", "At presses left out", "At forces left out", "Noise alone",
+        "Chi-square / dof",
+    )  # fmt: skip
+    return table(head, rows)
+
+
+def rival_table(addition: Addition) -> str:
+    """Return the effects that were refitted at a step, best first."""
+    best = addition.rivals[0].criterion
+    rows = [
+        (
+            rival.name,
+            f"{rival.chi2:.5g}",
+            "best" if rival.criterion == best else f"+{rival.criterion - best:.3g}",
+            "explains it as well" if rival.name in addition.group[1:] else "",
+        )
+        for rival in addition.rivals
+    ]
+    head = ("Refitted with the map", "Chi-square", "With the price of its parameters", "")
+    return table(head, rows) if len(rows) > 1 else ""
+
+
+def candidate_verdict(candidate: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    """Return a candidate's verdict; an effect that helps but leaves structure is not supported."""
+    verdict = candidate["verdict"]
+    if verdict == "supported" and record["verdict"] == "unexplained":
+        return "supported" if candidate["name"] in record["added"] else "helps"
+    return verdict
+
+
+def candidate_table(record: Mapping[str, Any]) -> str:
+    """Return all candidates with what the scan says of them."""
+    known = [(candidate_verdict(c, record), c) for c in record["candidates"]]
+    known.sort(key=lambda pair: (_ORDER.index(pair[0]), -pair[1]["score"]))
+    rows = []
+    for verdict, c in known:
+        kind = {"supported": "yes", "indistinguishable": "no", "helps": "no"}.get(verdict, "")
+        word = escape(CANDIDATES[verdict])
+        tested = c["untestable"] is None
+        confused = ", ".join(c["confused_with"])
+        says = c["evidence"] if verdict != "not_seen" else _unseen(c)
+        if confused and verdict != "untestable":
+            says += f" Looks like: {confused}."
+        rows.append(
+            [
+                escape(c["name"]),
+                f'<span class="{kind}">{word}</span>' if kind else word,
+                percent(c["explained_fraction"]) if tested else "",
+                chance(c["p_value"]) if tested else "",
+                escape(says),
+            ]
+        )
+    head = ("Effect", "Verdict", "Share of the unexplained", "Chance under noise", "Why")
+    return table(head, rows, numeric=False, raw=True)
+
+
+def _unseen(candidate: Mapping[str, Any]) -> str:
+    """Say of what size it would be at best; its sentence of evidence would claim what is noise."""
+    return f"At most noise: the best fit of it moves the readings by {_rms(candidate)} rms."
+
+
+def _rms(candidate: Mapping[str, Any]) -> str:
+    return length(candidate["rms_m"], signed=False)
+
+
+def chance(p: float) -> str:
+    """Return a p-value as a reader needs it, as HTML."""
+    return f"&lt; {_LEAST_P:g}" if p < _LEAST_P else f"{p:.2g}"
+
+
+def parameter_table(finding: Finding, explained: Explanation, record: Mapping[str, Any]) -> str:
+    """Return the parameters before and after, with the truth where it is known."""
+    first, last = explained.ladder[0].fit, explained.final.fit
+    true = {} if finding.truth is None else matched(last.map, finding.truth)
+    stepped = len(explained.ladder) > 1
+    rows = []
+    for name, p in record["parameters"].items():
+        axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
+        shift = 0.0 if axis is None else float(finding.origin_m[axis])
+        row = [escape(plain_name(name) if name in last.map.names else name)]
+        if stepped:
+            known = name in first.values
+            row.append(_with_error(first.values[name] + shift, first.std.get(name, 0.0), p["unit"])
+                       if known else "")  # fmt: skip
+        bound = ' <span class="no">at its bound</span>' if p["at_bound"] else ""
+        row.append(_with_error(p["value"], p["std"], p["unit"]) + bound)
+        if true:
+            row += _against(name, true, first, last, shift, stepped)
+        rows.append(row)
+    head = ["Parameter", *(["Before"] if stepped else []), "After" if stepped else "Found"]
+    if true:
+        head += ["True", *(["Off before"] if stepped else []), "Off after" if stepped else "Off"]
+    return table(head, rows, raw=True)
+
+
+def _against(
+    name: str, true: Mapping[str, float], first: Any, last: Any, shift: float, stepped: bool
+) -> list[str]:
+    if name not in true:
+        return [""] * (3 if stepped else 2)
+    unit = "Pa" if name.endswith("_pa") else "m"
+    cells = [escape(shown(true[name] + shift, unit))]
+    for fit in (first, last) if stepped else (last,):
+        std = fit.std.get(name, 0.0)
+        off = (fit.values[name] - true[name]) / std if std > 0 else np.nan
+        kind = "no" if abs(off) > 3 else "yes"
+        cells.append(f'<span class="{kind}">{off:+.1f} s.e.</span>' if np.isfinite(off) else "")
+    return cells
+
+
+def _with_error(value: float, std: float, unit: str) -> str:
+    unit = "" if unit == "1" else unit
+    text = shown(value, unit)
+    return escape(f"{text} ± {shown(std, unit).split()[0]}" if std > 0 else text)
+
+
+def next_press_table(presses: Sequence[Mapping[str, Any]]) -> str:
+    """Return the changes of the scan that would tell an ambiguous group apart, best first."""
+    rows = [
+        (
+            str(p.get("change", "")),
+            str(p.get("why", "")),
+            f"{p['discrimination']:.3g}" if _is_number(p.get("discrimination")) else "",
+            str(p.get("program", "") or ""),
+        )
+        for p in presses
+    ]
+    return table(("Change", "Why", "Expected chi-square", "Press program"), rows, numeric=False)
+
+
+def detection_table(limits: Sequence[Mapping[str, Any]]) -> str:
+    """Return how small each effect may be to be seen, and what it would do to the map unseen."""
+    rows = [
+        (
+            str(e.get("name", "")),
+            percent(e["smallest_share"]) if _is_number(e.get("smallest_share")) else "cannot be",
+            ", ".join(map(str, e.get("confused_with") or ())),
+            _bias(e.get("map_bias")),
+        )
+        for e in limits
+    ]
+    head = (
+        "Effect",
+        "Seen from, share of the signal",
+        "Confused with",
+        "Map, if it is ignored",
+    )
+    return table(head, rows, numeric=False)
+
+
+def _bias(bias: Any) -> str:
+    if isinstance(bias, str):
+        return bias
+    if not isinstance(bias, Mapping):
+        return ""
+    return "; ".join(_moved(name, value) for name, value in _numbers(bias))
+
+
+def _numbers(bias: Mapping[str, Any]) -> Iterable[tuple[str, float]]:
+    return ((name, float(v)) for name, v in bias.items() if _is_number(v))
+
+
+def _moved(name: str, value: float) -> str:
+    """Return a shift of a parameter in its unit."""
+    unit = "Pa" if name.endswith("_pa") else "m" if name.endswith("_m") else ""
+    return f"{plain_name(name)} {'+' if value > 0 else ''}{shown(value, unit)}"
+
+
+def _is_number(value: Any) -> bool:
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    )

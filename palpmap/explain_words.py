@@ -1,0 +1,149 @@
+"""What an explanation says in words: the verdict, what it rests on, and what it does not know.
+
+No sentence here is more certain than result.json.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from identify.effects.words import percent
+from identify.explain import Explanation
+from identify.residual_statement import length
+from palpmap.explain_evidence import added_name, kept
+from palpmap.problem import Problem, named
+
+VERDICTS = {
+    "nothing_missing": ("Nothing is seen to be missing.", "green"),
+    "explained": ("Explained.", "green"),
+    "ambiguous": ("Ambiguous: this scan cannot tell these effects apart.", "yellow"),
+    "unexplained": ("Unexplained: what is left has structure that no known effect removes.", "red"),
+}
+
+CANDIDATES = {
+    "supported": "supported",
+    "indistinguishable": "cannot be told apart",
+    "not_seen": "not seen",
+    "untestable": "cannot be tested",
+    "helps": "helps, but is not it",
+}
+
+
+def verdict_detail(explained: Explanation) -> str:
+    """Return the verdict's own sentence: which effects, or what is left."""
+    sure = " and ".join(explained.added)
+    if explained.verdict == "nothing_missing":
+        return "The residual is noise, and no effect of the catalogue is seen in it."
+    if explained.verdict == "explained":
+        return f"With {sure} in the model, what remains is noise."
+    if explained.verdict == "ambiguous":
+        text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
+        return text + (f" Beside it: {sure}." if sure else "")
+    return f"{_help(explained)}{explained.final.comparison.statement}"
+
+
+def _help(explained: Explanation) -> str:
+    """Say how much the additions of an unexplained scan take, and that they are not the answer."""
+    helpers = [a.name for a in explained.additions]
+    if not helpers:
+        return ""
+    one = len(helpers) == 1
+    text = f"{' and '.join(helpers)} {'takes' if one else 'take'} "
+    text += f"{percent(explained.explained_share)} of the unexplained error"
+    if not explained.added:
+        return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
+    return f"{text}; something else is left. "
+
+
+def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
+    """Return the sentence of evidence of the addition that led to rung `number`.
+
+    With the values of the last model that has the effect.
+    """
+    rungs = explained.ladder
+    name = added_name(rungs[number - 1], rungs[number])
+    having = [rung for rung in rungs[number:] if name in rung.fit.model.has]
+    values = having[-1].fit.at.values[name]
+    return named(problem.catalogue, name).evidence(values, problem.model.readings)
+
+
+def step_notes(explained: Explanation, number: int) -> list[str]:
+    """Return what must be said beside the evidence of the addition that led to rung `number`."""
+    before, after = explained.ladder[number - 1], explained.ladder[number]
+    name = added_name(before, after)
+    text = (
+        f"Chi-square falls from {before.fit.chi2:.5g} to {after.fit.chi2:.5g} "
+        f"({after.fit.dof} degrees of freedom); at presses that the fit did not see, the error "
+        f"falls from {length(before.held_out.rms_m, signed=False)} to "
+        f"{length(after.held_out.rms_m, signed=False)}."
+    )
+    notes = [text]
+    addition = kept(explained, name)
+    if addition is None:
+        notes.append("It lost its place later: beside what was added after it, it is not needed.")
+        return notes
+    if len(addition.group) > 1:
+        others = " or ".join(other for other in addition.group if other != name)
+        notes.append(
+            f"It stands for a group: this scan is explained as well by {others}. Do not take its "
+            "name, or its numbers, for found."
+        )
+    elif name not in explained.added:
+        notes.append(
+            "It lowers the error but leaves structure, so it is not offered as the missing effect."
+        )
+    return notes
+
+
+def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
+    """Return what speaks against taking the verdict at its word."""
+    notes = list(explained.final.comparison.notes)
+    held = [name for name, p in record["parameters"].items() if p["at_bound"]]
+    if held:
+        notes.append(
+            f"At a bound of what is allowed, so not found: {', '.join(held)}. Nothing that rests "
+            "on it is sure."
+        )
+    if not explained.final.fit.success:
+        notes.append("The last fit did not reach its minimum within its evaluations.")
+    if explained.dropped:
+        notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
+    presses = record["suspect_presses"]
+    if presses:
+        notes.append(
+            f"Presses that stand out by themselves: {', '.join(map(str, presses))}. Look at them "
+            "before physics is blamed: a slip, or a wrong place, looks like an effect."
+        )
+    return notes
+
+
+def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what the reader must know of how far this can be trusted."""
+    limits = [
+        "Standard errors count the noise, under the model of the last rung. The errors and "
+        "intervals of a map fitted WITHOUT an effect that is there do not cover the truth: they "
+        "are as narrow as before, around a wrong value. This is why what is missing has to be "
+        "found before a map is believed.",
+        "Only effects of the catalogue can be found. What is outside it ends, at best, as "
+        "'unexplained'; at worst it looks like a mixture of effects that are inside.",
+        "What the stiffness map can imitate cannot be seen: a constant error of the force's "
+        "gain, for one, is exactly a softer body.",
+        "The errors at presses and at forces left out are linearised around the fit with all "
+        "readings; they are not refitted one by one.",
+        "The shares and p-values of effects that were not added come from one linear step, with "
+        "everything fitted projected out. Shortlisted effects were refitted; they decide.",
+    ]
+    if explained.final.fit.model.noise.estimated:
+        limits.append(
+            "The noise was estimated from this very scan: chi-square cannot say by itself whether "
+            "the model is right."
+        )
+    if not record.get("detection_limits"):
+        limits.append(
+            "How small an effect this scan can show is not in this report; `palpmap limits` says."
+        )
+    return tuple(limits)
+
+
+def steps_of(explained: Explanation) -> Sequence[int]:
+    """Return the numbers of the rungs that an addition led to."""
+    return range(1, len(explained.ladder))

@@ -65,6 +65,13 @@ def test_a_loop_closes_at_both_ends_whatever_its_width():
     assert_allclose(looped, travel, rtol=1e-14)
 
 
+def test_loops_of_presses_to_different_forces_close_at_their_own():
+    own = readings(press=(0, 0, 1, 1), phase=("load", "unload") * 2, force_n=(0.3, 0.3, 0.1, 0.1))
+    travel = 0.01 * own.force_n
+    looped = effect_named("hysteresis").response(own, own.force_n, travel, {"h": 0.2})
+    assert_allclose(looped, travel, rtol=1e-14)
+
+
 def test_creep_is_proportional_to_the_travel_and_so_the_same_everywhere():
     own = trial()
     creep = effect_named("viscoelasticity")
@@ -140,6 +147,16 @@ def test_noise_at_no_force_stays_finite_at_the_bounds(name, parameter):
         out = effect.contact(own, pressing(6), own.force_n, travel, {parameter: bound})
         assert np.all(np.isfinite(out))
         assert np.all(np.diff(out) > 0)
+
+
+def test_stiffening_is_smooth_through_no_force():
+    travel = np.linspace(-1e-4, 1e-4, 201)
+    own = readings(force_n=tuple(100 * travel))
+    out = effect_named("strain_stiffening").contact(
+        own, pressing(201), own.force_n, travel, {"b": 5.0}
+    )
+    bend = np.diff(out, 2) / np.diff(travel)[0] ** 2  # -b / a at no force
+    assert_allclose(bend[98:101], -5.0 / 5e-3, rtol=0.01)
 
 
 # ---- instrument --------------------------------------------------------------------------
@@ -218,6 +235,17 @@ def test_candidate_inclusions_lie_in_the_body_below_the_presses(size):
         assert 0 < candidate["z_m"] < size[2]
 
 
+def test_candidate_inclusions_stand_closer_than_their_radius():
+    side = np.linspace(0.012, 0.084, 9)
+    points = tuple((a, b, 0.048) for a in side for b in side)
+    own = readings(press=tuple(range(81)), point_m=points)
+    grid = effect_named("extra_inclusion").grid(own, BodyState(BOX, 0.49))
+    for axis in ("x_m", "y_m"):
+        places = np.unique([candidate[axis] for candidate in grid])
+        assert np.diff(places).max() < grid[0]["radius_m"]
+        assert_allclose([places[0], places[-1]], [0.012, 0.084])
+
+
 def test_bounds_of_an_inclusion_follow_body_and_background():
     state = BodyState(BOX, 0.49, background_pa=8000.0)
     weight, x, _, z, _ = effect_named("extra_inclusion").bounded(readings(), state)
@@ -238,12 +266,13 @@ def test_body_effects_add_up_and_leave_the_state_as_it_was():
         ("extra_inclusion", {"weight_pa": 1e3, "x_m": 0, "y_m": 0, "z_m": 0, "radius_m": 0.01}),
         ("extra_inclusion", {"weight_pa": 2e3, "x_m": 0, "y_m": 0, "z_m": 0, "radius_m": 0.01}),
         ("stiffness_gradient", {"gradient": 0.5}),
+        ("stiffness_gradient", {"gradient": 1.0}),
         ("base_compliance", {"normal_m_per_pa": 1e-7}),
     ):
         state = effect_named(name).body(state, values)
     corner = np.zeros((1, 3))
     assert_allclose(state.added_pa(corner), 3000.0)
-    assert_allclose(state.factor(corner), 0.75)
+    assert_allclose(state.factor(corner), 0.75 * 0.5)
     assert state.base_normal_m_per_pa == 1e-7
     assert plain == BodyState(BOX, 0.49)
 

@@ -32,9 +32,9 @@ class ForceDrift(Effect):
     needs = ("time", "several presses")
     examples = (
         WorkedExample(
-            "0.1 mN/s over 100 s: 0.3 N read are 0.29 N then.",
+            "0.1 mN/s over the 100 s from the first reading: 0.3 N read are 0.29 N then.",
             {"rate_n_per_s": 1e-4},
-            {"time_s": (0.0, 100.0), "press": (0.0, 1.0), "force_n": 0.3},
+            {"time_s": (7.0, 107.0), "press": (0.0, 1.0), "force_n": 0.3},
             {"force_n": (0.3, 0.29)},
         ),
     )

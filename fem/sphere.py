@@ -24,9 +24,9 @@ c = 0.6/a and m = a^2/(5 R): Hertz. With D constant the contact is Hertz' whatev
 
 Measured (travel, contact radius up to 0.6 R): with D from Hertz compliances at radii of 0.7, 0.35
 and 0.175 R within 0.1 % of the exact contact of a bonded layer for a/h < 0.3, 0.6 % for a/h < 0.6
-(nu = 0.3 to 0.5). Two radii, with the logarithm, are within 0.3 % of three where the modulus changes
-by a tenth per millimetre, 2.4 % over small hard places at the surface. With D_0 from one flat tip
-the body has to be nearly even under the tip: 0.15 % there, but 3 to 13 % over steep maps.
+(nu = 0.3 to 0.5). Two radii, with the logarithm, are within 0.7 % of three where the modulus
+changes by a tenth per millimetre, 2.4 % over small hard places at the surface. With D_0 from one
+flat tip the body has to be nearly even under the tip: 0.15 % there, but 3 to 13 % over steep maps.
 
 There is no adhesion and no friction: unloading follows the same law.
 """

@@ -1,0 +1,336 @@
+"""One press at rising dead load: quasi-Newton iterations, line search, steps of the load.
+
+The equilibrium u(F) minimises  Pi(u) = W(u) - F b.u,  residual r = F b - f_int(u). What costs is
+the factorisation of the tangent (15 times as much as a solve with it), so that a factor is kept, at
+following iterates and loads too, as the first approximation of a BFGS recursion, and is renewed
+when the iterations contract too slowly. Every step must lower Pi or the slope along it.
+With `refactor_above = 0` each iterate has its own tangent: Newton's method.
+
+A rigid tip adds linear constraints, which every step obeys (`fem.tangent_solver`), so that what is
+sought is a minimum without constraints all the same.
+
+At each load the tangent compliance field z = du/dF = K_T^-1 b follows from the converged tangent by
+conjugate gradients with the kept factor as preconditioner. It is the adjoint of the reading b.u,
+and the slope of the path with which the next load's first guess is extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.errors import SolverError
+from fem.finite_strain_assembly import FiniteStrainBody
+from fem.solver import Pattern
+from fem.tangent_solver import TangentSolver, TipConstraints
+
+_ADJOINT_RTOL = 1e-8
+_ADJOINT_ITERATIONS = 12  # more cost as much as a factorisation
+_BACKTRACKS = 12
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """How far and how patiently to iterate.
+
+    Attributes
+    ----------
+    rtol : iterations end when the error's energy norm is below this part of the solution's
+    refactor_above : number of further iterations that the kept factor may be expected to take,
+        beyond which the tangent is factorised anew; zero is Newton's method
+    max_iterations : for one load
+    smallest_step : load steps are halved down to this part of the largest load, then given up
+    """
+
+    rtol: float = 1e-7
+    refactor_above: float = 8.0
+    max_iterations: int = 40
+    smallest_step: float = 1 / 64
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A converged state at one load.
+
+    Attributes
+    ----------
+    force_n : the load
+    u : (3 f,) m, displacement
+    z : (3 f,) m/N, its derivative with respect to the force
+    errors : relative energy norm of each iteration's correction, the first guess's first
+    """
+
+    force_n: float
+    u: np.ndarray
+    z: np.ndarray
+    errors: tuple[float, ...]
+
+
+class _NotConverged(Exception):
+    """A load step that failed; what it says ends up in the path's message."""
+
+
+class PathFollower:
+    """Follows presses on one body, one after another; for one thread.
+
+    Parameters
+    ----------
+    body : what is pressed
+    patterns : two analysed patterns of its tangent
+    options : see `NewtonOptions`
+
+    Attributes
+    ----------
+    tangent : holds the factors, and the modulus of the last `tangent.begin`
+    iterations : done so far
+    """
+
+    def __init__(
+        self, body: FiniteStrainBody, patterns: tuple[Pattern, Pattern], options: NewtonOptions
+    ) -> None:
+        self.body = body
+        self.options = options
+        self.tangent = TangentSolver(body, patterns)
+        self.iterations = 0
+
+    def press(self, load: np.ndarray, constraints: TipConstraints) -> Equilibrium:
+        """Turn to one press; return its unloaded state, with the linear compliance field as z.
+
+        load (3 f,) are the contact weights b.
+        """
+        self._load = load
+        self.tangent.turn_to(constraints)
+        return Equilibrium(0.0, np.zeros(self.body.size), self.tangent.solve(load), ())
+
+    def follow(
+        self, rest: Equilibrium, forces_n: np.ndarray, start: Sequence[Equilibrium | None]
+    ) -> tuple[list[Equilibrium | None], float, str]:
+        """Equilibria of the press at rising forces.
+
+        Parameters
+        ----------
+        rest : what `press` returned
+        forces_n : (l,) N, rising, not negative
+        start : guess for each force, as the equilibrium with another modulus, or None
+
+        Returns
+        -------
+        The equilibria, None from the first force on that was not reached; the largest force with a
+        converged state; why it went no further, empty where it did.
+        """
+        path = [rest]
+        found: list[Equilibrium | None] = []
+        previous = None
+        smallest = self.options.smallest_step * float(forces_n[-1])
+        for force, guess in zip(forces_n, start, strict=True):
+            step = float(force) - path[-1].force_n
+            while path[-1].force_n < force:
+                left = float(force) - path[-1].force_n
+                target = float(force) if left < 1.001 * step else path[-1].force_n + step
+                guesses = _extrapolations(path, target)
+                if guess is not None and target == force:
+                    guesses += _from_other_modulus(path[-1], guess, previous, target)
+                try:
+                    path.append(self._equilibrium(target, guesses))
+                    step *= 2
+                except _NotConverged as reason:
+                    self.tangent.back_to_linear()
+                    step = min(step, left) / 2
+                    if step < smallest:
+                        found += [None] * (len(forces_n) - len(found))
+                        return found, path[-1].force_n, str(reason)
+                path = path[-2:]
+            found.append(path[-1])
+            previous = guess
+        return found, path[-1].force_n, ""
+
+    # ------------------------------------------------------------------ one load
+
+    def _equilibrium(self, force: float, guesses: list[np.ndarray]) -> Equilibrium:
+        u, residual, energy = self._best(guesses, force)
+        if self.options.refactor_above == 0:
+            self._refactor(u)
+        errors: list[float] = []
+        memory: list[tuple[np.ndarray, np.ndarray, float]] = []
+        rate, fresh = 1.0, self.options.refactor_above == 0
+        for _ in range(self.options.max_iterations):
+            self.iterations += 1
+            step = self._direction(residual, memory)
+            slope = float(step @ residual)
+            if not slope > 0:
+                self._refactor(u)
+                memory.clear()
+                continue
+            # the work of the load bounds the solution's energy norm from below at small strain
+            error = math.sqrt(slope / abs(force * float(self._load @ (u + step))))
+            if errors:
+                rate = error / errors[-1]
+            errors.append(error)
+            if error < self.options.rtol * max(1.0, 0.3 / max(rate, 0.01)):
+                u = u + step
+                return self._finished(force, u, errors)
+            slow = len(errors) > 1 and self._remaining(error, rate) > self.options.refactor_above
+            if slow and not fresh:
+                self._refactor(u)
+                memory.clear()
+                fresh = True
+                continue
+            fresh = self.options.refactor_above == 0
+            u_new, r_new, e_new = self._line_search(force, u, residual, energy, step)
+            y = residual - r_new
+            curvature = float(y @ (u_new - u))
+            if self.options.refactor_above == 0:
+                self._refactor(u_new)
+            elif curvature > 0:
+                memory.append((u_new - u, y, curvature))
+            u, residual, energy = u_new, r_new, e_new
+        raise _NotConverged(
+            f"no convergence in {self.options.max_iterations} iterations at {force:.4g} N "
+            f"(relative error {errors[-1] if errors else np.nan:.1g})"
+        )
+
+    def _remaining(self, error: float, rate: float) -> float:
+        """Return how many iterations are still to come at this rate of contraction."""
+        return math.log(self.options.rtol / error) / math.log(rate) if rate < 1 else math.inf
+
+    def _best(
+        self, guesses: list[np.ndarray], force: float
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Of some first guesses the one of least potential, with residual and potential."""
+        best = None
+        for u in guesses:
+            residual, energy = self._residual(u, force)
+            if np.isfinite(energy) and (best is None or energy < best[2]):
+                best = u, residual, energy
+        if best is None:
+            raise _NotConverged(f"cells invert in every first guess at {force:.4g} N")
+        return best
+
+    def _residual(self, u: np.ndarray, force: float) -> tuple[np.ndarray, float]:
+        internal, energy = self.body.internal_force(u, self.tangent.modulus_pa)
+        residual = self.tangent.constraints.without_reactions(force * self._load - internal)
+        return residual, energy - force * float(self._load @ u)
+
+    def _line_search(
+        self,
+        force: float,
+        u: np.ndarray,
+        residual: np.ndarray,
+        energy: float,
+        step: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Halve the step until the potential falls, or the slope along it (for rounding)."""
+        slope = float(step @ residual)
+        length = 1.0
+        for _ in range(_BACKTRACKS):
+            trial = u + length * step
+            r, e = self._residual(trial, force)
+            if np.isfinite(e) and (
+                e <= energy - 1e-4 * length * slope or abs(float(step @ r)) <= 0.5 * slope
+            ):
+                return trial, r, e
+            length /= 2
+        raise _NotConverged(
+            f"no step lowers the energy at {force:.4g} N: cells are about to invert"
+        )
+
+    def _direction(
+        self, residual: np.ndarray, memory: list[tuple[np.ndarray, np.ndarray, float]]
+    ) -> np.ndarray:
+        """BFGS's two-loop recursion around the kept factor (Nocedal 1980)."""
+        q = residual.copy()
+        parts = []
+        for s, y, curvature in reversed(memory):
+            a = float(s @ q) / curvature
+            q -= a * y
+            parts.append(a)
+        step = self.tangent.solve(q)
+        for (s, y, curvature), a in zip(memory, reversed(parts), strict=True):
+            step += (a - float(y @ step) / curvature) * s
+        return step
+
+    # ------------------------------------------------------------------ factor and adjoint
+
+    def _refactor(self, u: np.ndarray) -> None:
+        try:
+            self.tangent.refactor(u)
+        except SolverError as error:
+            raise _NotConverged(
+                "the tangent stiffness is not positive definite any more: "
+                "the body becomes unstable under the load"
+            ) from error
+
+    def _finished(self, force: float, u: np.ndarray, errors: list[float]) -> Equilibrium:
+        """Check the state and solve for its tangent compliance field."""
+        if not np.isfinite(self._residual(u, force)[1]):
+            raise _NotConverged(f"cells invert at {force:.4g} N")
+        tangent = self.tangent
+        values = self.body.tangent_values(u, tangent.modulus_pa)
+        load = tangent.constraints.without_reactions(self._load.copy())
+        z = _conjugate_gradients(
+            lambda x: tangent.product(values, x),
+            tangent.solve,
+            load,
+            _ADJOINT_RTOL,
+            _ADJOINT_ITERATIONS,
+        )
+        if z is None:
+            self._refactor(u)
+            z = tangent.solve(load)
+        return Equilibrium(force, u, z, tuple(errors))
+
+
+def _extrapolations(path: list[Equilibrium], force: float) -> list[np.ndarray]:
+    """First guesses at a force from the last one or two states and their slopes."""
+    last = path[-1]
+    step = force - last.force_n
+    guesses = [last.u + step * last.z, last.u]
+    if len(path) > 1:
+        before = path[-2]
+        h = last.force_n - before.force_n
+        t = step / h  # cubic of both states and slopes, continued beyond the last
+        chord = (last.u - before.u) / h
+        second = (2 * last.z + before.z - 3 * chord) / h * h * h
+        third = (last.z + before.z - 2 * chord) / (h * h) * h**3
+        guesses.insert(0, last.u + step * last.z + t**2 * second + t**3 * third)
+        guesses.insert(1, last.u + step * last.z + t**2 * (last.z - chord) * h)
+    return guesses
+
+
+def _from_other_modulus(
+    last: Equilibrium, guess: Equilibrium, previous: Equilibrium | None, force: float
+) -> list[np.ndarray]:
+    """First guesses from the path with another modulus, at about the same force."""
+    u = guess.u + (force - guess.force_n) * guess.z
+    return [u] if previous is None else [u, u + last.u - previous.u]
+
+
+def _conjugate_gradients(
+    product: Callable[[np.ndarray], np.ndarray],
+    precondition: Callable[[np.ndarray], np.ndarray],
+    rhs: np.ndarray,
+    rtol: float,
+    max_iterations: int,
+) -> np.ndarray | None:
+    """Solve A x = rhs to a relative error rtol of the energy norm; None if it takes too long."""
+    x = precondition(rhs)
+    r = rhs - product(x)
+    y = precondition(r)
+    p, rho, first = y.copy(), float(r @ y), float(rhs @ x)
+    for _ in range(max_iterations):
+        if not rho > rtol**2 * first:
+            return x if rho >= 0 else None
+        ap = product(p)
+        curvature = float(p @ ap)
+        if not curvature > 0:
+            return None
+        x += rho / curvature * p
+        r -= rho / curvature * ap
+        y = precondition(r)
+        new = float(r @ y)
+        p = y + new / rho * p
+        rho = new
+    return x if 0 <= rho <= rtol**2 * first else None

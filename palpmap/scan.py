@@ -1,8 +1,6 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
-# mujoco is a compiled module without type stubs
-# pyright: reportAttributeAccessIssue=false
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,18 +11,17 @@ from models.errors import InputError
 from models.scan import Scan, write_scan
 from palpmap.console import Output, to_type
 from palpmap.recording import Recording
-from palpmap.recording_frames import Frame as DrawnFrame
-from palpmap.recording_maps import map_views
-from palpmap.recording_scene import LinkShape, link_names
 from palpmap.run_folder import RunFolder, write_record
+from palpmap.scan_scene import draw_scene
 from palpmap.study import About, Body, Map, Noise, Probe, Study, load_study, write_study
 
 if TYPE_CHECKING:
-    import mujoco
     from rich.console import RenderableType
 
+    from sim.hidden.on_robot import RobotPlant
+    from sim.press_program import PressProgram
     from sim.scan_plan import ScanPlan
-    from sim.scan_run import Frame, PressResult, ScanRun
+    from sim.scan_run import PressResult, ScanRun
     from sim.settings import ScanSettings
     from sim.soft_body import SoftBody
     from sim.truth_map import TruthMap
@@ -43,13 +40,22 @@ LARGEST_COUPLING_ERROR = 1e-3
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A scan that is planned but not yet made: plan, body with its truth, settings, study."""
+    """A scan that is planned but not yet made.
+
+    Attributes
+    ----------
+    plan, settings : how it is made
+    truth, body : the map, and the body that has it
+    study : what is known
+    hidden : effects that are hidden in it
+    """
 
     plan: "ScanPlan"
     truth: "TruthMap"
     body: "SoftBody"
     settings: "ScanSettings"
     study: Study
+    hidden: "RobotPlant"
 
 
 def run_scan_command(
@@ -61,8 +67,15 @@ def run_scan_command(
     out: Path | None,
     seed: int,
     output: Output,
+    program: Path | None = None,
+    plant: Sequence[tuple[str, float]] = (),
 ) -> bool:
     """Scan the built-in phantom, or a study's block with the phantom's map scaled into it.
+
+    Parameters
+    ----------
+    program : file of presses (`sim.press_program`) in place of a grid with one force
+    plant : effects to hide, with their sizes; said in truth.json, not in the study
 
     Returns
     -------
@@ -71,10 +84,14 @@ def run_scan_command(
     """
     from rich.markup import escape
 
+    from sim.press_program import read_program
+
     force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
     settings = {"force_n": force_n, "presses_per_side": presses_per_side}
     known = None if study is None else load_study(study)
-    inputs = [] if study is None else [study]
+    inputs = [path for path in (study, program) if path is not None]
+    presses = None if program is None else read_program(program, seed)
+    count = presses_per_side**2 if presses is None else len(presses)
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
         output.progress() as progress,
@@ -82,12 +99,14 @@ def run_scan_command(
             run / "recording.rrd",
             "virtual scan",
             seed=seed,
-            planned_presses=presses_per_side**2,
+            planned_presses=count,
             parts=SCAN_PARTS,
         ) as recording,
     ):
-        task = progress.add_task("meshing and solving the body", total=presses_per_side**2)
-        laboratory = build_laboratory(run.path, known, force_n, presses_per_side, seed)
+        task = progress.add_task("meshing and solving the body", total=count)
+        laboratory = build_laboratory(
+            run.path, known, force_n, presses_per_side, seed, presses, plant
+        )
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -102,16 +121,28 @@ def run_scan_command(
 
 
 def build_laboratory(
-    run: Path, study: Study | None, force_n: float, presses_per_side: int, seed: int
+    run: Path,
+    study: Study | None,
+    force_n: float,
+    presses_per_side: int,
+    seed: int,
+    program: "PressProgram | None" = None,
+    plant: Sequence[tuple[str, float]] = (),
 ) -> Laboratory:
     """Plan the scan and solve the body; write study.toml and truth.json into the run folder.
+
+    Parameters
+    ----------
+    program, plant : see `run_scan_command`
 
     Raises
     ------
     InputError
         A study whose body or tip the laboratory does not have.
     """
-    from sim.scan_plan import ScanPlan
+    from sim.hidden.on_robot import plant_on_robot
+    from sim.hidden_body import HiddenBody
+    from sim.scan_plan import program_plan
     from sim.settings import ScanSettings
     from sim.soft_body import SoftBody
 
@@ -121,16 +152,20 @@ def build_laboratory(
     size = study.body.size_m
     assert size is not None  # a block has one
     truth = scaled_truth(size)
-    points = _grid(size, presses_per_side)
-    plan = ScanPlan(
-        points,
-        np.tile([0.0, 0.0, -1.0], (len(points), 1)),
-        force_n=force_n,
-        tip_radius_m=study.probe.radius_m,
-        body_size_m=size,
+    if program is None:
+        plan = _grid_plan(size, presses_per_side, force_n, study.probe.radius_m)
+    else:
+        plan = program_plan(program, size)
+    hidden = plant_on_robot(
+        plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth)
     )
     body = SoftBody(
-        size, truth, study.body.poisson_ratio, plan.tip_radius_m, plan.points_m, plan.directions
+        size,
+        hidden.body.modulus if plant else truth,
+        hidden.body.poisson_ratio,
+        plan.tip_radius_m,
+        plan.points_m,
+        plan.directions,
     )
     about = About(name=study.name, scan=(run / "scan.csv").resolve())  # pyright: ignore[reportCallIssue]
     noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
@@ -140,11 +175,13 @@ def build_laboratory(
             "noise": noise,
             "map": Map(inclusions=len(truth.inclusions)),
             "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
+            "probe": Probe(tip="flat", radius_m=plan.tip_radius_m),
         }
     )
     write_study(kept, run / "study.toml")
-    write_record(run / "truth.json", {"body": truth_record(truth)})
-    return Laboratory(plan, truth, body, settings, kept)
+    said = {"effects": list(hidden.records)} if plant else {}
+    write_record(run / "truth.json", {"body": truth_record(truth), **said})
+    return Laboratory(plan, truth, body, settings, kept, hidden)
 
 
 def make_scan(
@@ -154,11 +191,12 @@ def make_scan(
     from sim.scan_program import run_scan
     from sim.scan_run import join_scans
 
-    drawn = _draw_scene(recording, laboratory)
+    drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     done: list[Scan] = []
 
     def on_press(result: "PressResult") -> None:
-        done.append(result.scan)
+        start = done[0].time_s[0] if done else result.scan.time_s[0]
+        done.append(laboratory.hidden.report(result.scan, float(start)))
         write_scan(join_scans(done), run / "scan.csv")
         held = result.scan.phase == "hold"
         recording.press_done(
@@ -193,6 +231,16 @@ def _refuse_unknown(study: Study) -> None:
             'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '
             'probe.tip = "flat" to scan'
         )
+
+
+def _grid_plan(
+    size: tuple[float, float, float], per_side: int, force_n: float, radius_m: float
+) -> "ScanPlan":
+    from sim.scan_plan import ScanPlan
+
+    points = _grid(size, per_side)
+    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    return ScanPlan(points, down, force_n=force_n, tip_radius_m=radius_m, body_size_m=size)
 
 
 def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:
@@ -297,74 +345,3 @@ def scan_table(record: dict[str, Any]) -> "RenderableType":
         f"({record['real_time_factor']:.0f} times real time)",
     )
     return table
-
-
-def _draw_scene(recording: Recording, laboratory: Laboratory) -> "Callable[[Frame], None]":
-    """Put arm, body and truth into the recording; return what draws a frame."""
-    from models.arm import LINKS
-    from sim.laboratory import build_laboratory as build_arm
-
-    plan, body = laboratory.plan, laboratory.body
-    place = plan.body_in_world
-    shapes = arm_shapes(build_arm(plan.tip_radius_m, plan.body_size_m, place).model)
-    drawn = link_names(shapes)
-    order = [LINKS.index(name) for name in drawn]
-    views = map_views(laboratory.truth, np.zeros(3), np.array(plan.body_size_m))
-    recording.truth(views, true_parameters(laboratory.truth))
-    recording.scene(
-        body.surface_nodes_m,
-        body.surface_triangles,
-        links=shapes,
-        body_modulus_pa=laboratory.truth(body.surface_nodes_m),
-        body_position_m=place.position_m,
-        body_quaternion=place.quaternion,
-        arrow_m_per_n=0.02 / plan.force_n,
-    )
-    to_body = place.rotation.T
-
-    def draw(frame: "Frame") -> None:
-        touching = frame.phase in ("touch", "load", "hold", "unload")
-        poses = np.hstack([frame.positions_m, frame.quaternions])[order]
-        recording.frame(
-            DrawnFrame(
-                frame.time_s,
-                poses,
-                frame.force_n,
-                max(frame.displacement_m, 0.0) if touching else 0.0,
-                plan.points_m[frame.press],
-                to_body @ frame.force_vector_n,
-                lambda: body.surface_displacement(frame.press, max(frame.force_n, 0.0)),
-            )
-        )
-
-    return draw
-
-
-def arm_shapes(model: "mujoco.MjModel") -> list[LinkShape]:
-    """Return the drawable geoms of the arm's links and the probe, from the compiled model."""
-    import mujoco
-
-    from models.arm import LINKS
-
-    kinds = {
-        mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-        mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
-        mujoco.mjtGeom.mjGEOM_BOX: "box",
-        mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
-    }
-    shapes = []
-    for geom in range(model.ngeom):
-        link = model.body(model.geom_bodyid[geom]).name
-        kind = kinds.get(mujoco.mjtGeom(model.geom_type[geom]))
-        if link in LINKS and kind and model.geom_group[geom] < 3:
-            shapes.append(
-                LinkShape(
-                    link,
-                    kind,
-                    model.geom_size[geom].copy(),
-                    model.geom_pos[geom].copy(),
-                    model.geom_quat[geom].copy(),
-                    model.geom_rgba[geom].copy(),
-                )
-            )
-    return shapes

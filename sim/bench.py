@@ -76,6 +76,11 @@ class Bench:
         """Absolute time, (j, t) s."""
         return self.program.start_s[:, None] + self.within_s
 
+    @property
+    def begin_s(self) -> float:
+        """When the first press begins, s."""
+        return float(self.time_s[0, 0])
+
     @cached_property
     def part(self) -> np.ndarray:
         """Number of the part (see `PARTS`) at each step, (t,)."""

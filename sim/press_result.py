@@ -160,18 +160,18 @@ def _statistics(
     hold = np.flatnonzero(log.phase == HOLD)
     settled = hold[len(hold) // 2 :]
     force = log.true_force_n
-    mean = float(force[settled].mean())
-    outside = np.flatnonzero(np.abs(force[hold] / plan.force_n - 1) > 0.01)
+    mean, wanted = float(force[settled].mean()), plan.force_of(log.press)
+    outside = np.flatnonzero(np.abs(force[hold] / wanted - 1) > 0.01)
     last = outside[-1] + 1 if len(outside) else 0
     offset = log.tip_m[hold[-1]] - planned.point_m
     own = np.array([body.displacement(log.press, f) for f in force[settled[::50]]])
     step = float(log.time_s[1] - log.time_s[0])
     return PressStatistics(
         press=log.press,
-        set_force_n=plan.force_n,
+        set_force_n=wanted,
         force_n=mean,
-        force_error=mean / plan.force_n - 1,
-        overshoot=float(force.max() / plan.force_n - 1),
+        force_error=mean / wanted - 1,
+        overshoot=float(force.max() / wanted - 1),
         contact_error_m=float(
             np.linalg.norm(offset - (offset @ planned.direction) * planned.direction)
         ),

@@ -8,6 +8,7 @@ import numpy as np
 
 from models.errors import InputError
 from sim.laboratory import Placement
+from sim.press_program import PressProgram
 
 UNIT_TOLERANCE = 1e-6
 
@@ -20,10 +21,11 @@ class ScanPlan:
     ----------
     points_m : (j, 3) m, contact points on the undeformed surface, body frame
     directions : (j, 3) unit, into the body, body frame
-    force_n : N, set force of every press
+    force_n : N, set force of every press; of a program, the largest
     tip_radius_m : m, of the flat tip
     body_size_m : edges of the box that bounds the body, from the body frame's origin
     body_in_world : where the body stands
+    program : force, durations and rest of each press, where they differ; see `program_plan`
     """
 
     points_m: np.ndarray
@@ -32,6 +34,7 @@ class ScanPlan:
     tip_radius_m: float = 0.005
     body_size_m: tuple[float, float, float] = (0.096, 0.096, 0.048)
     body_in_world: Placement = field(default_factory=Placement)
+    program: PressProgram | None = None
 
     def __post_init__(self) -> None:
         for name in ("points_m", "directions"):
@@ -62,6 +65,54 @@ class ScanPlan:
 
     def __len__(self) -> int:
         return len(self.points_m)
+
+    def force_of(self, press: int) -> float:
+        """Set force of a press, N."""
+        return self.force_n if self.program is None else float(self.program.force_n[press])
+
+
+def program_plan(
+    program: PressProgram, body_size_m: tuple[float, float, float], **settings: object
+) -> ScanPlan:
+    """Plan the presses of a program on the top of a block.
+
+    Parameters
+    ----------
+    program : the presses
+    body_size_m : edges of the block
+    **settings : further fields of `ScanPlan`
+
+    Raises
+    ------
+    InputError
+        Tips of several radii: the arm carries one; or a tip that hangs over the block's edge.
+    """
+    radii = np.unique(program.radius_m)
+    if len(radii) > 1:
+        raise InputError(
+            f"The program has tips of {len(radii)} radii ({radii[0]:g} to {radii[-1]:g} m) and the "
+            "robot carries one: split the program by radius_m and make one scan of each."
+        )
+    points = np.column_stack(
+        [program.x_m, program.y_m, np.full(len(program), float(body_size_m[2]))]
+    )
+    room = np.minimum(points[:, :2], np.array(body_size_m[:2]) - points[:, :2]).min(axis=1)
+    if room.min() < radii[0]:
+        j = int(room.argmin())
+        raise InputError(
+            f"Press {j} of the program at x_m {points[j, 0]:g}, y_m {points[j, 1]:g}: its tip of "
+            f"{radii[0]:g} m radius hangs over the edge of the block of {body_size_m[0]:g} x "
+            f"{body_size_m[1]:g} m."
+        )
+    return ScanPlan(
+        points,
+        np.tile([0.0, 0.0, -1.0], (len(program), 1)),
+        force_n=float(program.force_n.max()),
+        tip_radius_m=float(radii[0]),
+        body_size_m=body_size_m,
+        program=program,
+        **settings,  # pyright: ignore[reportArgumentType]
+    )
 
 
 def grid_plan(

@@ -91,11 +91,11 @@ class _Program:
         on_frame: Callable[[Frame], None] | None,
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
-        if settings.touch_force_n > 0.5 * plan.force_n:
+        weakest = min(plan.force_of(press) for press in range(len(plan)))
+        if settings.touch_force_n > 0.5 * weakest:
             raise InputError(
                 f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
-                "force of "
-                f"{plan.force_n:g} N; press harder or lower touch_force_n."
+                f"force of {weakest:g} N; press harder or lower touch_force_n."
             )
         laboratory = build_laboratory(
             plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
@@ -125,25 +125,36 @@ class _Program:
     def press(self, number: int, planned: PlannedPress) -> None:
         """Make one press, from the approach pose of the one before."""
         self.number, self.planned = number, planned
-        settings, control, force = self.settings, self.control, self.plan.force_n
+        settings, control, force = self.settings, self.control, self.plan.force_of(number)
+        ramp_s, hold_s, unload_s, pause_s = self._times(number)
         self._used, self.wanted = 0, 0.0
         self._transit(planned.waypoints)
-        self._pause(self.pause_rng.uniform(*settings.pause_s))
+        self._pause(pause_s)
         self.contact.start(number, planned.point_m, planned.direction, force)
         control.rest(-settings.lift_m)
         self._approach()
         for _ in range(round(DWELL_S / self.dt)):
             control.stop()
             self._tick(TOUCH)
-        self._ramp(LOAD, control.force_n, force, settings.ramp_s)
-        self._ramp(HOLD, force, force, settings.hold_s)
-        self._ramp(UNLOAD, force, settings.residual * force, settings.unload_s)
+        self._ramp(LOAD, control.force_n, force, ramp_s)
+        self._ramp(HOLD, force, force, hold_s)
+        self._ramp(UNLOAD, force, settings.residual * force, unload_s)
         self.wanted = 0.0
         while (left := control.depth_m + settings.lift_m) > NEAR_M:
             speed = max(0.9 * math.sqrt(2 * ACCELERATION_M_PER_S2 * left), settings.touch_m_per_s)
             control.move(-min(settings.approach_m_per_s, speed))
             self._tick(RETRACT)
         self.contact.release()
+
+    def _times(self, number: int) -> tuple[float, float, float, float]:
+        """Durations of ramp, hold, unloading and the rest before, s."""
+        program, settings = self.plan.program, self.settings
+        if program is None:
+            pause = float(self.pause_rng.uniform(*settings.pause_s))
+            return settings.ramp_s, settings.hold_s, settings.unload_s, pause
+        columns = (program.ramp_s, program.hold_s, program.unload_s, program.pause_s)
+        ramp, hold, unload, pause = (float(column[number]) for column in columns)
+        return ramp, hold, unload, pause
 
     def log(self, number: int) -> PressLog:
         """Return the samples of the press just made."""

@@ -162,6 +162,6 @@ class ScanRun:
 
 
 def join_scans(scans: list[Scan]) -> Scan:
-    """One table from the tables of single presses, in their order."""
-    names = Scan.__dataclass_fields__
+    """One table from the tables of single presses, in their order; all have the same columns."""
+    names = [n for n in Scan.__dataclass_fields__ if getattr(scans[0], n) is not None]
     return Scan(**{n: np.concatenate([getattr(scan, n) for scan in scans]) for n in names})

@@ -9,6 +9,17 @@ from palpmap.cli.options import Json, Out, PaperForce, Quiet, Seed
 from palpmap.console import Output
 
 
+def _planted(text: str) -> tuple[str, float]:
+    name, _, percent = text.partition(":")
+    try:
+        size = float(percent or 3) / 100
+    except ValueError:
+        size = 0.0
+    if not 0 < size <= 0.5:
+        raise typer.BadParameter(f"--plant: found '{text}', expected NAME or NAME:3 (percent)")
+    return name, size
+
+
 def scan(
     study: Annotated[
         Path | None,
@@ -27,6 +38,26 @@ def scan(
     presses_per_side: Annotated[
         int, typer.Option("--presses-per-side", min=2, max=50, help="Presses along x and along y.")
     ] = 9,
+    program: Annotated[
+        Path | None,
+        typer.Option(
+            "--program",
+            metavar="FILE",
+            help="CSV of presses in place of the grid: x_m, y_m, radius_m, force_n, ramp_s, hold_s "
+            "and optionally unload_s, pause_s; one radius, as the arm carries one tip.",
+            show_default="a grid",
+        ),
+    ] = None,
+    plant: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--plant",
+            metavar="NAME[:PERCENT]",
+            help="Hide an effect of the instrument or of the modulus field, % of the signal; may "
+            "be given more than once.",
+            show_default="nothing; 3 %",
+        ),
+    ] = None,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -38,6 +69,8 @@ def scan(
 
     Example: palpmap scan --force 0.3 --out runs/phantom
     """
+    if program is not None and (force is not None or paper_force):
+        raise typer.BadParameter("a program has its own forces: give --program or a force")
     if force is not None and paper_force:
         raise typer.BadParameter("give --force or --paper-force, not both")
     from palpmap.scan import run_scan_command
@@ -47,6 +80,8 @@ def scan(
         force=force,
         paper_force=paper_force,
         presses_per_side=presses_per_side,
+        program=program,
+        plant=[_planted(text) for text in plant or []],
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class ToolCompliance(HiddenEffect):
-    """The tool bends by so much a newton, and the bend is taken for travel."""
+    """The tool bends by so much a newton of true force, and the bend is taken for travel."""
 
     name, category = "tool_compliance", "compliance"
     law = "travel + c F"
@@ -21,7 +21,7 @@ class ToolCompliance(HiddenEffect):
 
     def sensor(self, bench, force_n, travel_m, values):
         """Add the bend."""
-        return force_n, travel_m + values["compliance_m_per_n"] * force_n
+        return force_n, travel_m + values["compliance_m_per_n"] * bench.force_n
 
 
 class ForceBias(HiddenEffect):
@@ -47,7 +47,7 @@ class ForceDrift(HiddenEffect):
 
     def sensor(self, bench, force_n, travel_m, values):
         """Let the force channel drift."""
-        return force_n + values["rate_n_per_s"] * (bench.time_s - bench.time_s[0, 0]), travel_m
+        return force_n + values["rate_n_per_s"] * (bench.time_s - bench.begin_s), travel_m
 
 
 class ForceSaturation(HiddenEffect):

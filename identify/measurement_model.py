@@ -178,7 +178,8 @@ class MeasurementModel:
 
     def state(self, values: Mapping[str, Mapping[str, float]]) -> BodyState:
         """Return the body as the effects have changed it."""
-        state = self.mechanics.state()
+        background = self.space.start.background_pa
+        state = self.mechanics.state().changed(background_pa=background)
         for part in self.effects:
             state = part.effect.body(state, values[part.effect.name])
         return state

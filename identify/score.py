@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.effects.effect import Effect
+from identify.effects.effect import Effect, EffectParameter
 from identify.joint_fit import JointFit
 from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
@@ -173,11 +173,11 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
     if reason is not None:
         return unscored(effect, reason, len(fit.at.residual))
     left, basis, visible = beyond(pattern, fitted)
-    one_sided = effect.one_sided
+    sign = side(effect.bounded(fit.model.readings, fit.at.state))
+    one_sided = sign != 0
     if visible.max() < _VISIBLE:
         return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
     t = np.einsum("gmq,m->gq", basis, fit.at.residual)
-    sign = one_sided_sign(effect)
     signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
     null = _null(basis, sign, one_sided, seed)
     best = int(np.argmax(signed))
@@ -204,10 +204,12 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
     )
 
 
-def one_sided_sign(effect: Effect) -> float:
-    """+1 where a one-sided effect's amplitude can only rise from its null, else -1."""
-    own = effect.amplitudes[0]
-    return 1.0 if own.null == own.lower else -1.0
+def side(parameters: Sequence[EffectParameter]) -> float:
+    """+1 or -1 where a single amplitude can only rise or fall from its null, else 0."""
+    own = [p for p in parameters if p.null is not None]
+    if len(own) != 1:
+        return 0.0
+    return 1.0 if own[0].null == own[0].lower else -1.0 if own[0].null == own[0].upper else 0.0
 
 
 def unscored(effect: Effect, reason: str, readings: int) -> Score:

@@ -13,6 +13,7 @@ from identify.explain import Addition, Explanation, Rung
 from identify.readings import Readings
 
 BINS = 12
+_MOST_BINS = 24  # along what happens within a press
 _LEAST = 4  # readings that a bin must have
 _SPLIT = 0.1  # share that a picture of several curves must show more to be preferred
 _PHASES = ("load", "hold", "unload")
@@ -29,6 +30,7 @@ class Axis:
     group : (m,) index of the curve that each reading belongs to
     curves : names of the curves
     resolution : least width of a bin worth having
+    within_press : about one bin a reading of a press, as all presses are sampled alike
     """
 
     name: str
@@ -37,6 +39,7 @@ class Axis:
     group: np.ndarray
     curves: tuple[str, ...] = ("",)
     resolution: float = 0.0
+    within_press: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,8 @@ def evidence_of(name: str, before: Rung, after: Rung, most: int = 2) -> Evidence
     change = before.fit.residual_m - after.fit.residual_m
     weight = 1 / before.fit.at.sigma_m**2
     axes = axes_of(before, after.fit.at.values.get(name, {}))
-    shares = [shown_share(axis, change, weight) for axis in axes]
+    press = before.fit.model.readings.press
+    shares = [shown_share(bins_of(axis, press), change, weight) for axis in axes]
     worth = [s - _SPLIT * (len(a.curves) > 1) for s, a in zip(shares, axes, strict=True)]
     best = np.argsort(worth)[::-1][:most]
     shown = tuple((axes[i], curves_of(axes[i], before, after)) for i in best)
@@ -127,7 +131,7 @@ def axes_of(rung: Rung, values: Mapping[str, float]) -> list[Axis]:
     order = readings.order[readings.press].astype(float)
     # The best estimate moves with the residual: within the force's noise, order means nothing
     least = 4 * fit.model.noise.force_n
-    axes = [Axis("force", "true force (best estimate), N", force, phase, _PHASES, least)]
+    axes = [Axis("force", "true force (best estimate), N", force, phase, _PHASES, least, True)]
     if np.ptp(order) > 0:
         axes.append(Axis("order", "press, in the order of making", order, none))
     compliance = fit.at.body.compliance[readings.press]
@@ -147,7 +151,8 @@ def axes_of(rung: Rung, values: Mapping[str, float]) -> list[Axis]:
 def _in_time(readings: Readings, phase: np.ndarray, values: Mapping[str, float]) -> list[Axis]:
     none = np.zeros(len(readings.press), int)
     since = readings.timed_s - readings.timed_s[readings.first][readings.press]
-    axes = [Axis("time", "time since the press's first reading, s", since, none)]
+    label = "time since the press's first reading, s"
+    axes = [Axis("time", label, since, none, within_press=True)]
     frequency = values.get("frequency_hz")
     if frequency:
         turn = np.mod(frequency * readings.elapsed_s, 1.0)
@@ -156,12 +161,21 @@ def _in_time(readings: Readings, phase: np.ndarray, values: Mapping[str, float])
     return axes
 
 
-def bins_of(axis: Axis, bins: int = BINS) -> np.ndarray:
-    """Bin (m,) of each reading: about evenly filled along the axis, curve by curve; -1 for none."""
-    found = np.full(len(axis.at), -1)
+def bins_of(axis: Axis, press: np.ndarray) -> np.ndarray:
+    """Bin (m,) of each reading: about evenly filled along the axis, curve by curve.
+
+    Parameters
+    ----------
+    press : (m,) index of each reading's press
+    """
+    found = np.zeros(len(axis.at), int)
     number = 0
     for group in np.unique(axis.group):
         rows = np.flatnonzero(axis.group == group)
+        bins = BINS
+        if axis.within_press:
+            own = np.bincount(press[rows])
+            bins = int(np.clip(np.median(own[own > 0]), 1, _MOST_BINS))
         count = min(bins, max(len(rows) // _LEAST, 1))
         if axis.resolution > 0:
             count = int(np.clip(np.ptp(axis.at[rows]) / axis.resolution, 1, count))
@@ -173,9 +187,13 @@ def bins_of(axis: Axis, bins: int = BINS) -> np.ndarray:
     return found
 
 
-def shown_share(axis: Axis, change_m: np.ndarray, weight: np.ndarray) -> float:
-    """Share of the weighted variance of a change that bins along an axis show, bins paid for."""
-    index = bins_of(axis)
+def shown_share(index: np.ndarray, change_m: np.ndarray, weight: np.ndarray) -> float:
+    """Share of the weighted variance of a change (m,) that its means in bins show, bins paid for.
+
+    Parameters
+    ----------
+    index : (m,) bin of each reading
+    """
     total = np.bincount(index, weight)
     mean = np.bincount(index, weight * change_m) / np.where(total > 0, total, 1.0)
     overall = np.average(change_m, weights=weight)
@@ -189,7 +207,7 @@ def shown_share(axis: Axis, change_m: np.ndarray, weight: np.ndarray) -> float:
 
 def curves_of(axis: Axis, before: Rung, after: Rung) -> tuple[Curve, ...]:
     """Average residuals and change of the model in the bins of an axis."""
-    index = bins_of(axis)
+    index = bins_of(axis, before.fit.model.readings.press)
     weight = 1 / before.fit.at.sigma_m**2
     curves = []
     for group in np.unique(axis.group):

@@ -153,14 +153,14 @@ def draw_evidence(evidence: Evidence) -> Figure:
         panel_grid(axes)
         axes.axhline(0, color=GREY, lw=0.8)
         for curve in curves:
-            _evidence_curve(axes, curve, alone=len(curves) == 1)
+            _evidence_curve(axes, curve)
         axes.set_xlabel(axis.label)
         axes.set_title(_along(axis))
         if number == 0:
             axes.set_ylabel("mean residual in a bin, µm")
         low, high = axes.get_ylim()
-        axes.set_ylim(low, high + (0.34 if len(curves) > 1 else 0.26) * (high - low))
-        axes.legend(fontsize=8.5, loc="upper left", ncols=len(curves))
+        axes.set_ylim(low, high + 0.24 * (high - low))
+        _evidence_legend(axes, curves)
     return figure
 
 
@@ -175,19 +175,37 @@ def _along(axis: Axis) -> str:
     return words.get(axis.name, f"Along {axis.name}")
 
 
-def _evidence_curve(axes: Axes, curve: Curve, alone: bool) -> None:
+def _evidence_curve(axes: Axes, curve: Curve) -> None:
     hue = _PHASE_HUES[curve.name]
-    own = f", {curve.name}" if curve.name else ""
     axes.errorbar(
-        curve.at, 1e6 * curve.before_m, 1e6 * curve.error_m, fmt="o", ms=5.5, lw=1.2, color=hue,
-        label=f"residual before{own}",
-    )  # fmt: skip
-    line = {"color": ORANGE if alone else hue, "lw": 2.0}
-    axes.plot(curve.at, 1e6 * curve.change_m, **line, label=f"what the effect adds{own}")
+        curve.at, 1e6 * curve.before_m, 1e6 * curve.error_m, fmt="o", ms=5.5, lw=1.2, color=hue
+    )
+    line = hue if curve.name else ORANGE
+    axes.plot(curve.at, 1e6 * curve.change_m, "-" if len(curve.at) > 1 else "_", color=line, lw=2.0,
+              ms=16, mew=2.0)  # fmt: skip
     axes.errorbar(
-        curve.at, 1e6 * curve.after_m, 1e6 * curve.error_m, fmt="x", ms=4.5, lw=0.8, color=GREY,
-        label="left afterwards" if own in ("", ", load") else None,
-    )  # fmt: skip
+        curve.at, 1e6 * curve.after_m, 1e6 * curve.error_m, fmt="x", ms=4.5, lw=0.8, color=GREY
+    )
+
+
+def _evidence_legend(axes: Axes, curves: tuple[Curve, ...]) -> None:
+    """Name the marks once, in black, and the phases by their colour."""
+    from matplotlib.lines import Line2D
+
+    split = len(curves) > 1
+    dots, line = (BLACK, BLACK) if split else (BLUE, ORANGE)
+    handles = [
+        Line2D([], [], marker="o", ls="", color=dots, label="residual before"),
+        Line2D([], [], lw=2.0, color=line, label="what the effect adds"),
+        Line2D([], [], marker="x", ls="", color=GREY, label="left afterwards"),
+    ]
+    if split:
+        handles += [
+            Line2D([], [], marker="o", lw=2.0, color=_PHASE_HUES[c.name], label=c.name)
+            for c in curves
+        ]
+    columns = 2 if split else 1
+    axes.legend(handles=handles, fontsize=8.5, loc="upper left", ncols=columns)
 
 
 def draw_cosines(diagnosis: Diagnosis) -> Figure | None:

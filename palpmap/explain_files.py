@@ -16,7 +16,10 @@ from palpmap.figure_style import STYLE, png
 from palpmap.figures import save_figures
 from palpmap.finding import Finding
 from palpmap.problem import Problem
+from palpmap.recording_explain import record_explanation
 from palpmap.residual_figures import draw_along, draw_tests
+
+_RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion")
 
 
 def write_explain_files(
@@ -32,8 +35,10 @@ def write_explain_files(
     finding = final_finding(run, problem, explained)
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained)
-    save_figures(pictures, run / "figures")
+    paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
     write_explain_report(Told(finding, explained, record, problem, pictures), run / "report.html")
+    shown = {name: path for name, path in paths.items() if name.startswith(_RECORDED)}
+    record_explanation(run / "recording.rrd", finding, explained, record, problem, shown)
 
 
 def explain_pictures(finding: Finding, explained: Explanation) -> dict[str, bytes]:

@@ -68,7 +68,7 @@ def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -
         **record,
         "verdict": verdict,
         "confused_with": confused,
-        "evidence": evidence(effect, score, problem),
+        "evidence": evidence(effect, score, problem, explained.final),
     }
 
 
@@ -88,8 +88,13 @@ def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def evidence(effect: Effect, score: Score, problem: Problem) -> str:
-    """Return one sentence that a reader understands."""
+def evidence(effect: Effect, score: Score, problem: Problem, final: Rung | None = None) -> str:
+    """Return one sentence that a reader understands.
+
+    With the values of the final model where that has the effect, else the linear estimate.
+    """
+    if final is not None and effect.name in final.fit.at.values:
+        return effect.evidence(final.fit.at.values[effect.name], problem.model.readings)
     if score.untestable is not None:
         return f"Cannot be tested: {score.untestable}."
     return effect.evidence(score.values, problem.model.readings)

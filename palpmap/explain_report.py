@@ -96,15 +96,16 @@ def write_explain_report(told: Told, path: Path) -> None:
 
 def _lead(t: Told) -> str:
     scan, tried = t.finding.scan, t.record["candidates"]
-    testable = sum(c["untestable"] is None for c in tried)
+    beyond = sum(c["untestable"] is not None for c in tried)
+    untested = f", {beyond} of which this scan cannot test" if beyond else ""
     return (
         f"{len(scan.press_ids)} presses, {len(scan)} readings; {len(tried)} effects of the "
-        f"catalogue asked for, of which this scan can show {testable}."
+        f"catalogue asked for{untested}."
     )
 
 
 def _sections(t: Told) -> Iterable[str]:
-    yield section("The error, step by step", t.picture("ladder") + ladder_table(t.explained))
+    yield section("How the error fell", t.picture("ladder") + ladder_table(t.explained))
     yield _verdict(t)
     yield section("Where the error was", t.picture("residuals"))
     for number in steps_of(t.explained):
@@ -165,7 +166,8 @@ def _step(t: Told, number: int) -> str:
         ("What avoids or separates it", effect.cure),
     )
     text += table(("", ""), about, numeric=False)
-    return section(f"Step {number}: {effect.title} ({name})", text)
+    own = "" if name.replace("_", " ") in effect.title.lower() else f" ({name})"
+    return section(f"Step {number}: {effect.title}{own}", text)
 
 
 def _map(t: Told) -> str:

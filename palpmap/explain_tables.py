@@ -18,6 +18,8 @@ from palpmap.report_parts import table
 
 _ORDER = ("supported", "helps", "indistinguishable", "not_seen", "untestable")
 _LEAST_P = 1e-12
+_NOTHING_M = 5e-8  # rms below which an effect is none
+_MOSTLY = 0.5
 
 
 def ladder_table(explained: Explanation) -> str:
@@ -47,13 +49,13 @@ def rival_table(addition: Addition) -> str:
     rows = [
         (
             rival.name,
-            f"{rival.chi2:.5g}",
-            "best" if rival.criterion == best else f"+{rival.criterion - best:.3g}",
+            f"{rival.chi2:.0f}",
+            "best" if rival.criterion == best else f"+{rival.criterion - best:.0f}",
             "explains it as well" if rival.name in addition.group[1:] else "",
         )
         for rival in addition.rivals
     ]
-    head = ("Refitted with the map", "Chi-square", "With the price of its parameters", "")
+    head = ("Refitted with the map", "Chi-square", "Behind the best, parameters priced", "")
     return table(head, rows) if len(rows) > 1 else ""
 
 
@@ -92,12 +94,14 @@ def candidate_table(record: Mapping[str, Any]) -> str:
 
 
 def _unseen(candidate: Mapping[str, Any]) -> str:
-    """Say of what size it would be at best; its sentence of evidence would claim what is noise."""
-    return f"At most noise: the best fit of it moves the readings by {_rms(candidate)} rms."
-
-
-def _rms(candidate: Mapping[str, Any]) -> str:
-    return length(candidate["rms_m"], signed=False)
+    """Say what size it would have; its own sentence of evidence would claim what is noise."""
+    size, visible = candidate["rms_m"], candidate["visible"]
+    if size < _NOTHING_M:
+        return "No more than noise: the best fit of it is none."
+    text = f"No more than noise (at best {length(size, signed=False)} rms"
+    if visible < _MOSTLY:
+        text += f", of which the map can imitate all but {percent(visible)}"
+    return f"{text})."
 
 
 def chance(p: float) -> str:
@@ -147,8 +151,8 @@ def _against(
 
 def _with_error(value: float, std: float, unit: str) -> str:
     unit = "" if unit == "1" else unit
-    text = shown(value, unit)
-    return escape(f"{text} ± {shown(std, unit).split()[0]}" if std > 0 else text)
+    scale = {"Pa": 1e-3, "m": 1e3}.get(unit, 1.0)
+    return escape(shown(value, unit) + (f" ± {scale * std:.2g}" if std > 0 else ""))
 
 
 def next_press_table(presses: Sequence[Mapping[str, Any]]) -> str:

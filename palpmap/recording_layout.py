@@ -57,13 +57,13 @@ def layout(
     if "robot" in present:
         left.append(
             rrb.Horizontal(
-                _plot(parts.FORCE, "Contact force, N"),
-                _plot(parts.TRAVEL, "Travel of the tip since touch, mm"),
+                plot_view(parts.FORCE, "Contact force, N"),
+                plot_view(parts.TRAVEL, "Travel of the tip since touch, mm"),
             )
         )
     right = []
     maps = [
-        _map(entity, name, stage)
+        map_view(entity, name, stage)
         for part, entity, name in (
             ("truth", parts.TRUE_MAP, "Truth: Young's modulus"),
             ("fit", parts.FOUND_MAP, "Found: Young's modulus"),
@@ -75,20 +75,22 @@ def layout(
     presses = []
     if "presses" in present or "comparison" in present:
         presses.append(
-            _plot(
+            plot_view(
                 "presses", "Each press: measured and modelled, mm", ["measured_mm", "modelled_mm"]
             )
         )
     if "comparison" in present:
-        presses.append(_residuals(stage, residual_limit_um))
+        limit = f"{residual_limit_um:.3g}"
+        name = f"Residual: red +{limit}, blue -{limit} um"
+        presses.append(from_above(parts.RESIDUAL_MAP, name, stage))
     if presses:
         right.append(rrb.Horizontal(*presses))
     if "fit" in present:
         right.append(
             rrb.Horizontal(
-                _plot(parts.MODULI, "Parameters: kPa", whole=False),
-                _plot(parts.LENGTHS, "Parameters: mm", whole=False),
-                _plot(parts.MISFIT, "Misfit: log10", whole=False),
+                plot_view(parts.MODULI, "Parameters: kPa", whole=False),
+                plot_view(parts.LENGTHS, "Parameters: mm", whole=False),
+                plot_view(parts.MISFIT, "Misfit: log10", whole=False),
             )
         )
     events: rrb.View | rrb.Tabs = rrb.TextLogView(
@@ -129,7 +131,7 @@ def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
         name="The body, coloured by Young's modulus",
         background=_DARK,
         line_grid=False,
-        eye_controls=_eye(center, center + size * np.array([-0.55, -1.05, 0.75])),
+        eye_controls=eye_at(center, center + size * np.array([-0.55, -1.05, 0.75])),
     )
     if not robot:
         return near
@@ -140,28 +142,31 @@ def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
         contents=["$origin/**", f"- /{parts.FORCE_ARROW}", f"- /{parts.PRESSES_MADE}"],
         name="The arm presses on the body",
         background=_DARK,
-        eye_controls=_eye(target, target + reach * np.array([0.9, -2.6, 0.9])),
+        eye_controls=eye_at(target, target + reach * np.array([0.9, -2.6, 0.9])),
     )
     return rrb.Horizontal(whole, near)
 
 
-def _eye(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.EyeControls3D:
+def eye_at(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.EyeControls3D:
+    """Put the eye of a 3-D view at a position, (3,) m, looking at a target."""
     return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0, 0, 1))
 
 
-def _residuals(stage: Stage, limit_um: float) -> rrb.View:
+def from_above(entity: str, name: str, stage: Stage) -> rrb.View:
+    """Look from above at what is painted on the body, in the body's frame."""
     size = stage.size_m
     above = np.array([0.0, -0.02 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])
     return rrb.Spatial3DView(
-        origin=parts.RESIDUAL_MAP,
-        name=f"Residual: red +{limit_um:.3g}, blue -{limit_um:.3g} um",
+        origin=entity,
+        name=name,
         background=_DARK,
         line_grid=False,
-        eye_controls=_eye(stage.center_m, stage.center_m + above),
+        eye_controls=eye_at(stage.center_m, stage.center_m + above),
     )
 
 
-def _map(entity: str, name: str, stage: Stage) -> rrb.View:
+def map_view(entity: str, name: str, stage: Stage) -> rrb.View:
+    """Show both pictures of a map."""
     x_range, y_range = picture_bounds(stage.size_m)
     return rrb.Spatial2DView(
         origin=entity,
@@ -171,7 +176,7 @@ def _map(entity: str, name: str, stage: Stage) -> rrb.View:
     )
 
 
-def _plot(entity: str, name: str, under: Collection[str] = (), whole: bool = True) -> rrb.View:
+def plot_view(entity: str, name: str, under: Collection[str] = (), whole: bool = True) -> rrb.View:
     """Plot against the timeline, from its start on or only where there are values."""
     return rrb.TimeSeriesView(
         origin=entity,

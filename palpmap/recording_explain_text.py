@@ -1,0 +1,58 @@
+"""The words in the recording of an explanation: candidates of a step, and what is seen."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from identify.explain import Explanation, Rung
+from palpmap import recording_parts as parts
+from palpmap.explain_words import VERDICTS, verdict_detail
+
+_SHOWN = 12  # candidates in the table of a rung
+_BAR = 16
+
+
+def candidates_text(rung: Rung) -> str:
+    """Return the scores of a rung as a table with bars, Markdown."""
+    scores = [s for s in rung.diagnosis.scores if s.untestable is None][:_SHOWN]
+    most = max((s.statistic for s in scores), default=1.0) or 1.0
+    lines = [
+        "Decrease of chi-square that each effect promises from here, and the chance of as much "
+        "under pure noise (a search over places or times paid for).",
+        "",
+        "| effect | score | | chance | |",
+        "|---|---|---|---|---|",
+    ]
+    for s in scores:
+        bar = "█" * round(_BAR * s.statistic / most)
+        seen = "beyond noise" if s.name in rung.diagnosis.significant else ""
+        lines.append(f"| {s.name} | {s.statistic:.1f} | {bar} | {s.p_value:.2g} | {seen} |")
+    return "\n".join(lines)
+
+
+def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> str:
+    """Return what is seen and what was found, Markdown."""
+    lines = [
+        f"### {name}",
+        "",
+        f"**{VERDICTS[explained.verdict][0]}** {verdict_detail(explained)}",
+        "",
+        f"**Timelines** (choose below): `{parts.ITERATION}` goes up the ladder, 0 is the model "
+        f"that the search started from, each further step has one effect more; "
+        f"`{parts.SIM_TIME}` plays the scan, then the steps, one second each; `{parts.PRESS}` "
+        "shows each press at its largest force.",
+        "",
+        "**Residual**: measured minus modelled displacement, mean of each press; red gave way "
+        "more than modelled, blue less. **Size**: rms over the readings of a press in units of "
+        "the noise; dark is noise. Left: the model that the search started from; right: the "
+        "model of the step, on the same scale.",
+        "",
+        "| parameter | value | standard error |",
+        "|---|---|---|",
+    ]
+    for parameter, p in record["parameters"].items():
+        scale, unit = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa")}.get(p["unit"], (1.0, p["unit"]))
+        unit = "" if unit == "1" else f" {unit}"
+        bound = " (at its bound)" if p["at_bound"] else ""
+        value, error = f"{scale * p['value']:.4g}{unit}{bound}", f"{scale * p['std']:.2g}{unit}"
+        lines.append(f"| {parameter} | {value} | {error} |")
+    return "\n".join(lines)

@@ -17,6 +17,8 @@ from fem.errors import MeshError
 from fem.mesh import TET_EDGES, Mesh
 from fem.quadrature import TET_RULES
 
+_POINTWISE = 0.49  # greatest Poisson's ratio whose volumetric stiffness acts at every point
+
 
 def lame(poisson_ratio: float) -> tuple[float, float]:
     """Lame constants (lambda, mu) for E = 1, eq. (10) of the paper."""
@@ -24,6 +26,19 @@ def lame(poisson_ratio: float) -> tuple[float, float]:
         raise MeshError(f"Poisson's ratio must lie between -1 and 0.5, got {poisson_ratio}")
     nu = poisson_ratio
     return nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
+
+
+def split_lame(poisson_ratio: float) -> tuple[float, float, float]:
+    """Lame constants (lambda, mu) taken at every point, and the part of lambda for cell means.
+
+    Up to nu = 0.49 the last is zero. Beyond, the pressure that keeps the volume is a mean over each
+    cell, for the cells would lock if they had to keep it at every point (mean dilatation).
+    """
+    lam, mu = lame(poisson_ratio)
+    if poisson_ratio <= _POINTWISE:
+        return lam, mu, 0.0
+    pointwise = 2 * mu * _POINTWISE / (1 - 2 * _POINTWISE)
+    return pointwise, mu, lam - pointwise
 
 
 def barycentric_gradients(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -76,6 +91,9 @@ class Stiffness:
     ----------
     points_m : (e q, 3) where Young's modulus is sampled, q quadrature points a cell, cell by cell.
     indptr, indices : the upper triangle's CSR pattern over the free degrees of freedom.
+    mean_gradients : (e, nodes, 3) 1/m, means of the shape functions' gradients over each cell
+    mean_lame : the part of lambda (E = 1) that resists the mean change of volume of each cell, see
+        `split_lame`
     free_nodes : (f,) nodes that may move; degree of freedom 3 i + a is axis a of `free_nodes[i]`.
     """
 
@@ -93,8 +111,11 @@ class Stiffness:
         self.volumes = mesh.cell_volumes
         points = np.einsum("qv,evi->eqi", self.rule[0], mesh.nodes[mesh.cells[:, :4]])
         self.points_m = points.reshape(-1, 3)
-        self._lame = lame(poisson_ratio)
+        *self._lame, self.mean_lame = split_lame(poisson_ratio)
         self._derivatives = shape_derivatives(self.rule[0], mesh.order)
+        self.mean_gradients = np.einsum(
+            "q,qiv,eva->eia", self.rule[1], self._derivatives, self.gradients, optimize=True
+        )
         free = np.ones(len(mesh.nodes), bool)
         for name in (fixed_surface,) if isinstance(fixed_surface, str) else fixed_surface:
             free[mesh.surface_nodes(name)] = False
@@ -141,6 +162,10 @@ class Stiffness:
         data = np.zeros(len(self.indices))
         _fill(data, self.indptr, self._free_number[self.mesh.cells], self._pairs, self._pair_node,
               self._pair_rank, self.gradients, self._derivatives, weights, *self._lame)  # fmt: skip
+        if self.mean_lame > 0:
+            _fill_mean(data, self.indptr, self._free_number[self.mesh.cells], self._pairs,
+                       self._pair_node, self._pair_rank, self.mean_gradients,
+                       self.mean_lame * weights.sum(axis=1))  # fmt: skip
         return data
 
     def fibre_values(self, direction: np.ndarray, modulus_pa: np.ndarray) -> np.ndarray:
@@ -169,6 +194,10 @@ class Stiffness:
         weights = self.volumes[:, None] * self.rule[1]
         _energies(out, by_node, self.mesh.cells, self.gradients, self._derivatives, weights,
                   *self._lame)  # fmt: skip
+        if self.mean_lame > 0:
+            for j, field in enumerate(displacement):
+                dilatation = np.einsum("eia,eia->e", self.mean_gradients, field[self.mesh.cells])
+                out[:, :, j] += self.mean_lame * weights * dilatation[:, None] ** 2
         return out.reshape(-1, len(displacement)).T
 
     def restrict(self, nodal: np.ndarray) -> np.ndarray:
@@ -236,6 +265,25 @@ def _fill(data, indptr, cells, pairs, pair_node, pair_rank, gradients, derivativ
                     data[s1] += lam * h10 + mu * h01
                     data[s2] += lam * h20 + mu * h02
                     data[s2 + 1] += lam * h21 + mu * h12
+
+
+@numba.njit(cache=True, fastmath=True)
+def _fill_mean(data, indptr, cells, pairs, pair_node, pair_rank, mean, weights):
+    nodes = cells.shape[1]
+    for e in range(cells.shape[0]):
+        m = -1
+        for i in range(nodes):
+            for j in range(i, nodes):
+                m += 1
+                pair = pairs[e, m]
+                if pair < 0:
+                    continue
+                r, c = (j, i) if cells[e, i] > cells[e, j] else (i, j)
+                k = pair_rank[pair]
+                for a in range(3):
+                    start = indptr[3 * pair_node[pair] + a] + 3 * k - a
+                    for b in range(a if k == 0 else 0, 3):
+                        data[start + b] += weights[e] * mean[e, r, a] * mean[e, c, b]
 
 
 @numba.njit(cache=True, fastmath=True)

@@ -10,14 +10,17 @@ import numba
 import numpy as np
 
 from fem import half_space
-from fem.assembly import lame
+from fem.assembly import split_lame
 from fem.contact_shape import depth_below, height, slope
 from fem.quadrature import TET_RULES
 
 FUNCTIONS = 4  # v times 1, x, y, z
 _TUBE = 0.35  # radius of the polar quadrature around the rim, in tip radii
-_LEAF = 2.0  # largest diameter of a quadrature cell over its distance from the rim
-_TUBE_POINTS = (64, 4, 8)  # around the rim, outwards, across
+# Largest diameter of a quadrature cell over its distance from the rim; points around the rim,
+# outwards, across. Where each cell keeps its volume (`fem.assembly.split_lame`) an error of its
+# change counts many times over.
+_COARSE = (2.0, (64, 4, 8))
+_FINE = (1.4, (128, 8, 16))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -45,7 +48,8 @@ def moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, p
     Returns
     -------
     strain : (c, m, 6, 10) times lambda_a lambda_b
-    density : (c, m, m, 4) twice the energy density of each pair, times lambda_a
+    density : (c, m, m, 4) twice the energy density of each pair, times lambda_a, without that of
+        the cells' mean dilatation (see `fem.assembly.split_lame`)
     """
     strain, density, _ = _integrate(vertices, shape, radius, nu, profile, np.zeros((0, 6)))
     upper = np.triu_indices(FUNCTIONS, 1)
@@ -81,10 +85,12 @@ def _integrate(vertices, shape, radius, nu, profile, projection):
     c, size = len(vertices), FUNCTIONS * len(projection)
     strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
     pairs = np.zeros((c, size, size, 4))
-    arguments = (shape, radius, nu, profile, *lame(nu), projection, pairs)
+    lam, mu, mean_lame = split_lame(nu)
+    leaf, tube_points = _FINE if mean_lame > 0 else _COARSE
+    arguments = (shape, radius, nu, profile, lam, mu, projection, pairs)
     tube = _TUBE * radius
-    _integrate_cells(vertices, *TET_RULES[5], _LEAF, tube, strain, density, *arguments)
-    points, weights = _tube_points(radius, tube)
+    _integrate_cells(vertices, *TET_RULES[5], leaf, tube, strain, density, *arguments)
+    points, weights = _tube_points(radius, tube, tube_points)
     points[:, 2] += height(shape, points[:, 0], points[:, 1])
     off = np.abs(points[:, 2]).max() if shape.any() else tube
     close = np.flatnonzero(_rim_reach(vertices, radius) < max(off, tube) + tube)
@@ -102,8 +108,10 @@ def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
     return np.hypot(np.hypot(centre[:, 0], centre[:, 1]) - radius, centre[:, 2]) - reach
 
 
-def _tube_points(radius: float, tube: float) -> tuple[np.ndarray, np.ndarray]:
-    around, outwards, across = _TUBE_POINTS
+def _tube_points(
+    radius: float, tube: float, counts: tuple[int, int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    around, outwards, across = counts
     angle = 2 * np.pi * (np.arange(around) + 0.5) / around
     x, wx = np.polynomial.legendre.leggauss(outwards)
     rho, w_rho = tube * (x + 1) / 2, tube * wx / 2

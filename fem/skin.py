@@ -17,10 +17,10 @@ its surface. A skin softer than the body does not act as a membrane: for f < 1 t
 
 Measured on a block with a skin of 1 mm and f = 5 under a tip of 5 mm, nu = 0.49, against an
 independent solver: rms 0.15 %, greatest error 0.5 % (a modulus taken 2 mm deeper makes it 0.4 and
-1.2 %; a mesh with layers in the skin itself is 3 to 8 % too stiff). The smaller nu, the more a press
-stretches the surface under the tip, where the cells are too coarse for the membrane: against the
-layered half-space the skin's effect is right to 2 % of itself for nu >= 0.45, to 6 % for 0.4 and to
-13 % for 0.3.
+1.2 %; a mesh with layers in the skin itself is 3 to 8 % too stiff). The smaller nu, the more a
+press stretches the surface under the tip, where the cells are too coarse for the membrane: against
+the layered half-space the skin's effect on a block with cells of two tip radii is right to 1 % of
+itself for nu = 0.49, 6 % for 0.45, 13 % for 0.4 and 24 % for 0.3.
 """
 
 from __future__ import annotations

@@ -111,9 +111,10 @@ def test_barycentric_gradients_are_dual_to_the_edges():
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_patch_test_a_linear_field_has_the_same_exact_strain_in_every_cell(order):
+@pytest.mark.parametrize("nu", [NU, 0.4999])
+def test_patch_test_a_linear_field_has_the_same_exact_strain_in_every_cell(order, nu):
     mesh = distorted_block(order)
-    stiffness = Stiffness(mesh, NU, "nowhere")
+    stiffness = Stiffness(mesh, nu, "nowhere")
     rng = np.random.default_rng(7)
     slopes = rng.normal(size=(9, 3, 3))  # asymmetric: rotations are in them
     fields = mesh.nodes @ slopes.transpose(0, 2, 1) + rng.normal(size=(9, 1, 3))
@@ -121,7 +122,7 @@ def test_patch_test_a_linear_field_has_the_same_exact_strain_in_every_cell(order
     weights = mesh.cell_volumes[:, None] * stiffness.rule[1]
     for slope, energy in zip(slopes, energies, strict=True):
         strain = (slope + slope.T) / 2
-        np.testing.assert_allclose(energy, weights * np.sum(hooke(strain, NU) * strain), rtol=1e-10)
+        np.testing.assert_allclose(energy, weights * np.sum(hooke(strain, nu) * strain), rtol=1e-8)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -161,7 +162,7 @@ def test_exactly_six_modes_have_no_energy_and_they_are_the_rigid_ones(order, mak
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49, 0.4999])
 def test_the_matrix_of_a_supported_body_is_positive_definite(order, nu):
     stiffness = Stiffness(distorted_block(order), nu, "base")
     matrix = matrix_of(stiffness, random_modulus(stiffness)).toarray()
@@ -211,9 +212,10 @@ def test_the_matrix_is_linear_in_the_modulus_samples(order):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_the_energies_of_the_samples_split_the_quadratic_form_of_the_matrix(order):
+@pytest.mark.parametrize("nu", [NU, 0.4999])
+def test_the_energies_of_the_samples_split_the_quadratic_form_of_the_matrix(order, nu):
     mesh = distorted_block(order)
-    stiffness = Stiffness(mesh, NU, "nowhere")
+    stiffness = Stiffness(mesh, nu, "nowhere")
     fields = np.random.default_rng(5).normal(size=(3, *mesh.nodes.shape))
     energies = stiffness.energies(fields)
     assert energies.shape == (3, len(stiffness.points_m))

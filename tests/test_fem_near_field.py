@@ -98,6 +98,31 @@ def test_a_nearly_incompressible_layer_is_within_one_percent(profile, a):
     assert found == pytest.approx(layer_compliance(a, 0.49, profile), rel=0.01)
 
 
+# kappa for nu = 1/2, from Hayes' integral equation
+@pytest.mark.parametrize(("a", "kappa"), [(0.2, 1.2806), (0.4, 1.6837)])
+def test_up_to_the_incompressible_limit_a_layer_is_within_half_a_percent(a, kappa):
+    mesh = layer(2 * a + 6, (8, 8, 4))
+    contacts = Contacts((0, 0, 0), DOWN, a)
+    for nu in (0.495, 0.4999):
+        found = compliance(mesh, nu, contacts)[0]
+        assert found == pytest.approx(layer_compliance(a, nu), rel=0.006)
+    assert found == pytest.approx((1 - 0.5**2) / (2 * a * kappa), rel=0.01)
+
+
+def test_the_volume_of_the_cells_does_not_lock_them():
+    # Bent beside the tip, without the near field: what is left is the cells' own stiffness
+    mesh = block_mesh((2, 1, 1), (4, 2, 2))
+    contacts = Contacts((1.6, 0.5, 1), DOWN, 0.3)
+    bending = [
+        PalpationModel(mesh, nu, contacts, "x0", near_field=False).evaluate(1.0).compliance[0]
+        for nu in (0.49, 0.499, 0.4999, 0.49999)
+    ]
+    change = -np.diff(bending) / bending[0]
+    assert change[0] < 0.02
+    assert change[1] < 0.2 * change[0]
+    assert change[2] < 0.2 * change[1]
+
+
 @pytest.mark.parametrize("profile", ["flat", "hertz"])
 def test_a_body_grows_into_the_half_space_like_one_over_its_height(profile):
     nu, a = 0.3, np.array([0.2, 0.1, 0.05])

@@ -140,7 +140,7 @@ def material_point(
         raise MeshError(f"a deformation gradient turns matter inside out: det F = {j.min():.3g}")
     log_j = np.log(j)
     q = np.einsum("pij,pij->p", f, f) - 3 - 2 * log_j
-    g, g1, g2 = (_g(law.code, law.coefficient, q, d) for d in range(3))
+    g, g1, g2 = (np.asarray(_g(law.code, law.coefficient, q, d)) for d in range(3))
     h = np.linalg.inv(f).swapaxes(1, 2)  # F^-T
     s = f - h
     energy = mu / 2 * g + lam / 2 * log_j**2

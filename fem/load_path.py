@@ -27,7 +27,6 @@ from fem.finite_strain_assembly import FiniteStrainBody
 from fem.solver import Pattern
 from fem.tangent_solver import TangentSolver, TipConstraints
 
-_ADJOINT_RTOL = 1e-8
 _ADJOINT_ITERATIONS = 12  # more cost as much as a factorisation
 _BACKTRACKS = 12
 
@@ -38,14 +37,15 @@ class NewtonOptions:
 
     Attributes
     ----------
-    rtol : iterations end when the error's energy norm is below this part of the solution's
+    rtol : iterations, for u and for z, end when the error's energy norm is below this part of the
+        solution's
     refactor_above : number of further iterations that the kept factor may be expected to take,
         beyond which the tangent is factorised anew; zero is Newton's method
     max_iterations : for one load
     smallest_step : load steps are halved down to this part of the largest load, then given up
     """
 
-    rtol: float = 1e-7
+    rtol: float = 1e-6
     refactor_above: float = 8.0
     max_iterations: int = 40
     smallest_step: float = 1 / 64
@@ -274,7 +274,7 @@ class PathFollower:
             lambda x: tangent.product(values, x),
             tangent.solve,
             load,
-            _ADJOINT_RTOL,
+            self.options.rtol,
             _ADJOINT_ITERATIONS,
         )
         if z is None:

@@ -1,0 +1,142 @@
+"""Presses at finite strain, all together here and one a run in CalculiX, on the same mesh.
+
+Run by itself: `python benchmarks/finite_strain.py`. CalculiX takes part where `ccx` is installed;
+it gets as many presses as it has time for, at the largest force only, with its own automatic
+increments, and its time for all presses is scaled from those.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from fem import Contacts, PalpationModel, block_mesh
+from fem.assembly import lame
+from fem.contact import contact_weights
+from fem.finite_strain import FiniteStrainModel
+from fem.hyperelastic import Fung, NeoHookean
+from fem.mesh import Mesh
+from fem.tip_shape import DeadPressure, RigidTip
+
+SIZE_M = (0.096, 0.096, 0.048)
+DIVISIONS = (8, 8, 4)
+RADIUS_M = 0.005
+NU = 0.49
+DEEPEST_M = 0.2 * SIZE_M[2]
+LEVELS = 5
+PRESSES = 9  # a side
+CALCULIX_RUNS = 2
+CASES = (
+    ("neo-Hookean, dead pressure", NeoHookean(), DeadPressure()),
+    ("neo-Hookean, rigid tip", NeoHookean(), RigidTip(4)),
+    ("Fung b = 1, rigid tip", Fung(1.0), RigidTip(4)),
+)
+
+
+def modulus_at(points: np.ndarray, weight_pa: float = 12e3) -> np.ndarray:
+    distance = ((points - [0.030, 0.048, 0.036]) ** 2).sum(axis=1)
+    return 6e3 + weight_pa * np.exp(-distance / (2 * 0.010**2))
+
+
+def row(mesh: Mesh, contacts: Contacts, name: str, law, tip) -> str:
+    model = FiniteStrainModel(mesh, NU, contacts, law, tip=tip)
+    model.evaluate(6e3, [0.01])  # loads compiled code
+    modulus = modulus_at(model.points_m)
+    accurate = PalpationModel(mesh, NU, contacts).evaluate(modulus).compliance
+    forces = np.linspace(0, 1, LEVELS + 1)[1:] * (DEEPEST_M / accurate)[:, None]
+    start = time.perf_counter()
+    cold = model.evaluate(modulus, forces, accurate)
+    middle = time.perf_counter()
+    moved = modulus_at(model.points_m, weight_pa=12.5e3)
+    warm = model.evaluate(moved, forces, accurate, start=cold)
+    end = time.perf_counter()
+    warm.gradient(np.ones((len(modulus), 5)), np.zeros((len(contacts), 5)))
+    last = time.perf_counter() - end
+    failed = sum(map(bool, cold.messages))
+    work = f"{cold.factorizations / cold.readings_m.size:.2f}"
+    return (
+        f"| {name} | {middle - start:.1f} | {end - middle:.1f} | {last:.2f} | {work} | {failed} | "
+        f"{1e3 * np.nanmax(cold.readings_m):.1f} |"
+    )
+
+
+def deck(mesh: Mesh, weights: np.ndarray, force: float, young: float) -> str:
+    """CalculiX's input of one press of a homogeneous neo-Hookean body."""
+    lam, mu = (young * value for value in lame(NU))
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{k + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(mesh.nodes)]
+    lines += ["*ELEMENT, TYPE=C3D10, ELSET=BODY"]
+    lines += [", ".join(map(str, [k + 1, *(cell + 1)])) for k, cell in enumerate(mesh.cells)]
+    lines += ["*NSET, NSET=BASE", *map(str, mesh.surface_nodes("base") + 1)]
+    lines += ["*BOUNDARY", "BASE, 1, 3", "*MATERIAL, NAME=SOFT", "*HYPERELASTIC, NEO HOOKE",
+              f"{mu / 2:.12e}, {2 / (lam + 2 * mu / 3):.12e}",
+              "*SOLID SECTION, ELSET=BODY, MATERIAL=SOFT",
+              "*STEP, NLGEOM, INC=200", "*STATIC", f"{1 / LEVELS}, 1.0", "*CLOAD"]  # fmt: skip
+    for node, axis in zip(*np.nonzero(weights), strict=True):
+        lines.append(f"{node + 1}, {axis + 1}, {force * weights[node, axis]:.12e}")
+    return "\n".join([*lines, "*NODE PRINT, NSET=BASE", "U", "*END STEP", ""])
+
+
+def calculix_seconds(mesh: Mesh, contacts: Contacts) -> tuple[float, float]:
+    """Seconds a press in CalculiX and here, for a homogeneous body under dead pressure."""
+    ccx = shutil.which("ccx")
+    assert ccx
+    chosen = np.linspace(0, len(contacts) - 1, CALCULIX_RUNS + 2).astype(int)[1:-1]
+    some = Contacts(contacts.points_m[chosen], contacts.directions[chosen], RADIUS_M)
+    model = FiniteStrainModel(mesh, NU, some, NeoHookean(), workers=1)
+    compliance = model.evaluate(6e3, [0.01]).mesh_compliance
+    force = DEEPEST_M / compliance
+    levels = np.linspace(0, 1, LEVELS + 1)[1:] * force[:, None]
+    start = time.perf_counter()
+    model.evaluate(6e3, levels).require_complete()
+    ours = (time.perf_counter() - start) / len(chosen)
+    weights = contact_weights(mesh, some)
+    seconds = 0.0
+    for j in range(len(chosen)):
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "press.inp").write_text(deck(mesh, weights[j], force[j], 6e3))
+            start = time.perf_counter()
+            done = subprocess.run(
+                [ccx, "-i", "press"], cwd=folder, capture_output=True, text=True, timeout=600
+            )
+            seconds += time.perf_counter() - start
+            if done.returncode:
+                raise RuntimeError(f"ccx failed: {done.stdout[-500:]}")
+    return seconds / len(chosen), ours
+
+
+def table() -> list[str]:
+    """Return the lines of the table."""
+    mesh = block_mesh(SIZE_M, DIVISIONS)
+    place = np.linspace(0.012, 0.084, PRESSES)
+    points = [(x, y, SIZE_M[2]) for x in place for y in place]
+    contacts = Contacts(points, (0, 0, -1), RADIUS_M)
+    lines = [
+        f"{len(contacts)} presses at {LEVELS} forces each, down to {1e3 * DEEPEST_M:.1f} mm "
+        f"(linear) in a block of {1e3 * SIZE_M[2]:.0f} mm; {3 * len(mesh.nodes):,} unknowns.",
+        "",
+        "| law and tip | cold s | warm s | derivative s | factorisations a state | not reached | "
+        "deepest mm |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+        *(row(mesh, contacts, *case) for case in CASES),
+    ]
+    if shutil.which("ccx") is None:
+        return [*lines, "", "CalculiX (ccx) is not installed and was not compared."]
+    theirs, ours = calculix_seconds(mesh, contacts)
+    return [
+        *lines,
+        "",
+        f"One press, neo-Hookean, homogeneous body, dead pressure: CalculiX {theirs:.2f} s, here "
+        f"{ours:.2f} s on one thread, a ratio of {theirs / ours:.0f}.",
+    ]
+
+
+if __name__ == "__main__":
+    print("\n".join(table()))
+    sys.exit()

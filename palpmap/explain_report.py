@@ -205,7 +205,7 @@ def _ahead(t: Told) -> str:
             )
             + next_press_table(presses),
         )
-    limits = t.record.get("detection_limits")
+    limits = t.record.get("limits")
     if limits:
         share = limits[0].get("bias_at_share")
         size = f" of {percent(share)} of the signal" if isinstance(share, float) else ""

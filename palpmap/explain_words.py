@@ -137,7 +137,7 @@ def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple
             "The noise was estimated from this very scan: chi-square cannot say by itself whether "
             "the model is right."
         )
-    if not record.get("detection_limits"):
+    if not record.get("limits"):
         limits.append(
             "How small an effect this scan can show is not in this report; `palpmap limits` says."
         )

@@ -1,15 +1,31 @@
 """Runs of the `palpmap` command that several files of tests look at, each made only once."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fem import PalpationModel, RefinedModel, block_mesh
+from identify.effects.catalogue import CATALOGUE
+from identify.explain import Explanation, climb
+from identify.fit import fit_scan
+from identify.gaussian_map import GaussianMap, Inclusion
+from identify.noise import scan_noise
+from models.scan import read_scan, write_scan
 from palpmap.__main__ import app
+from palpmap.body_model import BodyModel, contacts_of
+from palpmap.explain_files import write_explain_files
+from palpmap.explain_record import explain_record
+from palpmap.placement import place_scan
+from palpmap.problem import Problem, measurement_model
+from palpmap.run_folder import RunFolder, write_record
+from palpmap.study import load_study
 
 # A process between the tests and the command: what a child is charged with as its peak memory
 # starts from that of the process that made it, and pytest is large by then.
@@ -79,3 +95,56 @@ def run_review():
 def demo(run_command) -> CommandRun:
     """The whole demo."""
     return run_command("demo")
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A small scan with creep in it that the loop has explained, and its run folder."""
+
+    folder: Path
+    problem: Problem
+    explained: Explanation
+    record: dict
+
+
+@pytest.fixture(scope="session")
+def explained_case(tmp_path_factory) -> Explained:
+    """Every second press of the independent laboratory's case_b, explained with four effects.
+
+    The inclusion's place is held, as so few presses cannot find it.
+    """
+    folder = tmp_path_factory.mktemp("explained")
+    case = Path(__file__).parent / "data" / "lab" / "case_b"
+    scan = read_scan(case / "scan.csv")
+    points = np.round(scan.contact_points[:, :2], 6)
+    keep = np.all([np.isin(points[:, a], np.unique(points[:, a])[::2]) for a in (0, 1)], axis=0)
+    write_scan(scan.rows(keep[scan.press_index]), folder / "scan.csv")
+    for name in ("study.toml", "truth.json"):
+        shutil.copy(case / name, folder / name)
+    study = load_study(folder / "study.toml")
+    placement = place_scan(read_scan(study.scan), study)
+    contacts, note = contacts_of(study, placement.scan.used())
+    size, nu = study.body.size_m, study.body.poisson_ratio
+    coarse, finer = (
+        PalpationModel(block_mesh(size, cells), nu, contacts) for cells in ((6, 6, 3), (8, 8, 4))
+    )
+    body = BodyModel(coarse, coarse, RefinedModel(coarse, finer), note)
+    fit = fit_scan(
+        placement.scan,
+        coarse,
+        noise=scan_noise(placement.scan.used(), study.noise.displacement_m, study.noise.force_n),
+        fine_model=body.fine,
+        start=GaussianMap(5300.0, (Inclusion(16000.0, 0.040, 0.058, 0.032, 0.010),)),
+        free=["background_pa", "inclusion_1.weight_pa"],
+    )
+    wanted = ("viscoelasticity", "contact_offset", "force_drift", "hysteresis")
+    problem = Problem(
+        study, placement, body, fit, measurement_model(placement.scan, body, fit), fit.map,
+        tuple(effect for effect in CATALOGUE if effect.name in wanted),
+    )  # fmt: skip
+    explained = climb(problem.model, problem.start, problem.scan, problem.catalogue)
+    record = explain_record(explained, problem)
+    with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:
+        write_record(run / "result.json", record)
+        write_explain_files(run.path, problem, explained, record)
+    return Explained(folder / "run", problem, explained, record)

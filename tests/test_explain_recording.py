@@ -1,0 +1,105 @@
+"""The recording of an explanation holds the numbers of its ladder."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from rerun.chunk import RrdReader
+
+from palpmap import recording_parts as parts
+from palpmap.recording_explain import BEFORE, CANDIDATES, ERROR
+from palpmap.recording_maps import residual_colors
+from palpmap.recording_summary import read_summary, scalar_series
+
+
+@pytest.fixture(scope="module")
+def chunks(explained_case):
+    return list(RrdReader(explained_case.folder / "recording.rrd").stream())
+
+
+def rows(chunks, entity, component):
+    """(iteration, value) of a component of an entity; iteration None where it is static."""
+    found = []
+    for chunk in chunks:
+        if chunk.entity_path == f"/{entity}":
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                steps = (
+                    batch.column(parts.ITERATION).to_pylist()
+                    if parts.ITERATION in batch.schema.names
+                    else [None] * batch.num_rows
+                )
+                values = batch.column(component).to_pylist()
+                found += zip(steps, values, strict=True)
+    return found
+
+
+def painted(chunks, entity, step):
+    """Colours (j, 3) of the points of an entity at a step."""
+    ((_, packed),) = [r for r in rows(chunks, entity, "Points3D:colors") if r[0] == step]
+    value = np.array(packed, np.uint32)
+    return np.stack([value >> 24, value >> 16 & 255, value >> 8 & 255], axis=1).astype(np.uint8)
+
+
+def test_review_finds_the_recording_whole_and_small(explained_case, run_review):
+    code, record = run_review(explained_case.folder)
+    assert code == 0
+    assert record["whole"]
+    assert record["missing"] == () or record["missing"] == []
+    summary = read_summary(explained_case.folder / "recording.rrd")
+    assert summary.presses == 25
+    assert summary.spans[parts.ITERATION] == (0, 1)
+    assert summary.bytes < 4e6
+
+
+def test_errors_fall_as_on_the_ladder(explained_case, chunks):
+    ladder = explained_case.record["ladder"]
+    for name, key in (
+        ("rms_um", "rms_m"),
+        ("held_out_um", "held_out_rms_m"),
+        ("noise_um", "noise_rms_m"),
+    ):
+        series = scalar_series(chunks, f"{ERROR}/{name}", parts.ITERATION)
+        assert_allclose(series, [[k, 1e6 * rung[key]] for k, rung in enumerate(ladder)], rtol=1e-12)
+    chi2 = scalar_series(chunks, parts.CHI2, parts.ITERATION)[:, 1]
+    assert_allclose(chi2, [rung["chi2_per_dof"] for rung in ladder], rtol=1e-12)
+
+
+def test_residuals_are_painted_on_one_scale_before_and_after(explained_case, chunks):
+    means = [
+        1e6 * np.array([p.mean_m for p in rung.comparison.presses])
+        for rung in explained_case.explained.ladder
+    ]
+    limit = max(np.abs(m).max() for m in means)
+    for step, mean in enumerate(means):
+        assert_array_equal(
+            painted(chunks, f"{parts.RESIDUAL_MAP}/points", step), residual_colors(mean, limit)
+        )
+    assert_array_equal(painted(chunks, f"{BEFORE}/points", None), residual_colors(means[0], limit))
+
+
+def test_measured_is_modelled_and_residual(chunks):
+    measured, modelled, residual = (
+        scalar_series(chunks, entity, parts.PRESS)
+        for entity in (parts.MEASURED, parts.MODELLED, parts.RESIDUAL)
+    )
+    assert len(measured) == 25
+    assert_allclose(measured[:, 1] - modelled[:, 1], 1e-3 * residual[:, 1], atol=1e-12)
+
+
+def test_parameters_and_their_truth_are_those_of_the_record(explained_case, chunks):
+    found = explained_case.record["parameters"]
+    for name in ("background_pa", "viscoelasticity.g", "viscoelasticity.tau_s"):
+        entity, factor = parts.parameter_entity(name)
+        last = scalar_series(chunks, entity, parts.ITERATION)[-1]
+        assert_allclose(last, [1, factor * found[name]["value"]], rtol=1e-12)
+    entity, _ = parts.parameter_entity("background_pa", true=True)
+    assert_allclose(scalar_series(chunks, entity, parts.ITERATION)[:, 1], 5.0)
+
+
+def test_candidates_and_the_verdict_stand_in_words(explained_case, chunks):
+    texts = dict(rows(chunks, CANDIDATES, "TextDocument:text"))
+    assert "viscoelasticity" in texts[0][0]
+    assert "viscoelasticity" not in texts[1][0]
+    events = [text[0] for _, text in rows(chunks, parts.EVENTS, "TextLog:text")]
+    assert any("keeps sinking" in text for text in events)
+    assert events[-1].startswith("Explained.")

@@ -1,0 +1,230 @@
+"""What a person sees of an explanation is what the loop found, and no more."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identify.comparison import read_comparison
+from identify.explain import Addition, Rival
+from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
+from palpmap.explain_files import explain_pictures
+from palpmap.explain_finding import estimates, final_finding, truth_beside
+from palpmap.explain_report import Told, write_explain_report
+from palpmap.explain_tables import candidate_verdict
+from palpmap.explain_words import verdict_detail
+
+NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
+PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
+
+
+class Page(HTMLParser):
+    """Text, headings and pictures of a page, in their order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.text, self.headings, self.images, self.scripts = "", [], [], 0
+        self._in_heading = False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self._in_heading = tag == "h2"
+        self.scripts += tag == "script"
+        if tag == "img":
+            self.images.append(dict(attrs)["src"])
+
+    def handle_data(self, data):
+        self.text += data
+        if self._in_heading:
+            self.headings.append(data)
+            self._in_heading = False
+
+
+@pytest.fixture(scope="module")
+def page(explained_case):
+    return Page((explained_case.folder / "report.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def told(explained_case):
+    c = explained_case
+    finding = final_finding(c.folder, c.problem, c.explained)
+    pictures = {name: PIXEL for name in ("ladder", "residuals", "maps", "evidence_1")}
+    return Told(finding, c.explained, c.record, c.problem, pictures)
+
+
+def written(told, path):
+    write_explain_report(told, path / "report.html")
+    return Page((path / "report.html").read_text(encoding="utf-8"))
+
+
+def grouped(explained, *others):
+    """The explanation as if other effects had explained the scan as well."""
+    best = explained.additions[0].rivals[0]
+    rivals = (best, *(Rival(name, best.chi2, best.criterion + 1, best.fit) for name in others))
+    return replace(explained, verdict="ambiguous", additions=(Addition(best.name, rivals),))
+
+
+def test_the_loop_explains_the_case(explained_case):
+    assert explained_case.record["verdict"] == "explained"
+    assert explained_case.record["added"] == ["viscoelasticity"]
+
+
+def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_case, page):
+    assert page.headings[0] == "How the error fell"
+    assert len(page.images) >= 8
+    assert all(src.startswith("data:image/png;base64,") for src in page.images)
+    assert page.scripts == 0
+    html = (explained_case.folder / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:)', html)
+
+
+def test_the_report_says_what_the_record_says(explained_case, page):
+    for rung in explained_case.record["ladder"]:
+        assert f"{1e6 * rung['rms_m']:.0f} µm" in page.text
+        assert f"{rung['chi2_per_dof']:.3g}" in page.text
+    for candidate in explained_case.record["candidates"]:
+        assert candidate["name"] in page.text
+    creep = next(c for c in explained_case.record["candidates"] if c["name"] == "viscoelasticity")
+    assert creep["evidence"] in page.text
+    assert "do not cover the truth" in page.text
+
+
+def test_texts_from_files_are_escaped(told, tmp_path):
+    candidates = [{**c, "evidence": NASTY} for c in told.record["candidates"]]
+    record = {**told.record, "candidates": candidates, "residual": NASTY}
+    page = written(
+        replace(told, finding=replace(told.finding, name=NASTY), record=record), tmp_path
+    )
+    assert page.scripts == 0
+    assert page.text.count(NASTY) >= 3
+
+
+def test_the_evidence_of_creep_is_the_time_within_the_press(explained_case):
+    before, after = explained_case.explained.ladder
+    evidence = evidence_of("viscoelasticity", before, after)
+    axis, (curve,) = evidence.shown[0]
+    assert axis.name == "time"
+    assert evidence.share > 0.5
+    # A bin by hand: all readings of one sampling time (the presses are sampled alike)
+    first = before.fit.model.readings.first
+    weight = before.fit.at.sigma_m[first] ** -2.0
+    by_hand = np.sum(weight * before.fit.residual_m[first]) / weight.sum()
+    assert_allclose(curve.before_m[0], by_hand, rtol=1e-12)
+    assert_allclose(curve.error_m[0], weight.sum() ** -0.5, rtol=1e-12)
+    assert_allclose(curve.before_m, curve.change_m + curve.after_m, rtol=0, atol=1e-15)
+    # The effect follows the residual, and what is left is noise: the mean of its squares is 1
+    assert np.corrcoef(curve.before_m, curve.change_m)[0, 1] > 0.95
+    assert 0.4 < np.mean((curve.after_m / curve.error_m) ** 2) < 1.9  # 99 % for 22 bins
+
+
+def test_an_axis_shows_what_varies_along_it_and_nothing_of_noise():
+    rng = np.random.default_rng(3)
+    at, noise = rng.uniform(size=2000), rng.normal(size=2000)
+    axis = Axis("order", "", at, np.zeros(2000, int))
+    index = bins_of(axis, np.zeros(2000, int))
+    assert sorted(set(index)) == list(range(12))
+    assert np.ptp(np.bincount(index)) <= 2
+    assert shown_share(index, np.where(at > np.median(at), 1.0, -1.0), np.ones(2000)) > 0.99
+    assert abs(shown_share(index, noise, np.ones(2000))) < 0.02  # four standard deviations
+    assert shown_share(index, np.ones(2000), np.ones(2000)) == 0.0
+
+
+def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
+    explained = grouped(told.explained, "hysteresis")
+    record = {**told.record, "verdict": "ambiguous", "added": []}
+    page = written(replace(told, explained=explained, record=record), tmp_path)
+    assert "viscoelasticity or hysteresis" in page.text
+    assert "Do not take its name" in page.text
+    assert "another effect of the group would give another map" in page.text
+    assert "what remains is noise" not in page.text.split("What the last model")[0]
+
+
+def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_case):
+    case = explained_case
+    ladder = (case.explained.ladder[0], case.explained.ladder[0])
+    unexplained = replace(case.explained, verdict="unexplained", ladder=ladder)
+    assert unexplained.added == ()
+    assert "a help, not the answer" in verdict_detail(unexplained)
+    record = {**case.record, "verdict": "unexplained", "added": []}
+    creep = next(c for c in record["candidates"] if c["name"] == "viscoelasticity")
+    assert candidate_verdict(creep, case.record) == "supported"
+    assert candidate_verdict(creep, record) == "helps"
+
+
+def test_nothing_missing_is_no_proof(told, tmp_path):
+    explained = replace(
+        told.explained,
+        verdict="nothing_missing",
+        ladder=told.explained.ladder[1:],
+        additions=(),
+    )
+    page = written(replace(told, explained=explained), tmp_path)
+    assert "no proof" in page.text
+    assert not any(heading.startswith("Step") for heading in page.headings)
+
+
+def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(told, tmp_path):
+    record = {
+        **told.record,
+        "next_presses": [
+            {"change": "tips of 3 and 10 mm", "why": NASTY, "discrimination": 321.0,
+             "program": "next_scan_1.csv"}
+        ],
+        "limits": [
+            {"name": "skin_layer", "smallest_share": 0.013, "confused_with": ["mesh_error"],
+             "map_bias": {"background_pa": -240.0, "inclusion_1.z_m": 8e-3},
+             "bias_at_share": 0.03},
+            {"name": "force_gain", "smallest_share": None, "confused_with": [], "map_bias": {}},
+        ],
+    }  # fmt: skip
+    page = written(replace(told, record=record), tmp_path)
+    assert "next_scan_1.csv" in page.text
+    assert NASTY in page.text
+    assert "1.3 %" in page.text
+    assert "background -0.24 kPa; inclusion 1 z +8.00 mm" in page.text
+    assert "cannot be" in page.text
+    plain = written(told, tmp_path)
+    assert "Which presses to make next" not in plain.headings
+
+
+def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):
+    found = read_comparison(explained_case.folder / "comparison.json")
+    assert found.is_noise
+    assert_allclose(found.rms_m, explained_case.record["ladder"][-1]["rms_m"], rtol=1e-12)
+    names = {path.stem for path in (explained_case.folder / "figures").iterdir()}
+    assert {"ladder", "residuals", "evidence_1", "maps", "confusion", "parameters"} <= names
+
+
+def test_intervals_of_the_map_hold_the_estimate_and_fixed_values_have_none(explained_case):
+    fit = explained_case.explained.final.fit
+    found = estimates(fit)
+    background = found["background_pa"]
+    assert background.lower95 < background.value < background.upper95
+    assert_allclose(background.upper95 - background.lower95, 2 * 1.96 * background.std, rtol=0.01)
+    assert not found["inclusion_1.x_m"].free
+    assert found["inclusion_1.x_m"].std == 0
+
+
+def test_a_foreign_truth_file_is_no_truth(explained_case, tmp_path):
+    problem = explained_case.problem
+    truth = truth_beside(problem)
+    assert truth is not None
+    assert truth.background_pa == 5000
+    about = problem.study.study.model_copy(update={"scan": tmp_path / "scan.csv"})
+    moved = replace(problem, study=problem.study.model_copy(update={"study": about}))
+    assert truth_beside(moved) is None
+    (tmp_path / "truth.json").write_text(json.dumps({"answer": 42}))
+    assert truth_beside(moved) is None
+
+
+@pytest.mark.slow
+def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
+    explained = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    pictures = explain_pictures(told.finding, explained)
+    assert all(data.startswith(b"\x89PNG") for data in pictures.values())
+    assert "parameters" not in pictures

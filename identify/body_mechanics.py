@@ -17,7 +17,6 @@ import numpy as np
 from fem import PalpationModel
 from fem.elasticity import fibre_weights
 from fem.errors import SolverError
-from fem.layered import skin_compliance
 from fem.response import Response
 from identify.body_state import BodyState
 from identify.discretization import FineModel, fine_compliance
@@ -52,6 +51,7 @@ class BodyResponse:
     _state: BodyState
     _response: Response
     _scale: np.ndarray  # (j,) what the finite elements' own compliance is multiplied by
+    _skinned: dict[float, np.ndarray] = field(default_factory=dict)  # dC/dfactor by thickness
 
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
@@ -83,12 +83,25 @@ class BodyResponse:
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
         if _skin(state) != _skin(old):
-            change += (own.skin(state) - own.skin(old)) / self.local_modulus
+            change += self._scale * self._by_skin(old, state)
         return change, local
 
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
         return self._scale[:, None] * (self._response.sensitivity @ moduli)
+
+    def _by_skin(self, old: BodyState, new: BodyState) -> np.ndarray:
+        """First-order change of the finite elements' compliance (j,) by another skin."""
+        thickness = old.skin_thickness_m
+        if old.skin_factor != 1 and thickness > 0:
+            by_thickness, by_factor = self._response.skin_sensitivity.T
+            change = by_thickness * (new.skin_thickness_m - thickness)
+            return change + by_factor * (new.skin_factor - old.skin_factor)
+        # A body without a skin is one with a skin like itself, of any thickness
+        thickness = new.skin_thickness_m
+        if thickness not in self._skinned:
+            self._skinned[thickness] = self._mechanics.with_skin(self._map, old, thickness)
+        return self._skinned[thickness] * (new.skin_factor - 1)
 
     @cached_property
     def _fibre_moments(self) -> np.ndarray:
@@ -157,7 +170,7 @@ class BodyMechanics:
             factor = factor * self.poisson_factor(stiffness, state, state.poisson_ratio)
         gradient = stiffness.gradient(points) * _factor(state, points)[:, None]
         local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
-        result = BodyResponse(
+        return BodyResponse(
             compliance=factor * response.compliance,
             by_map=factor[:, None] * self._gradient(response, gradient, state),
             local_modulus=modulus_of(stiffness, state, self.local_points),
@@ -167,15 +180,6 @@ class BodyMechanics:
             _state=state,
             _response=response,
             _scale=factor,
-        )
-        skin = self.skin(state)
-        if not skin.any():
-            return result
-        by_local = -skin / result.local_modulus**2
-        return replace(
-            result,
-            compliance=result.compliance + skin / result.local_modulus,
-            by_map=result.by_map + by_local[:, None] * local,
         )
 
     def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
@@ -224,31 +228,25 @@ class BodyMechanics:
         ]  # Lagrange's polynomial through three nodes
         return np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
 
-    def skin(self, state: BodyState) -> np.ndarray:
-        """Return what a state's skin adds to the compliances (j,) times the local modulus."""
-        contacts = self.coarse.contacts
-        if state.skin_factor == 1 or state.skin_thickness_m == 0:
-            return np.zeros(len(contacts))
-        if not (state.skin_factor > 0 and state.skin_thickness_m > 0):
-            raise InadmissibleError("a skin needs a positive modulus and thickness")
-        return skin_compliance(
-            contacts.radius_m,
-            state.skin_thickness_m,
-            state.skin_factor,
-            state.poisson_ratio,
-            contacts.profile_code,
-        ).value
+    def with_skin(self, stiffness: GaussianMap, state: BodyState, thickness_m: float) -> np.ndarray:
+        """Return the derivative (j,) of the coarse compliance by the factor of a skin at 1."""
+        like = state.changed(skin_thickness_m=thickness_m, skin_factor=1.0)
+        return self._solve(self.coarse, stiffness, like).skin_sensitivity[:, 1]
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         modulus = positive_modulus(_Changed(stiffness, state), model.points_m)
         base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
         angle, share = state.fibre_angle_rad, state.fibre_share
         direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+        skin = (state.skin_thickness_m, state.skin_factor)
+        if not skin[1] > 0:
+            raise InadmissibleError("a skin needs a positive modulus")
         try:
             return model.evaluate(
                 modulus,
                 support_compliance=base if any(base) else None,
                 fibres=(direction, share * modulus) if share else None,
+                skin=skin if skin[0] > 0 else None,
             )
         except SolverError as error:
             raise InadmissibleError(str(error)) from error

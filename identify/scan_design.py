@@ -120,7 +120,7 @@ def readings_of(presses: Presses, timed: bool = True) -> Readings:
 
 
 def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]:
-    """Scans that differ from the present one in one thing each; about as many presses."""
+    """Yield scans that differ from the present one in one thing each."""
     j = len(presses)
     radius = float(np.median(presses.radius_m))
     alternating = np.where(np.arange(j) % 2 == 0, SMALL, LARGE) * radius

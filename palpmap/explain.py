@@ -97,8 +97,10 @@ def write_explanation(
     record = explain_record(explained, problem)
     proposals = propose(explained, problem)
     record["next_presses"] = proposal_records(proposals, problem, run)
-    limits = detection_limits(explained.final.fit, problem.catalogue)
-    record["detection_limits"] = [limit_record(limit) for limit in limits]
+    limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
+    seen = {limit.name: limit.smallest_share for limit in limits}
+    record["detection_limits"] = {name: share for name, share in seen.items() if share}
+    record["limits"] = [limit_record(limit) for limit in limits]
     write_record(run / "result.json", record)
     version_of(problem.study, explained.final.fit, run / "study.toml", files)
     write_explain_files(run, problem, explained, record)

@@ -15,7 +15,9 @@ COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", 
 _MOST = 3
 
 
-def propose(explained: Explanation, problem: Problem, say: Say = lambda text: None) -> tuple[Proposal, ...]:
+def propose(
+    explained: Explanation, problem: Problem, say: Say = lambda text: None
+) -> tuple[Proposal, ...]:
     """Return the scans that tell the last ambiguous group apart, best first."""
     ambiguous = [a for a in explained.additions if len(a.group) > 1]
     if not ambiguous:

@@ -19,7 +19,8 @@ def check_effect(
 ) -> bool:
     """Check an effect of one's own.
 
-    It goes through the same checks as the built-in ones. The file's code is executed. Exit code 1 if the effect is at fault, 2 if there is none.
+    It goes through the same checks as the built-in ones. The file's code is executed.
+    Exit code 1 if the effect is at fault, 2 if there is none.
 
     Example: palpmap check-effect examples/own_effect/warm_up.py
     """

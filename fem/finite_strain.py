@@ -9,7 +9,7 @@ proportionality: of the same mesh with the same tip, at force F,
 How far that ratio can be trusted was measured on a block of 96 x 96 x 48 mm, flat tip a = 5 mm,
 nu = 0.49, neo-Hookean, at a depth of 0.9 a in the middle: with a rigid tip of degree 4 it is 0.970,
 0.988, 1.001 on 8 x 8 x 4, 12 x 12 x 6, 16 x 16 x 8 graded cells (volumetric locking holds it down),
-with mean dilatation 1.000 and 1.026 on the first two, and 1.03 to 1.05 on meshes fitted to the rim:
+with mean dilatation 1.000 and 1.026 on the first two, and 1.01 to 1.05 on meshes fitted to the rim:
 an error of 3 to 5 %. With a dead pressure it is 1.00 and 1.08 on the first two and rises on and on,
 as the pressure's singular rim cuts into the surface. A rigid tip is the one to take for depths
 beyond about a/4.

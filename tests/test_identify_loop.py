@@ -1,0 +1,116 @@
+"""The loop on a small body: nothing missing, one effect, what the model does not know."""
+
+import numpy as np
+import pytest
+from loop_problem import PEAK_N, TRUE, model, points, scan, timing, true_compliance
+
+from identify.effects.catalogue import CATALOGUE, effect_named
+from identify.explain import climb
+from identify.held_out import held_out
+from identify.joint_fit import fit_jointly
+
+QUICK = [effect_named(n) for n in (
+    "viscoelasticity", "hysteresis", "force_bias", "contact_offset", "force_drift",
+    "tool_compliance", "extra_inclusion", "strain_stiffening",
+)]  # fmt: skip
+
+
+def planted(seed: int, change) -> object:
+    """A scan on the true body; `change(d, F, t, phase, press)` returns displacement and force."""
+    press, time, phase, force = timing(seed)
+    travel = true_compliance()[press] * force
+    return scan(*change(travel, force, time, phase, press), seed)
+
+
+def test_nothing_is_missing_from_a_linear_body():
+    table = planted(3, lambda d, f, t, phase, press: (d, f))
+    found = climb(model(table), TRUE, table, QUICK)
+    assert found.verdict == "nothing_missing"
+    assert found.added == ()
+    assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=4 * np.sqrt(2 / 540))
+    for name, value in zip(TRUE.names, TRUE.values, strict=True):
+        assert abs(found.final.fit.values[name] - value) < 4 * found.final.fit.std[name]
+
+
+def test_an_offset_is_found_and_the_map_recovers():
+    table = planted(4, lambda d, f, t, phase, press: (d + 1.5e-4, f))
+    found = climb(model(table), TRUE, table, QUICK)
+    assert (found.verdict, found.added) == ("explained", ("contact_offset",))
+    before, after = found.ladder[0], found.final
+    assert after.fit.values["contact_offset.offset_m"] == pytest.approx(1.5e-4, abs=3e-5)
+    assert after.fit.rms_m < 0.8 * before.fit.rms_m
+    assert after.held_out.ratio == pytest.approx(1, abs=0.15)
+    assert before.held_out.ratio > 1.3
+    error = [abs(rung.fit.values["background_pa"] - TRUE.background_pa) for rung in found.ladder]
+    assert error[1] < error[0] / 3
+
+
+def test_creep_is_found_with_its_time():
+    def creep(d, f, t, phase, press):
+        """Kelvin-Voigt element in steps of a millisecond."""
+        g, tau, out = 0.1, 0.8, np.empty_like(d)
+        for j in range(25):
+            own = press == j
+            fine = np.arange(t[own][0] - 0.125, t[own][-1] + 1e-3, 1e-3)
+            u = np.interp(fine, np.r_[t[own][0] - 0.125, t[own]], np.r_[0.0, d[own]])
+            z = np.zeros_like(u)
+            for i in range(1, len(u)):
+                z[i] = z[i - 1] + (u[i] - z[i - 1]) * 1e-3 / tau
+            out[own] = d[own] + g * np.interp(t[own], fine, z)
+        return out, f
+
+    table = planted(5, creep)
+    found = climb(model(table), TRUE, table, QUICK)
+    assert (found.verdict, found.added) == ("explained", ("viscoelasticity",))
+    own = found.final.fit
+    assert own.values["viscoelasticity.g"] == pytest.approx(0.1, abs=0.02)
+    assert own.values["viscoelasticity.tau_s"] == pytest.approx(0.8, abs=0.4)
+
+
+def test_a_late_force_channel_is_not_explained_by_any_name():
+    def late(d, f, t, phase, press):
+        measured = np.empty_like(f)
+        for j in range(25):
+            own = press == j
+            times = np.r_[t[own][0] - 0.125, t[own]]
+            measured[own] = np.interp(t[own] - 0.08, times, np.r_[0.0, f[own]])
+        return d, measured
+
+    table = planted(6, late)
+    found = climb(model(table), TRUE, table, list(CATALOGUE))
+    assert found.verdict == "unexplained"
+    assert found.added == ()
+
+
+def test_held_out_presses_are_those_of_a_fit_without_them():
+    table = planted(7, lambda d, f, t, phase, press: (d, f))
+    fit = fit_jointly(model(table), TRUE, rounds=0)
+    from identify.held_out import predicted_error
+
+    out = table.press_index == 12
+    rest = table.rows(~out)
+    # The same model, fitted to the others only, predicts the press that was left out
+    weights = model(table)
+    other = fit_without(weights, out)
+    direct = weights.linearise(other).residual[out]
+    assert predicted_error(fit, out) == pytest.approx(direct, abs=0.02 * np.abs(direct).max())
+    assert len(rest.used()) == 528
+    assert held_out(fit).ratio == pytest.approx(1, abs=0.15)
+
+
+def fit_without(whole, out):
+    """Scaled unknowns of a fit that does not see the rows `out`."""
+    from identify.gauss_newton import minimize_gauss_newton
+
+    def residuals(u):
+        at = whole.linearise(u)
+        keep = (~out).astype(float)
+        return keep * at.residual, -keep[:, None] * at.jacobian
+
+    start = whole.start(TRUE)
+    return minimize_gauss_newton(residuals, start, bounds=whole.bounds, ftol=1e-8).x
+
+
+def test_the_problem_presses_where_it_says():
+    assert len(points()) == 25
+    assert timing(0)[3].max() == PEAK_N

@@ -73,7 +73,7 @@ def draw_ladder(explained: Explanation) -> Figure:
     _plain_ticks(axes)
     axes.set_ylabel("measured less modelled displacement, µm")
     axes.set_title("The error, step by step")
-    axes.legend(loc="upper right")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=3, borderaxespad=0.0)
     return figure
 
 

@@ -105,8 +105,10 @@ def _lead(t: Told) -> str:
 
 
 def _sections(t: Told) -> Iterable[str]:
-    yield section("How the error fell", t.picture("ladder") + ladder_table(t.explained))
+    yield section("The error, step by step", t.picture("ladder") + ladder_table(t.explained))
     yield _verdict(t)
+    if t.explained.verdict == "unexplained":  # what is left is then the finding
+        yield _left(t)
     yield section("Where the error was", t.picture("residuals"))
     for number in steps_of(t.explained):
         yield _step(t, number)
@@ -114,10 +116,8 @@ def _sections(t: Told) -> Iterable[str]:
     yield _ahead(t)
     yield section("Every effect that was asked for", candidate_table(t.record))
     yield section("What this scan can tell apart", t.picture("confusion"))
-    yield section(
-        "What the last model leaves over",
-        paragraph(t.record["residual"]) + t.picture("residual_along") + t.picture("residual_tests"),
-    )
+    if t.explained.verdict != "unexplained":
+        yield _left(t)
     yield section(
         "How far to trust this",
         listing([*limits_of_method(t.explained, t.record), *t.finding.limits]),
@@ -149,6 +149,13 @@ def _verdict(t: Told) -> str:
     return section(VERDICTS[t.explained.verdict][0], text, "verdict" if sure else "verdict not")
 
 
+def _left(t: Told) -> str:
+    return section(
+        "What the last model leaves over",
+        paragraph(t.record["residual"]) + t.picture("residual_along") + t.picture("residual_tests"),
+    )
+
+
 def _step(t: Told, number: int) -> str:
     before, after = t.explained.ladder[number - 1], t.explained.ladder[number]
     name = added_name(before, after)
@@ -172,7 +179,10 @@ def _step(t: Told, number: int) -> str:
 
 def _map(t: Told) -> str:
     stepped = len(t.explained.ladder) > 1
-    title = "What ignoring it had done to the map" if stepped else "The map"
+    title = "The map"
+    if stepped:
+        sure = t.explained.verdict == "explained"
+        title = "What ignoring it had done to the map" if sure else "The map, before and after"
     text = t.picture("maps") + t.picture("parameters")
     text += parameter_table(t.finding, t.explained, t.record)
     if t.finding.truth is not None:

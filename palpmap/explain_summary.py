@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from identify.explain import Explanation, Rung
 from identify.residual_statement import length
-from palpmap.explain_words import VERDICTS, verdict_detail
+from palpmap.explain_evidence import added_name
+from palpmap.explain_words import VERDICTS, step_evidence, steps_of, verdict_detail
 from palpmap.problem import Problem, named
 
 if TYPE_CHECKING:
@@ -34,12 +35,12 @@ def explain_summary(
     sentence, style = VERDICTS[explained.verdict]
     lines: list[RenderableType] = [_ladder_table(explained)]
     lines.append(Text(f"{sentence} {verdict_detail(explained)}".strip(), style=f"bold {style}"))
-    for addition in explained.additions:
-        effect = named(problem.catalogue, addition.name)
-        values = explained.final.fit.at.values.get(addition.name)
-        if values is not None:
-            text = effect.evidence(values, problem.model.readings)
-            lines.append(Text(f"- {effect.title}: {text}"))
+    if explained.verdict != "unexplained" or explained.added:
+        for number in steps_of(explained):
+            name = added_name(explained.ladder[number - 1], explained.ladder[number])
+            if name in explained.final.fit.model.has:
+                title = named(problem.catalogue, name).title
+                lines.append(Text(f"- {title}: {step_evidence(explained, problem, number)}"))
     lines.append(_parameter_table(record))
     held = [name for name, p in record["parameters"].items() if p["at_bound"]]
     if held:
@@ -73,7 +74,8 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE, title="found", title_justify="left")
+    title = "fitted, but not all is explained" if record["verdict"] == "unexplained" else "found"
+    table = Table(box=box.SIMPLE, title=title, title_justify="left")
     table.add_column("parameter")
     table.add_column("value", justify="right")
     table.add_column("standard error", justify="right")

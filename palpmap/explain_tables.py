@@ -20,6 +20,7 @@ _ORDER = ("supported", "helps", "indistinguishable", "not_seen", "untestable")
 _LEAST_P = 1e-12
 _NOTHING_M = 5e-8  # rms below which an effect is none
 _MOSTLY = 0.5
+_SMALL_M = 1e-3
 
 
 def ladder_table(explained: Explanation) -> str:
@@ -51,7 +52,7 @@ def rival_table(addition: Addition) -> str:
             rival.name,
             f"{rival.chi2:.0f}",
             "best" if rival.criterion == best else f"+{rival.criterion - best:.0f}",
-            "explains it as well" if rival.name in addition.group[1:] else "",
+            "as good" if rival.name in addition.group[1:] else "",
         )
         for rival in addition.rivals
     ]
@@ -152,7 +153,10 @@ def _against(
 def _with_error(value: float, std: float, unit: str) -> str:
     unit = "" if unit == "1" else unit
     scale = {"Pa": 1e-3, "m": 1e3}.get(unit, 1.0)
-    return escape(shown(value, unit) + (f" ± {scale * std:.2g}" if std > 0 else ""))
+    text = shown(value, unit)
+    if unit == "m" and abs(value) < _SMALL_M:
+        text = f"{1e3 * value:.3g} mm"
+    return escape(text + (f" ± {scale * std:.2g}" if std > 0 else ""))
 
 
 def next_press_table(presses: Sequence[Mapping[str, Any]]) -> str:

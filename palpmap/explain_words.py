@@ -30,7 +30,7 @@ CANDIDATES = {
 
 def verdict_detail(explained: Explanation) -> str:
     """Return the verdict's own sentence: which effects, or what is left."""
-    sure = " and ".join(explained.added)
+    sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
         return "The residual is noise, and no effect of the catalogue is seen in it."
     if explained.verdict == "explained":
@@ -41,13 +41,22 @@ def verdict_detail(explained: Explanation) -> str:
     return f"{_help(explained)}{explained.final.comparison.statement}"
 
 
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence.
+
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return " and ".join([", ".join(names[:-1])] * (len(names) > 1) + list(names[-1:]))
+
+
 def _help(explained: Explanation) -> str:
     """Say how much the additions of an unexplained scan take, and that they are not the answer."""
     helpers = [a.name for a in explained.additions]
     if not helpers:
         return ""
     one = len(helpers) == 1
-    text = f"{' and '.join(helpers)} {'takes' if one else 'take'} "
+    text = f"{listed(helpers)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if not explained.added:
         return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
@@ -57,13 +66,15 @@ def _help(explained: Explanation) -> str:
 def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
     """Return the sentence of evidence of the addition that led to rung `number`.
 
-    With the values of the last model that has the effect.
+    With the values of the last model that has the effect. Where the effect is not offered as
+    found, the sentence is only what it would mean.
     """
     rungs = explained.ladder
     name = added_name(rungs[number - 1], rungs[number])
     having = [rung for rung in rungs[number:] if name in rung.fit.model.has]
     values = having[-1].fit.at.values[name]
-    return named(problem.catalogue, name).evidence(values, problem.model.readings)
+    text = named(problem.catalogue, name).evidence(values, problem.model.readings)
+    return text if name in explained.added else f"If it were {name}: {text}"
 
 
 def step_notes(explained: Explanation, number: int) -> list[str]:
@@ -71,9 +82,9 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
     before, after = explained.ladder[number - 1], explained.ladder[number]
     name = added_name(before, after)
     text = (
-        f"Chi-square falls from {before.fit.chi2:.5g} to {after.fit.chi2:.5g} "
+        f"Chi-square goes from {before.fit.chi2:.0f} to {after.fit.chi2:.0f} "
         f"({after.fit.dof} degrees of freedom); at presses that the fit did not see, the error "
-        f"falls from {length(before.held_out.rms_m, signed=False)} to "
+        f"goes from {length(before.held_out.rms_m, signed=False)} to "
         f"{length(after.held_out.rms_m, signed=False)}."
     )
     notes = [text]
@@ -84,12 +95,12 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
     if len(addition.group) > 1:
         others = " or ".join(other for other in addition.group if other != name)
         notes.append(
-            f"It stands for a group: this scan is explained as well by {others}. Do not take its "
-            "name, or its numbers, for found."
+            f"It stands for a group: with {others} in its place the model is as good. Do not "
+            "take its name, or its numbers, for found."
         )
     elif name not in explained.added:
         notes.append(
-            "It lowers the error but leaves structure, so it is not offered as the missing effect."
+            "It lowers chi-square but leaves structure, so it is not offered as the missing effect."
         )
     return notes
 

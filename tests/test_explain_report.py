@@ -75,7 +75,7 @@ def test_the_loop_explains_the_case(explained_case):
 
 
 def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_case, page):
-    assert page.headings[0] == "How the error fell"
+    assert page.headings[0] == "The error, step by step"
     assert len(page.images) >= 8
     assert all(src.startswith("data:image/png;base64,") for src in page.images)
     assert page.scripts == 0
@@ -140,6 +140,7 @@ def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
     page = written(replace(told, explained=explained, record=record), tmp_path)
     assert "viscoelasticity or hysteresis" in page.text
     assert "Do not take its name" in page.text
+    assert "If it were viscoelasticity: The tip keeps sinking" in page.text
     assert "another effect of the group would give another map" in page.text
     assert "what remains is noise" not in page.text.split("What the last model")[0]
 

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from identify.diagnosis import ALIKE, Diagnosis
 from identify.explain import Explanation, Rung
 from palpmap.explain_evidence import Axis, Curve, Evidence
+from palpmap.explain_words import rung_labels
 from palpmap.figure_style import (
     BLACK,
     BLUE,
@@ -21,19 +22,6 @@ from palpmap.figure_style import (
 
 _MISFIT_COLORS = "magma_r"
 _PHASE_HUES = {"": BLUE, "load": BLUE, "hold": PINK, "unload": GREEN}
-
-
-def rung_labels(explained: Explanation) -> list[str]:
-    """Return what each rung of the ladder changed: "map alone", "+ viscoelasticity"."""
-    labels, had = [], ()
-    for number, rung in enumerate(explained.ladder):
-        has = rung.fit.model.has
-        new = [f"+ {name}" for name in has if name not in had]
-        lost = [f"− {name}" for name in had if name not in has]
-        start = ["map alone" if not has else "map"] if number == 0 else []
-        labels.append("\n".join([*start, *new, *lost]))
-        had = has
-    return labels
 
 
 def draw_ladder(explained: Explanation) -> Figure:

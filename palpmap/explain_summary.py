@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Any
 from identify.explain import Explanation, Rung
 from identify.residual_statement import length
 from palpmap.explain_evidence import added_name
-from palpmap.explain_words import VERDICTS, step_evidence, steps_of, verdict_detail
+from palpmap.explain_words import (
+    VERDICTS,
+    rung_labels,
+    step_evidence,
+    steps_of,
+    verdict_detail,
+)
 from palpmap.problem import Problem, named
 
 if TYPE_CHECKING:
@@ -58,10 +64,9 @@ def _ladder_table(explained: Explanation) -> "RenderableType":
     table = Table(box=box.SIMPLE, title="the error", title_justify="left")
     for name in ("model", "rms", "held-out presses", "noise alone", "chi2/dof"):
         table.add_column(name, justify="left" if name == "model" else "right")
-    for rung in explained.ladder:
-        has = rung.fit.model.has
+    for label, rung in zip(rung_labels(explained), explained.ladder, strict=True):
         table.add_row(
-            "map" + "".join(f" + {name}" for name in has),
+            label.replace("\n", ", "),
             length(rung.fit.rms_m, signed=False),
             length(rung.held_out.rms_m, signed=False),
             length(rung.comparison.expected_rms_m, signed=False),

@@ -9,8 +9,7 @@ import numpy as np
 from identify.effects.words import percent
 from identify.explain import Addition, Explanation
 from identify.residual_statement import length
-from palpmap.explain_figures import rung_labels
-from palpmap.explain_words import CANDIDATES
+from palpmap.explain_words import CANDIDATES, rung_labels
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
 from palpmap.report import shown

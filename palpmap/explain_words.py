@@ -41,6 +41,19 @@ def verdict_detail(explained: Explanation) -> str:
     return f"{_help(explained)}{explained.final.comparison.statement}"
 
 
+def rung_labels(explained: Explanation) -> list[str]:
+    """Return what each rung of the ladder changed: "map alone", "+ viscoelasticity"."""
+    labels, had = [], ()
+    for number, rung in enumerate(explained.ladder):
+        has = rung.fit.model.has
+        new = [f"+ {name}" for name in has if name not in had]
+        lost = [f"− {name}" for name in had if name not in has]
+        start = ["map alone" if not has else "map"] if number == 0 else []
+        labels.append("\n".join([*start, *new, *lost]))
+        had = has
+    return labels
+
+
 def listed(names: Sequence[str]) -> str:
     """Return names as a list in a sentence.
 

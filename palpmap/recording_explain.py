@@ -19,8 +19,8 @@ from identify.residual_statement import length
 from palpmap import __version__
 from palpmap import recording_parts as parts
 from palpmap import recording_style as style
-from palpmap.explain_figures import press_rms, rung_labels
-from palpmap.explain_words import VERDICTS, step_evidence, verdict_detail
+from palpmap.explain_figures import press_rms
+from palpmap.explain_words import VERDICTS, rung_labels, step_evidence, verdict_detail
 from palpmap.finding import Finding, matched
 from palpmap.fit import deepest_rows
 from palpmap.problem import Problem

@@ -55,8 +55,9 @@ def explain_pictures(finding: Finding, explained: Explanation) -> dict[str, byte
         }
         for number, evidence in enumerate(evidences(explained), start=1):
             pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
-        if explained.final is not first:
-            pictures["parameters"] = png(draw_parameters(finding, explained))
+        parameters = draw_parameters(finding, explained)
+        if parameters is not None:
+            pictures["parameters"] = png(parameters)
         cosines = draw_cosines(first.diagnosis)
         if cosines is not None:
             pictures["confusion"] = png(cosines)

@@ -87,10 +87,15 @@ def _circles(axes: Axes, f: Finding, own: GaussianMap, cut: Cut) -> None:
     axes.set_ylim(limits[1])
 
 
-def draw_parameters(finding: Finding, explained: Explanation) -> Figure:
-    """Draw each parameter of the map with its 95 % interval at every rung, and the truth."""
+def draw_parameters(finding: Finding, explained: Explanation) -> Figure | None:
+    """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
+
+    None where the ladder has one rung, or the whole map was held.
+    """
     rungs = explained.ladder
     names = [n for n in rungs[-1].fit.map.names if n in rungs[-1].fit.std]
+    if len(rungs) < 2 or not names:
+        return None
     true = {} if finding.truth is None else matched(rungs[-1].fit.map, finding.truth)
     columns = min(len(names), 6)
     rows = -(-len(names) // columns)

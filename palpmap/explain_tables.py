@@ -1,6 +1,6 @@
 """The tables of an explanation's report, as HTML: ladder, rivals, candidates, parameters."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -174,40 +174,27 @@ def next_press_table(presses: Sequence[Mapping[str, Any]]) -> str:
 
 def detection_table(limits: Sequence[Mapping[str, Any]]) -> str:
     """Return how small each effect may be to be seen, and what it would do to the map unseen."""
-    rows = [
-        (
-            str(e.get("name", "")),
-            percent(e["smallest_share"]) if _is_number(e.get("smallest_share")) else "cannot be",
-            ", ".join(map(str, e.get("confused_with") or ())),
-            _bias(e.get("map_bias")),
+    names = list(dict.fromkeys(n for e in limits for n in e.get("map_bias") or {}))
+    head = ["Effect", "Seen from", "Confused with"]
+    head += [f"{plain_name(n)}, {'kPa' if n.endswith('_pa') else 'mm'}" for n in names]
+    rows = []
+    for e in limits:
+        share, bias = e.get("smallest_share"), e.get("map_bias") or {}
+        rows.append(
+            [
+                str(e.get("name", "")),
+                percent(share) if share is not None else "never",
+                str(e.get("untestable") or "") or ", ".join(e.get("confused_with") or ()),
+                *(_moved(n, bias[n]) if _is_number(bias.get(n)) else "" for n in names),
+            ]
         )
-        for e in limits
-    ]
-    head = (
-        "Effect",
-        "Seen from, share of the signal",
-        "Confused with",
-        "Map, if it is ignored",
-    )
     return table(head, rows, numeric=False)
 
 
-def _bias(bias: Any) -> str:
-    if isinstance(bias, str):
-        return bias
-    if not isinstance(bias, Mapping):
-        return ""
-    return "; ".join(_moved(name, value) for name, value in _numbers(bias))
-
-
-def _numbers(bias: Mapping[str, Any]) -> Iterable[tuple[str, float]]:
-    return ((name, float(v)) for name, v in bias.items() if _is_number(v))
-
-
 def _moved(name: str, value: float) -> str:
-    """Return a shift of a parameter in its unit."""
-    unit = "Pa" if name.endswith("_pa") else "m" if name.endswith("_m") else ""
-    return f"{plain_name(name)} {'+' if value > 0 else ''}{shown(value, unit)}"
+    """Return a shift of a parameter in kPa or mm, two digits."""
+    shown_value = (1e-3 if name.endswith("_pa") else 1e3) * value
+    return f"{shown_value:+.2g}" if abs(shown_value) >= 0.005 else "0"
 
 
 def _is_number(value: Any) -> bool:

@@ -187,8 +187,9 @@ def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(tol
     assert "next_scan_1.csv" in page.text
     assert NASTY in page.text
     assert "1.3 %" in page.text
-    assert "background -0.24 kPa; inclusion 1 z +8.00 mm" in page.text
-    assert "cannot be" in page.text
+    assert "background, kPa" in page.text
+    assert "mesh_error-0.24+8" in page.text  # the cells of a row, one after the other
+    assert "force_gainnever" in page.text
     plain = written(told, tmp_path)
     assert "Which presses to make next" not in plain.headings
 

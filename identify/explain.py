@@ -30,6 +30,7 @@ from models.scan import Scan
 MARGIN = 10.0
 MOST_EFFECTS = 4
 _SHORTLIST = 3
+_RISE = 1.002  # an addition does not raise the error itself
 _HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
 _REFIT_EVALUATIONS = 15
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
@@ -202,7 +203,10 @@ def compare_rivals(
     for name in shortlist(rung.diagnosis, exclude):
         say(f"trying {name}")
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
-        if fit is not None and not effects[name].doubt(fit.at.values[name], fit.model.readings):
+        if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
+            continue
+        # Chi-square also falls where the model's slope, and with it the noise allowed, grows
+        if fit.rms_m <= _RISE * rung.fit.rms_m:
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
 

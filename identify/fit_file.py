@@ -18,7 +18,7 @@ SCHEMA = 1
 _ARRAYS = (
     "covariance", "press_index", "force_n", "displacement_m", "latent_force_n", "predicted_m",
     "sigma_m", "residual_m", "compliance_m_per_n", "compliance_jacobian", "discretization_error",
-    "model_error",
+    "model_error", "derivative_m",
 )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def _fit(content: dict) -> Fit:
         "history": tuple(FitIteration(**entry) for entry in content["history"]),
     }
     for name in _ARRAYS:
-        if content[name] is not None:
+        if content.get(name) is not None:
             kind = np.int64 if name == "press_index" else float
             values[name] = np.array(content[name], dtype=kind)
     return Fit(**values)

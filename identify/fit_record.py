@@ -51,7 +51,8 @@ class Fit:
     the free parameters (m/N over their units); `discretization_error` (j,) the relative error
     of the coarse model's compliance against the finer one, and `model_error` (j,) the estimated
     relative error of the finer one, which covariance and intervals count in; both None where there
-    was no finer model.
+    was no finer model. With effects beside the map, `derivative_m` (m, k) is the derivative of
+    `predicted_m` by the free parameters; without, it follows from the compliances'.
     """
 
     map: GaussianMap
@@ -77,6 +78,7 @@ class Fit:
     message: str
     nfev: int
     model_error: np.ndarray | None = None
+    derivative_m: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))

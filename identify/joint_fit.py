@@ -94,6 +94,13 @@ class JointFit:
         return dict(zip(self.model.names, deviation.tolist(), strict=True))
 
     @property
+    def message(self) -> str:
+        """How the fit ended, in words."""
+        held = self.at_bound
+        ended = "map and effects fitted jointly" if self.success else "the joint fit did not end"
+        return ended + (f"; at its bound, so not found: {', '.join(held)}" if held else "")
+
+    @property
     def at_bound(self) -> tuple[str, ...]:
         """Names of the unknowns that sit on one of their bounds."""
         low, high = self.model.bounds

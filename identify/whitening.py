@@ -93,12 +93,14 @@ def whitened(fit: Fit, scan: Scan) -> Whitened:
             f"the fit was made on another scan: it has {len(fit.force_n)} used rows, this scan "
             f"{len(rows)}, or their readings differ; fit this scan anew"
         )
-    derivative = fit.compliance_jacobian[rows.press_index]
+    derivative = fit.derivative_m
+    if derivative is None:
+        derivative = fit.compliance_jacobian[rows.press_index] * fit.latent_force_n[:, None]
     return Whitened(
         scan=rows,
         residual_m=fit.residual_m,
         sigma_m=fit.sigma_m,
         force_n=fit.latent_force_n,
-        absorbed=derivative * (fit.latent_force_n / fit.sigma_m)[:, None],
+        absorbed=derivative / fit.sigma_m[:, None],
         noise_estimated=fit.noise.estimated,
     )

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.study import Study
+from palpmap.study_body import Body
 
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 REFINEMENT = 1.5
@@ -44,23 +45,44 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     Raises
     ------
     InputError
-        The study has effects that the model does not know.
+        A press that would push the body off the base on which it slides.
     fem.errors.MeshError
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
-    if study.effects:
-        names = ", ".join(effect.name for effect in study.effects)
-        raise InputError(
-            f"the study names effects ({names}) that the linear model does not have; take the "
-            "entries [[effects]] out to fit without them"
-        )
     contacts, note = contacts_of(study, scan)
     meshes = _meshes(study)
-    nu = study.body.poisson_ratio
-    search = PalpationModel(meshes[0], nu, contacts, near_field=False)
-    coarse, finer = (PalpationModel(mesh, nu, contacts) for mesh in meshes)
+    nu, support = study.body.poisson_ratio, support_of(study.body)
+    search = PalpationModel(meshes[0], nu, contacts, near_field=False, support=support)
+    if study.body.support == "base-sliding":
+        _check_held(search, scan)
+    coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
     fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
     return BodyModel(search, coarse, fine, note)
+
+
+def support_of(body: Body) -> Support:
+    """Return what holds a study's body.
+
+    >>> from palpmap.study import Body
+    >>> support_of(Body(shape="block", size_m=(0.1, 0.1, 0.05), poisson_ratio=0.3,
+    ...                 support="base-sliding", held_sides=("x0",)))
+    Support(surface='base', normal=0.0, tangential=inf, held=('x0',))
+    """
+    normal, tangential = body.base_normal_m_per_pa or 0.0, body.base_tangential_m_per_pa or 0.0
+    if body.support == "base-sliding":
+        tangential = np.inf
+    return Support("base", normal, tangential, body.held_sides)
+
+
+def _check_held(model: PalpationModel, scan: Scan) -> None:
+    """Refuse presses that nothing but a sliding base resists; the modulus does not matter."""
+    try:
+        model.evaluate(1.0)
+    except SolverError as error:
+        raise InputError(
+            f'study, key body.support: found "base-sliding", but {error}; press straight onto the '
+            'base, give held_sides, or support = "base-elastic" with a tangential compliance'
+        ) from error
 
 
 def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:

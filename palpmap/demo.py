@@ -9,7 +9,8 @@ from models.scan import read_scan
 from palpmap.body_model import build_body_model
 from palpmap.console import Output, to_type
 from palpmap.finding import Finding, matched
-from palpmap.fit import finish_fit, fit_record, fit_study, step_recorder
+from palpmap.fit import finish_fit, fit_record, step_recorder
+from palpmap.map_fit import fit_study
 from palpmap.placement import place_scan
 from palpmap.recording import Recording
 from palpmap.run_folder import RunFolder

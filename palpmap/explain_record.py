@@ -6,7 +6,7 @@ from identify.diagnosis import Diagnosis
 from identify.effects.effect import Effect
 from identify.explain import Explanation, Rung
 from identify.score import Score
-from palpmap.fit import AXES
+from palpmap.map_fit import AXES
 from palpmap.problem import Problem, named
 
 SCHEMA = 1

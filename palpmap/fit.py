@@ -8,27 +8,26 @@ from typing import Literal
 
 import numpy as np
 
-from identify.fit import fit_scan
 from identify.fit_file import write_fit
 from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
-from identify.noise import Noise, scan_noise
-from identify.optimizers import OPTIMIZERS
+from identify.joint_fit import fit_jointly
+from identify.joint_record import fit_of
 from models.scan import Scan, read_scan, write_scan
 from palpmap.body_model import BodyModel, build_body_model
 from palpmap.console import Output, to_type
 from palpmap.finding import Finding
 from palpmap.finding_files import build_finding, write_finding
 from palpmap.fit_figures import near_largest_force
+from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan
+from palpmap.problem import fit_effects, own_effects
 from palpmap.recording import Recording
 from palpmap.recording_maps import map_views
 from palpmap.run_folder import RunFolder
 from palpmap.study import Study, load_study, write_study
 from palpmap.summary import summary
 
-MOST_INCLUSIONS = 4
-AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
 
 
@@ -91,6 +90,8 @@ def run_fit(
                 optimizer,
                 step_recorder(recording, body, lambda: progress.advance(task), surface),
             )
+            if known.effects:
+                fit = with_effects(known, placement, body, fit)
             progress.update(task, description="comparing and drawing")
             finding = finish_fit(run.path, known, fit, body, recording)
             progress.update(task, description="done", total=1, completed=1)
@@ -105,68 +106,11 @@ def run_fit(
     return fit.success
 
 
-def fit_study(
-    study: Study,
-    placement: Placement,
-    body: BodyModel,
-    optimizer: str = "gauss-newton",
-    callback: Callable[[FitIteration], None] | None = None,
-) -> Fit:
-    """Fit a placed scan with the inclusions, guesses and noise that the study states.
-
-    With `inclusions = "auto"` their number rises from none until the Bayesian information
-    criterion no longer falls.
-    """
-    scan = placement.scan
-    noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
-    method = OPTIMIZERS[optimizer]
-    if study.map.inclusions == "auto":
-        start = _best_number(scan, body, noise)
-        return fit_scan(
-            scan, body.coarse, noise=noise, fine_model=body.fine, start=start,
-            optimizer=method, callback=callback,
-        )  # fmt: skip
-    known = {**study.map.initial, **study.map.fixed}
-    if not known:
-        return fit_scan(
-            scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
-            search_model=body.search, fine_model=body.fine, optimizer=method, callback=callback,
-        )  # fmt: skip
-    names = GaussianMap.from_values(np.ones(1 + 5 * study.map.inclusions)).names
-    if set(known) == set(names):
-        values = np.empty(len(names))
-    else:  # what the study leaves open starts where a quick fit ends
-        quick = fit_scan(
-            scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
-            search_model=body.search,
-        ).map  # fmt: skip
-        values = np.array(quick.values)
-    for index, name in enumerate(names):
-        if name in known:  # the study speaks in the scan's frame
-            axis = AXES.get(name.split(".")[-1])
-            shift = 0.0 if axis is None else placement.origin_m[axis]
-            values[index] = known[name] - shift
-    free = [name for name in names if name not in study.map.fixed]
-    return fit_scan(
-        scan, body.coarse, noise=noise, fine_model=body.fine, optimizer=method,
-        start=GaussianMap.from_values(values), free=free, callback=callback,
-    )  # fmt: skip
-
-
-def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
-    """Return the map of the number of inclusions with the least information criterion."""
-    rows = np.log(len(scan.used()))
-    best, least = None, np.inf
-    for inclusions in range(MOST_INCLUSIONS + 1):
-        fit = fit_scan(
-            scan, body.coarse, inclusions=inclusions, noise=noise, search_model=body.search
-        )
-        criterion = fit.chi2 + len(fit.covariance_names) * rows
-        if best is not None and criterion > least:
-            break
-        best, least = fit.map, criterion
-    assert best is not None  # the loop has run
-    return best
+def with_effects(study: Study, placement: Placement, body: BodyModel, fit: Fit) -> Fit:
+    """Fit a study's effects jointly with the map that was fitted without them."""
+    model, start = fit_effects(study, placement.scan, body, fit, own_effects(study, ()))
+    joint = fit_jointly(model, start)
+    return replace(fit_of(fit, joint), message=joint.message)
 
 
 def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray:

@@ -26,7 +26,7 @@ from identify.score import fitted_basis, score_effect
 from models.errors import InputError
 from models.scan import Scan, read_scan
 from palpmap.body_model import BodyModel, build_body_model
-from palpmap.fit import fit_study
+from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan
 from palpmap.study import Study
 
@@ -74,14 +74,26 @@ def pose(
     body = build_body_model(study, placement.scan.used())
     say("fitting the map")
     fit = fit_study(study, placement, body, callback=on_iteration)
-    model = measurement_model(placement.scan, body, fit)
-    start = fit.map
+    model, start = fit_effects(study, placement.scan, body, fit, own, say)
+    return Problem(study, placement, body, fit, model, start, catalogue)
+
+
+def fit_effects(
+    study: Study,
+    scan: Scan,
+    body: BodyModel,
+    fit: Fit,
+    own: Sequence[Effect] = (),
+    say: Say = lambda text: None,
+) -> tuple[MeasurementModel, GaussianMap]:
+    """Return the model with a study's effects near their estimates, and the map beside them."""
+    model, start = measurement_model(scan, body, fit), fit.map
     for entry in study.effects:
-        effect = named(catalogue, entry.name)
+        effect = named(catalogue_with(own), entry.name)
         say(f"fitting {effect.name}")
         joint = _with_effect(model, start, effect, entry.initial)
         model, start = joint.model, joint.map
-    return Problem(study, placement, body, fit, model, start, catalogue)
+    return model, start
 
 
 def catalogue_with(own: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose
 
 from identify.comparison import read_comparison
 from identify.explain import Addition, Rival
+from identify.joint_record import estimates
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
-from palpmap.explain_finding import estimates, final_finding, truth_beside
+from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import verdict_detail

@@ -6,6 +6,8 @@ below the paraboloid that follows the surface (`fem.contact_shape`); see `fem.ne
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
@@ -15,7 +17,12 @@ from fem.contact_shape import depth_below, height, slope
 from fem.quadrature import TET_RULES
 
 FUNCTIONS = 4  # v times 1, x, y, z
-_TUBE = 0.35  # radius of the polar quadrature around the rim, in tip radii
+# Radius of the polar quadrature around the rim: this many tip radii, but no more than this part of
+# the least height of the cells there. Its points are dealt out to the cells that hold them, which
+# integrates over each of them only if they are larger than the tube.
+_TUBE = 0.35
+_TUBE_CELLS = 0.3
+_THINNEST = 0.05  # tip radii; the cost grows like one over the tube's radius
 # Largest diameter of a quadrature cell over its distance from the rim; points around the rim,
 # outwards, across. Where each cell keeps its volume (`fem.assembly.split_lame`) an error of its
 # change counts many times over.
@@ -88,7 +95,9 @@ def _integrate(vertices, shape, radius, nu, profile, projection):
     lam, mu, mean_lame = split_lame(nu)
     leaf, tube_points = _FINE if mean_lame > 0 else _COARSE
     arguments = (shape, radius, nu, profile, lam, mu, projection, pairs)
-    tube = _TUBE * radius
+    tube, spread = _tube_radius(vertices, radius), _TUBE * radius
+    quarter = math.ceil(tube_points[0] * spread / (4 * tube))  # quarter turns change nothing
+    tube_points = (4 * quarter, *tube_points[1:])
     _integrate_cells(vertices, *TET_RULES[5], leaf, tube, strain, density, *arguments)
     points, weights = _tube_points(radius, tube, tube_points)
     points[:, 2] += height(shape, points[:, 0], points[:, 1])
@@ -106,6 +115,18 @@ def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
     centre = vertices.mean(axis=1)
     reach = np.linalg.norm(vertices - centre[:, None], axis=2).max(axis=1)
     return np.hypot(np.hypot(centre[:, 0], centre[:, 1]) - radius, centre[:, 2]) - reach
+
+
+def _tube_radius(vertices: np.ndarray, radius: float) -> float:
+    """Radius of the polar quadrature around the rim."""
+    close = vertices[_rim_reach(vertices, radius) < _TUBE * radius]
+    if not len(close):
+        return _TUBE * radius
+    gradients = np.linalg.inv(close[:, 1:] - close[:, :1])  # columns of lambda_1..3
+    steepest = np.linalg.norm(gradients, axis=1).max(axis=1)
+    steepest = np.maximum(steepest, np.linalg.norm(gradients.sum(axis=2), axis=1))
+    height = 1 / steepest.max()  # least distance of a corner from the face across
+    return min(_TUBE * radius, max(_TUBE_CELLS * height, _THINNEST * radius))
 
 
 def _tube_points(

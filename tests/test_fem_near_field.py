@@ -281,3 +281,14 @@ def test_an_inclusion_is_felt_as_by_an_independent_solver(case, lab_model):
     error = lab_model.evaluate(modulus).compliance / exact[::2] - 1
     assert np.sqrt(np.mean(error**2)) < 0.005
     assert abs(error).max() < 0.01
+
+
+def test_cells_flatter_than_the_rims_quadrature_still_get_their_own_part_of_it():
+    # Two presses at almost the same place on a hard layer of one flat cell: the layer's boundary
+    # cuts the tube around the rim, whose points must not be dealt out by chance.
+    mesh = block_mesh((2, 2, 1), (10, 10, 5), levels_m=[*np.linspace(0, 0.95, 5), 1])
+    contacts = Contacts([(1, 1, 1), (1.03, 0.97, 1)], DOWN, 0.208)
+    layered = PalpationModel(mesh, 0.49, contacts)
+    modulus = np.where(layered.points_m[:, 2] > 0.95, 5.0, 1.0)
+    one, other = layered.evaluate(modulus).compliance
+    assert one == pytest.approx(other, rel=2e-3)

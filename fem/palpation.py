@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -161,8 +162,8 @@ class PalpationModel:
         Parameters
         ----------
         modulus_pa : (p,) Young's modulus at `points_m`, Pa, or one number for a homogeneous body.
-        support_compliance : normal and tangential compliance (m/Pa) in place of the support's own;
-            the near fields need not be made again for another one.
+        support_compliance : normal and tangential compliance (m/Pa) that the support has beyond its
+            own, in series; the near fields need not be made again for another one.
         fibres : direction and modulus of fibres, see `fem.elasticity.Fibres`
         skin : thickness and modulus factor of a skin on the surface `skin_surface`, see `fem.skin`;
             it counts in `compliance`, `sensitivity` and `skin_sensitivity`
@@ -185,7 +186,12 @@ class PalpationModel:
         material = Material(modulus, fibres, skin)
         support = self.support
         if support_compliance is not None:
-            support = Support(support.surface, *support_compliance, support.held)
+            normal, tangential = support_compliance
+            support = replace(
+                support,
+                normal=support.normal + normal,
+                tangential=support.tangential + tangential,
+            )
         body = self._bonded if support.bonded else self.floating
         values = self.values(body, material)
         springs = None

@@ -226,6 +226,12 @@ def _refuse_unknown(study: Study) -> None:
             'the laboratory presses on blocks; the study has body.shape = "surface": give a study '
             "of a block to scan"
         )
+    if study.body.support != "base-bonded" or study.body.held_sides:
+        raise InputError(
+            "the laboratory's body is bonded at its base and free elsewhere; the study has "
+            f'body.support = "{study.body.support}" and held_sides = '
+            f'{list(study.body.held_sides)}: give support = "base-bonded" and no held_sides to scan'
+        )
     if study.probe.tip != "flat":
         raise InputError(
             'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '

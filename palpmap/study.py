@@ -5,12 +5,9 @@ import os
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
     ValidationError,
     field_validator,
@@ -19,11 +16,13 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from models.errors import InputError
+from palpmap.study_body import Body, File, Positive, Real, Table
 
 SCHEMA = 1
 LARGEST_BODY_M = 1.0
 LARGEST_RADIUS_M = 0.05
 LARGEST_NOISE_M = 0.005
+SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
 UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
 EFFECTS = (
     "viscoelasticity",
@@ -50,34 +49,8 @@ EFFECTS = (
 )
 INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 
-Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0)]
 
-
-def _three(value: Any) -> Any:
-    if isinstance(value, (list, tuple)) and len(value) == 3:
-        return tuple(value)
-    raise ValueError("three numbers [x, y, z] in m")
-
-
-def _path(value: Any) -> Any:
-    if isinstance(value, str) and value.strip():
-        return Path(value)
-    if isinstance(value, Path):
-        return value
-    raise ValueError("the name of a file, as text")
-
-
-Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_three)]
-Size = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
-File = Annotated[Path, BeforeValidator(_path)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-
-class About(_Table):
+class About(Table):
     """`[study]`: the experiment's name and its scan.
 
     `units_checked` says that sizes which look like millimetres or grams are meant as they stand.
@@ -89,49 +62,21 @@ class About(_Table):
     schema_version: int = Field(SCHEMA, alias="schema", ge=1, strict=True)
 
 
-class Body(_Table):
-    """`[body]`: the soft body.
-
-    A block's corner stands at `origin_m` in the scan's frame, x and y in [0, size], z up from the
-    base. With `project_points` a block stands in for a body with a curved surface: contact points
-    are moved along z onto its top and directions are replaced by the top's normal.
-    """
-
-    shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")
-    size_m: Size | None = None
-    file: File | None = None
-    poisson_ratio: Real = Field(ge=0, le=0.49, description="Poisson's ratio, 0 to 0.49")
-    support: Literal["base-bonded"] = "base-bonded"
-    origin_m: Point = (0.0, 0.0, 0.0)
-    project_points: bool = Field(False, strict=True)
-    thickness_assumed: bool = Field(False, strict=True)
-
-    @model_validator(mode="after")
-    def _shape_has_its_keys(self) -> "Body":
-        if self.shape == "block" and (self.size_m is None or self.file is not None):
-            raise ValueError('size_m = [x, y, z] in m and no file, as shape is "block"')
-        if self.shape == "surface" and (self.file is None or self.size_m is not None):
-            raise ValueError('file = "... .stl" and no size_m, as shape is "surface"')
-        if self.shape == "surface" and (self.project_points or self.thickness_assumed):
-            raise ValueError('project_points and thickness_assumed only with shape = "block"')
-        return self
-
-
-class Probe(_Table):
+class Probe(Table):
     """`[probe]`: the tip that presses."""
 
     tip: Literal["flat", "sphere"] = Field(description="'flat' or 'sphere'")
     radius_m: Positive = Field(description="the tip's radius in m")
 
 
-class Noise(_Table):
+class Noise(Table):
     """`[noise]`: one standard deviation of each reading; None is estimated from the scan."""
 
     displacement_m: Positive | None = None
     force_n: Positive | None = None
 
 
-class Map(_Table):
+class Map(Table):
     """`[map]`: number of inclusions; first guesses and fixed values by parameter name.
 
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
@@ -182,7 +127,7 @@ class Map(_Table):
         return self
 
 
-class Effect(_Table):
+class Effect(Table):
     """One entry of `[[effects]]`: an effect that the model has.
 
     `name` is one of the catalogue's, or with `file` (Python code, which is executed) the user's
@@ -204,7 +149,7 @@ class Effect(_Table):
         return self
 
 
-class Study(_Table):
+class Study(Table):
     """A study file; paths are absolute after `load_study`."""
 
     study: About = Field(description="the table [study] with name and scan")
@@ -313,6 +258,14 @@ def _check_units(path: Path, study: Study) -> None:
                 f"{path}, key {key}: found {value:g} m, expected at most {limit:g} m; this looks "
                 f"like millimetres: divide by 1000 ({UNITS_ESCAPE})"
             )
+    for name in ("base_normal_m_per_pa", "base_tangential_m_per_pa"):
+        value = getattr(study.body, name) or 0.0
+        if value > SOFTEST_BASE_M_PER_PA:
+            raise InputError(
+                f"{path}, key body.{name}: found {value:g} m/Pa, expected at most "
+                f"{SOFTEST_BASE_M_PER_PA:g} m/Pa; this looks like mm/kPa: multiply by 1e-6 "
+                f"({UNITS_ESCAPE})"
+            )
     noise = study.noise.force_n or 0.0
     if noise > 2.0:
         raise InputError(
@@ -357,5 +310,5 @@ def _fields_of_table(location: tuple[int | str, ...]) -> dict[str, FieldInfo]:
     table: Any = Study
     for part in location:
         inner = Effect if isinstance(part, int) else table.model_fields[part].annotation
-        table = inner if isinstance(inner, type) and issubclass(inner, _Table) else table
+        table = inner if isinstance(inner, type) and issubclass(inner, Table) else table
     return {field.alias or name: field for name, field in table.model_fields.items()}

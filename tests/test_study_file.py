@@ -73,6 +73,41 @@ BAD = {
     "a number as text": ("0.49", '"0.3"', r"poisson_ratio: found '0.3', expected a valid number"),
     "a NaN": ("radius_m = 0.005", "radius_m = nan", r"probe.radius_m: found nan, .*finite"),
     "an unknown support": ("base-bonded", "hanging", r"body.support: found 'hanging', expected 'b"),
+    "an elastic base without compliances": (
+        "base-bonded",
+        "base-elastic",
+        r"key body: expected base_normal_m_per_pa and base_tangential_m_per_pa",
+    ),
+    "compliances of a bonded base": (
+        '"base-bonded"',
+        '"base-bonded"\nbase_normal_m_per_pa = 1e-6',
+        r"key body: expected no base_normal_m_per_pa .* as support is \"base-bonded\"",
+    ),
+    "a base in mm/kPa": (
+        '"base-bonded"',
+        '"base-elastic"\nbase_normal_m_per_pa = 2.0\nbase_tangential_m_per_pa = 0.0',
+        r"body.base_normal_m_per_pa: found 2 m/Pa.*multiply by 1e-6",
+    ),
+    "a base that pulls": (
+        '"base-bonded"',
+        '"base-elastic"\nbase_normal_m_per_pa = -1e-6\nbase_tangential_m_per_pa = 0.0',
+        r"body.base_normal_m_per_pa: found -1e-06, expected greater than or equal to 0",
+    ),
+    "a side that no block has": (
+        '"base-bonded"',
+        '"base-bonded"\nheld_sides = ["x2"]',
+        r"body.held_sides.0: found 'x2', expected 'x0', 'x1', 'y0' or 'y1'",
+    ),
+    "a side held twice": (
+        '"base-bonded"',
+        '"base-bonded"\nheld_sides = ["x0", "x0"]',
+        r"body.held_sides: .*each once",
+    ),
+    "sides of a surface": (
+        'shape = "block"\nsize_m = [0.096, 0.096, 0.048]',
+        'shape = "surface"\nfile = "a.stl"\nheld_sides = ["x0"]',
+        r"key body: expected held_sides only with shape",
+    ),
     "a block in millimetres": (
         "[0.096, 0.096, 0.048]",
         "[96, 96, 48]",

@@ -1,19 +1,23 @@
 """`palpmap add` and `palpmap history`: effects added to a study, one version after the other."""
 
+import difflib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identify.diagnosis import diagnose
+from identify.effects.effect import Effect
 from identify.explain import Rung, fit_with
 from identify.joint_fit import fit_jointly
+from identify.readings import Readings
 from identify.residual_statement import length
 from models.errors import InputError
+from models.scan import read_scan
 from palpmap.console import Output, to_type
 from palpmap.diagnose import judged
 from palpmap.explain_record import parameters_of, rung_record
-from palpmap.problem import Problem, named, own_effects, pose
-from palpmap.study import load_study
+from palpmap.problem import Problem, catalogue_with, own_effects, pose
+from palpmap.study import Study, load_study
 from palpmap.study_versions import (
     history_file,
     next_version,
@@ -24,6 +28,8 @@ from palpmap.study_versions import (
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
+_UNITS = {"Pa": (1e-3, " kPa"), "m": (1e3, " mm"), "1": (1.0, "")}
 
 
 def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], output: Output) -> bool:
@@ -43,8 +49,7 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     """
     known = load_study(study)
     own = own_effects(known, effects)
-    if any(entry.name == name for entry in known.effects):
-        raise InputError(f"{study}: the study has the effect '{name}' already; add another one")
+    effect = _effect_to_add(name, study, known, own)
     with output.progress() as progress:
         task = progress.add_task("reading", total=None)
 
@@ -52,7 +57,6 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
             progress.update(task, description=text)
 
         problem = pose(known, own, say)
-        effect = named(problem.catalogue, name)
         before = judged(problem, seed, say)
         score = before.diagnosis[name]
         if score.untestable is not None:
@@ -87,6 +91,23 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
         f"Next: {to_type('diagnose', target)}",
     )
     return earns
+
+
+def _effect_to_add(name: str, study: Path, known: Study, own: Sequence[Effect]) -> Effect:
+    """Return the effect, or say why it cannot be added before a minute is spent on fitting."""
+    catalogue = {effect.name: effect for effect in catalogue_with(own)}
+    if name not in catalogue:
+        near = difflib.get_close_matches(name.lower().replace("-", "_"), catalogue, n=1)
+        hint = f"the nearest right one is '{near[0]}'" if near else "`palpmap effects` lists them"
+        file = "; a file of your own goes with --effect" if name.endswith(".py") else ""
+        raise InputError(f"no effect is called '{name}'; {hint}{file}")
+    if any(entry.name == name for entry in known.effects):
+        raise InputError(f"{study}: the study has the effect '{name}' already; add another one")
+    readings = Readings.of(read_scan(known.scan, known.study.units_checked))
+    reason = catalogue[name].untestable(readings)
+    if reason is not None:
+        raise InputError(f"the effect '{name}' cannot be added to {study}: {reason}")
+    return catalogue[name]
 
 
 def run_history(*, study: Path, undo: bool, output: Output) -> bool:
@@ -159,11 +180,10 @@ def _change_table(before: Rung, after: Rung, problem: Problem) -> tuple["Rendera
         found.add_column(column, justify="left" if column == "parameter" else "right")
     old, new = parameters_of(before, problem), parameters_of(after, problem)
     for name, p in new.items():
-        scale, unit = (1e3, " mm") if p["unit"] == "m" else (1.0, f" {p['unit']}")
-        unit = "" if unit == " 1" else unit
-        earlier = f"{scale * old[name]['value']:.4g}{unit}" if name in old else ""
-        found.add_row(name, earlier, f"{scale * p['value']:.4g}{unit}",
-                      f"{scale * p['std']:.2g}{unit}")  # fmt: skip
+        scale, unit = _UNITS.get(p["unit"], (1.0, f" {p['unit']}"))
+        earlier = f"{scale * old[name]['value']:.4g}{unit}" if name in old else "absent"
+        error_now = f"{scale * p['std']:.2g}{unit}" if p["std"] else "held"
+        found.add_row(name, earlier, f"{scale * p['value']:.4g}{unit}", error_now)
     return error, found
 
 
@@ -176,9 +196,12 @@ def _history_table(versions: list[dict[str, Any]]) -> "RenderableType":
     table = Table(box=box.SIMPLE, title="the ladder", title_justify="left")
     for column in ("version", "added", "rms", "held-out presses", "chi2/dof"):
         table.add_column(column, justify="left" if column in ("version", "added") else "right")
-    for v in versions:
+    for number, v in enumerate(versions):
+        added = v["added"] or ", ".join(v["effects"]) or "map alone"
+        if number and v["from"] != versions[number - 1]["study"]:
+            added += f" (to {v['from']})"
         table.add_row(
-            v["study"], v["added"] or "map alone", length(v["rms_m"], signed=False),
+            v["study"], added, length(v["rms_m"], signed=False),
             length(v["held_out_rms_m"], signed=False), f"{v['chi2_per_dof']:.3g}",
         )  # fmt: skip
     return table

@@ -8,6 +8,7 @@ from identify.joint_fit import JointFit, fit_jointly
 from identify.limits import SHARE, Limit, detection_limits, improvements
 from identify.scan_design import presses_of, variations
 from palpmap.console import Output
+from palpmap.diagnose import untestable_lines
 from palpmap.next_scan import write_presses
 from palpmap.problem import Problem, Say, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
@@ -41,7 +42,7 @@ def run_limits(
             fit = fit_jointly(problem.model, problem.start)
             say("computing what this scan can see")
             limits = detection_limits(fit, problem.catalogue)
-            better = planned_limits(fit, problem, run.path, say) if plan else {}
+            better = planned_limits(fit, problem, run.path, say, limits) if plan else {}
             progress.update(task, description="done", total=1, completed=1)
         record = {"limits": [limit_record(limit, better.get(limit.name)) for limit in limits]}
         write_record(run / "limits.json", record)
@@ -50,23 +51,30 @@ def run_limits(
 
 
 def planned_limits(
-    fit: JointFit, problem: Problem, run: Path, say: Say
+    fit: JointFit, problem: Problem, run: Path, say: Say, limits: Sequence[Limit] = ()
 ) -> dict[str, dict[str, Any]]:
     """For each effect the cheapest changed scan that sees it at a clearly smaller size.
 
     The programs of the scans named are written into the run folder.
+
+    Parameters
+    ----------
+    limits : of the scan that was made; a changed scan must also see less than it does
     """
     readings = problem.model.readings
     designs = list(variations(presses_of(readings), readings.time_s is not None))
     plans = improvements(fit, problem.catalogue, designs, say)
     same = next(p for p in plans if p.design.name == "same")
     now = {limit.name: limit.smallest_share for limit in same.limits}
+    made = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
     found: dict[str, dict[str, Any]] = {}
     for plan in sorted(plans, key=lambda p: p.design.presses.duration_s):
         for limit in plan.limits:
             share, present = limit.smallest_share, now.get(limit.name)
             if plan is same or share is None or limit.name in found:
                 continue
+            if limit.name in made:
+                present = min(present or made[limit.name], made[limit.name])
             if present is None or share < _BETTER * present:
                 program = f"scan_{plan.design.name}.csv"
                 if not (run / program).exists():
@@ -96,38 +104,48 @@ def limit_record(limit: Limit, better: dict[str, Any] | None = None) -> dict[str
 
 
 def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType", ...]:
-    """Return the limits as rich renderables."""
+    """Return the limits as rich renderables that fit 80 columns.
+
+    Better scans stand as letters in the table and in words below it.
+    """
     from rich import box
     from rich.table import Table
 
-    values = fit.values
-    table = Table(
-        box=box.SIMPLE, title="what this scan can see (5 standard errors)", title_justify="left"
-    )
-    for column in ("effect", "from % of signal", "looks like", "E0 %", "w %", "z mm", "better"):
-        text = column in ("effect", "looks like", "better")
-        table.add_column(column, justify="left" if text else "right")
-    for limit in record["limits"]:
-        share, bias = limit["smallest_share"], limit["map_bias"]
-        if share is None:
-            table.add_row(limit["name"], "-", limit["untestable"] or "nothing is seen")
-            continue
-        better = limit["better_scan"]
-        hint = f"{100 * better['smallest_share']:.2g} % {better['change']}" if better else ""
+    seen = [limit for limit in record["limits"] if limit["smallest_share"] is not None]
+    scans = {s["program"]: s["change"] for s in (limit["better_scan"] for limit in seen) if s}
+    letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
+    biased = {name for limit in seen for name in limit["map_bias"]}
+    columns = {
+        "E0 %": lambda b: _percent(b, fit.values, "background_pa"),
+        "w %": lambda b: _percent(b, fit.values, "inclusion_1.weight_pa"),
+        "z mm": lambda b: f"{1e3 * b['inclusion_1.z_m']:+.2g}" if "inclusion_1.z_m" in b else "",
+    }
+    of = {"E0 %": "background_pa", "w %": "inclusion_1.weight_pa", "z mm": "inclusion_1.z_m"}
+    columns = {head: shown for head, shown in columns.items() if of[head] in biased}
+    title = "what this scan can see (5 standard errors), % of the signal"
+    table = Table(box=box.SIMPLE, title=title, title_justify="left", pad_edge=False)
+    table.add_column("effect", no_wrap=True)
+    for column in ("from", *columns, *(["better"] if scans else [])):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("looks like")
+    for limit in seen:
+        bias, better = limit["map_bias"], limit["better_scan"]
+        hint = (
+            f"{100 * better['smallest_share']:.2g} {letters[better['program']]}" if better else ""
+        )
         table.add_row(
             limit["name"],
-            f"{100 * share:.2g}",
-            ", ".join(limit["confused_with"][:3]),
-            _percent(bias, values, "background_pa"),
-            _percent(bias, values, "inclusion_1.weight_pa"),
-            f"{1e3 * bias['inclusion_1.z_m']:+.2g}" if "inclusion_1.z_m" in bias else "",
-            hint,
+            f"{100 * limit['smallest_share']:.2g}",
+            *(shown(bias) for shown in columns.values()),
+            *([hint] if scans else []),
+            ", ".join(limit["confused_with"][:2]),
         )
-    note = (
-        f"E0, w, z: how far the map's background, first inclusion's weight and depth move if an "
-        f"effect of {100 * SHARE:.0f} % of the signal is ignored (to first order)."
-    )
-    return table, note
+    notes = [
+        "E0, w, z: how far the map's background, first inclusion's weight and depth move if an "
+        f"effect of {100 * SHARE:.0f} % of the signal is ignored (to first order).",
+        *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
+    ]
+    return table, *notes, *untestable_lines(record["limits"])
 
 
 def _percent(bias: dict[str, float], values: dict[str, float], name: str) -> str:

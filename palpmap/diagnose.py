@@ -1,6 +1,6 @@
 """`palpmap diagnose`: every effect of the catalogue scored from the present fit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,6 @@ WORDS = {
     "supported": "supported",
     "not_seen": "not seen",
     "indistinguishable": "alike",
-    "untestable": "untestable",
 }
 
 
@@ -83,17 +82,19 @@ def diagnosis_table(record: dict[str, Any], rung: Rung) -> tuple["RenderableType
 
     style = "green" if rung.comparison.is_noise else "yellow"
     table = Table(box=box.SIMPLE, title="effects, by their score", title_justify="left")
-    for name in ("effect", "", "share", "p", "alike or why not"):
+    for name in ("effect", "", "share", "p", "alike"):
         table.add_column(name, justify="right" if name in ("share", "p") else "left")
     for c in record["candidates"]:
+        if c["untestable"]:
+            continue
         verdict = WORDS[c["verdict"]]
-        alike = c["untestable"] or ", ".join(c["confused_with"][:3])
         colour = {"supported": "green", "alike": "yellow"}.get(verdict, "dim")
-        numbers = ("", "") if c["untestable"] else (
-            f"{100 * c['explained_fraction']:.0f} %", f"{c['p_value']:.1g}"
-        )  # fmt: skip
-        table.add_row(c["name"], Text(verdict, style=colour), *numbers, alike)
+        # The share of what is left says nothing where noise may have made it
+        share = f"{100 * c['explained_fraction']:.0f} %" if verdict != "not seen" else ""
+        alike = ", ".join(c["confused_with"][:3])
+        table.add_row(c["name"], Text(verdict, style=colour), share, f"{c['p_value']:.1g}", alike)
     lines: list[RenderableType] = [Text(rung.comparison.statement, style=style), table]
+    lines.extend(untestable_lines(record["candidates"]))
     best = best_evidence(record, rung.diagnosis)
     if best:
         lines.append(Text(best))
@@ -101,6 +102,21 @@ def diagnosis_table(record: dict[str, Any], rung: Rung) -> tuple["RenderableType
         size = length(rung.fit.rms_m, signed=False)
         lines.append(Text(f"No effect of the catalogue is seen (rms {size})."))
     return tuple(lines)
+
+
+def untestable_lines(candidates: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return a sentence for each reason why effects cannot be tested on a scan.
+
+    Examples
+    --------
+    >>> untestable_lines([{"name": "breathing", "untestable": "the scan has no time stamps"}])
+    ('Cannot be tested, as the scan has no time stamps: breathing.',)
+    """
+    names: dict[str, list[str]] = {}
+    for candidate in candidates:
+        if candidate["untestable"]:
+            names.setdefault(candidate["untestable"], []).append(candidate["name"])
+    return tuple(f"Cannot be tested, as {why}: {', '.join(n)}." for why, n in names.items())
 
 
 def best_evidence(record: dict[str, Any], diagnosis: Diagnosis) -> str:

@@ -63,6 +63,8 @@ def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -
     elif verdict == "supported":
         # It scores while something else is missing, but does not win: no support of its own
         verdict = "not_seen" if explained.verdict != "unexplained" else "supported"
+    elif verdict == "untestable":
+        verdict = "not_seen"  # the record says why under its own key
     record = score_record(score, rung.diagnosis)
     return {
         **record,

@@ -61,6 +61,8 @@ def rival_table(addition: Addition) -> str:
 
 def candidate_verdict(candidate: Mapping[str, Any], record: Mapping[str, Any]) -> str:
     """Return a candidate's verdict; an effect that helps but leaves structure is not supported."""
+    if candidate["untestable"] is not None:
+        return "untestable"
     verdict = candidate["verdict"]
     if verdict == "supported" and record["verdict"] == "unexplained":
         return "supported" if candidate["name"] in record["added"] else "helps"

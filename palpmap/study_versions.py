@@ -1,7 +1,7 @@
 """Versions of a study: study.toml, study.v2.toml, ... Nothing is ever overwritten.
 
-An added effect makes the next version, which names the effect with the values that were found and
-starts the map where it was found. `history.json` beside the study holds the ladder.
+An added effect makes the next version, which names the effect with the values that were found.
+`study.history.json` beside `study.toml` holds the ladder.
 """
 
 import re
@@ -24,10 +24,10 @@ def version_of(
 
     Parameters
     ----------
-    files : of the user's own effects, by name
+    files : of the user's own effects, by name; where they stand now, whatever the study's folder
     """
     kept = {entry.name: entry.file for entry in study.effects}
-    known = {**kept, **(files or {})}
+    known = {**kept, **{name: file.resolve() for name, file in (files or {}).items()}}
     entries = tuple(
         Effect(
             name=part.effect.name,

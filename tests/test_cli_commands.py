@@ -10,7 +10,10 @@ from typer.testing import CliRunner
 from palpmap.__main__ import app
 from palpmap.console import to_type
 
-COMMANDS = ("demo", "paper", "scan", "fit", "compare", "review", "check")
+COMMANDS = (
+    "demo", "paper", "scan", "fit", "compare", "diagnose", "add", "history", "limits", "explain",
+    "effects", "check-effect", "blind", "reveal", "review", "check",
+)  # fmt: skip
 HEAVY = ("numpy", "scipy", "numba", "mujoco", "pinocchio", "rerun", "pyarrow", "matplotlib")
 
 
@@ -70,6 +73,10 @@ def test_help_imports_nothing_heavy():
         ["fit", "study.toml", "--inclusions", "some"],
         ["fit", "study.toml", "--optimizer", "newton"],
         ["demo", "--seed", "-1"],
+        ["add", "study.toml"],
+        ["blind", "--radii", "3"],
+        ["blind", "--workers", "2"],
+        ["history", "study.toml", "--redo"],
         ["review", "run", "--png", "--summary"],
     ],
     ids=" ".join,

@@ -58,6 +58,8 @@ def blind(
 
     Example: palpmap blind --seed 7 --out trial
     """
+    if size is not None and not 0 < size <= 50:
+        raise typer.BadParameter(f"--size: found {size:g} %, expected more than 0 and at most 50")
     names = [name.strip() for name in effects.split(",") if name.strip()] if effects else []
     share = None if size is None else size / 100
     if tournament is None:

@@ -50,6 +50,7 @@ def fit_scan(
     free: Sequence[str] | None = None,
     optimizer: Optimizer = minimize_gauss_newton,
     callback: Callable[[FitIteration], None] | None = None,
+    curved_intervals: bool = True,
 ) -> Fit:
     """Find the map that explains a scan.
 
@@ -78,6 +79,8 @@ def fit_scan(
         One of `identify.optimizers.OPTIMIZERS`.
     callback
         Called with each accepted iteration of the start that is kept.
+    curved_intervals
+        Intervals follow the bend of the misfit's valley, at the cost of a few refits.
 
     Raises
     ------
@@ -118,7 +121,9 @@ def fit_scan(
         if search_model is not None:
             minimum = problem.continued(minimum, replace(minimum.forward, model=model, ratio=1.0))
     correction = None if fine_model is None else problem.towards(fine_model, minimum)
-    return _record(rows, problem, minimum if correction is None else correction.minimum, correction)
+    if correction is not None:
+        minimum = correction.minimum
+    return _record(rows, problem, minimum, correction, curved_intervals)
 
 
 def _record(
@@ -126,6 +131,7 @@ def _record(
     problem: ScanProblem,
     minimum: Minimum,
     correction: Correction | None,
+    curved: bool,
 ) -> Fit:
     """Evaluate the minimum row by row and gather the record."""
     u, space = minimum.result.x, minimum.forward.space
@@ -138,7 +144,7 @@ def _record(
         shift = by_compliance * (found * correction.own_error)[:, None]
         by_press = jac.reshape(*shift.shape, -1)
         scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, by_press, shift)
-    ends, spent = intervals(problem, minimum, scaled_covariance, noise_alone)
+    ends, spent = intervals(problem, minimum, scaled_covariance, noise_alone, curved)
     slope = space.slope(u)
     c = found[rows.press_index]
     residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)

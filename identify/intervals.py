@@ -30,19 +30,24 @@ _ANGLES = np.linspace(0, 2 * np.pi, 361)
 
 
 def intervals(
-    problem: ScanProblem, minimum: Minimum, total: np.ndarray, noise: np.ndarray
+    problem: ScanProblem,
+    minimum: Minimum,
+    total: np.ndarray,
+    noise: np.ndarray,
+    bent: bool = True,
 ) -> tuple[np.ndarray, int]:
     """Return the ends (k, 2) of the intervals in scaled coordinates, and the evaluations spent.
 
     Parameters
     ----------
     total, noise : (k, k) covariance with and without the model's own error, scaled coordinates
+    bent : follow the bend of the valley; else the covariance's own intervals
     """
     u, space = minimum.result.x, minimum.forward.space
     deviation = np.sqrt(np.diag(total))
     ends = np.column_stack([u - NORMAL_95 * deviation, u + NORMAL_95 * deviation])
     spent = 0
-    if problem.is_gross(minimum):
+    if not bent or problem.is_gross(minimum):
         return ends, spent
     for position, name in enumerate(space.free_names):
         if not name.endswith(".z_m") or len(u) < 2 or not np.isfinite(deviation).all():

@@ -20,7 +20,9 @@ def fit_of(start: Fit, fit: JointFit) -> Fit:
     start : fit of the map alone, of which noise, readings and mesh errors are kept
     """
     slope = fit.model.slope(fit.u)
-    body = fit.at.body
+    body, mechanics = fit.at.body, fit.model.mechanics
+    corrected = mechanics.fine is not None
+    presses = np.ones(len(body.compliance))
     return replace(
         start,
         map=fit.map,
@@ -34,6 +36,8 @@ def fit_of(start: Fit, fit: JointFit) -> Fit:
         compliance_m_per_n=body.compliance,
         compliance_jacobian=body.by_map[:, list(fit.model.space.free)],
         derivative_m=fit.at.jacobian * fit.at.sigma_m[:, None] / slope,
+        discretization_error=presses / mechanics.ratio - 1 if corrected else None,
+        model_error=presses * mechanics.model_error if corrected else None,
         history=(),
         chi2=fit.chi2,
         chi2_per_dof=fit.chi2_per_dof,

@@ -28,7 +28,7 @@ _FTOL = 1e-4
 # A model that misfits so many times the noise is wrong, and neither digits nor rounds cure it: of
 # what chi-square has in excess, this part is not worth a step, and few rounds of correction do.
 _GROSS, _GROSS_ROUNDS = 5.0, 3
-_GROSS_RTOL = 1e-4
+_GROSS_RTOL = 1e-3
 _KEPT_STARTS = 3
 _TRIAL_EVALUATIONS = 8
 _FINE_ROUNDS = 8

@@ -23,7 +23,7 @@ from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
 from identify.optimize_result import InadmissibleError
 from identify.residual_tests import orthonormal
-from identify.score_null import ScoreNull, score_null
+from identify.score_null import score_null
 
 _STEP = 1e-4  # of an amplitude's typical size
 _VISIBLE = 1e-5  # share of a pattern below which the map has absorbed it
@@ -179,8 +179,13 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
         return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
     t = np.einsum("gmq,m->gq", basis, fit.at.residual)
     signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
-    null = _null(basis, sign, one_sided, seed)
     best = int(np.argmax(signed))
+    null = score_null(
+        sign * basis if one_sided else basis,
+        one_sided,
+        np.random.default_rng(seed),
+        float(signed[best]),
+    )
     sizes, *_ = np.linalg.lstsq(left[best], fit.at.residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left[best].T @ left[best])))
     if one_sided and signed[best] < 0:
@@ -217,11 +222,6 @@ def unscored(effect: Effect, reason: str, readings: int) -> Score:
     none = np.zeros(len(effect.amplitudes))
     return Score(effect.name, 0.0, 0.0, effect.null, none, none, 0.0,
                  np.zeros((readings, len(none))), 0.0, reason)  # fmt: skip
-
-
-def _null(basis: np.ndarray, sign: float, one_sided: bool, seed: int) -> ScoreNull:
-    signed = sign * basis if one_sided else basis
-    return score_null(signed, one_sided, np.random.default_rng(seed))
 
 
 def cosine(one: Score, other: Score) -> float:

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-_DRAWS = 2000
+_DRAWS = 1000
 _BATCH = 500
+_BEYOND_DOUBT = -40.0  # natural logarithm of a chance
 _TAIL = 0.1  # upper share of the simulation from which the tail is matched
 
 
@@ -57,7 +58,7 @@ class ScoreNull:
     def log_p(self, statistic: float) -> float:
         """Natural logarithm of the chance of a statistic at least as large."""
         if len(self.largest) == 0:
-            return log_sf(statistic, self.dof, self.one_sided)
+            return min(np.log(self.trials) + log_sf(statistic, self.dof, self.one_sided), 0.0)
         n = len(self.largest)
         edge = self.largest[int((1 - _TAIL) * n)]
         if statistic < edge:
@@ -67,17 +68,21 @@ class ScoreNull:
         return float(np.log(-np.expm1(-np.exp(tail)))) if tail > -20 else float(tail)
 
 
-def score_null(basis: np.ndarray, one_sided: bool, rng: np.random.Generator) -> ScoreNull:
+def score_null(
+    basis: np.ndarray, one_sided: bool, rng: np.random.Generator, statistic: float = 0.0
+) -> ScoreNull:
     """Simulate the largest score over a grid.
 
     Parameters
     ----------
     basis : (g, m, q) orthonormal basis of each candidate's pattern beyond the map
     one_sided : the score is signed (q = 1)
+    statistic : that is to be judged; where it is beyond all doubt nothing is simulated, and all
+        candidates count as independent trials (Bonferroni)
     """
     g, m, q = basis.shape
-    if g == 1:
-        return ScoreNull(np.empty(0), 1.0, q, one_sided)
+    if g == 1 or np.log(g) + log_sf(statistic, q, one_sided) < _BEYOND_DOUBT:
+        return ScoreNull(np.empty(0), float(g), q, one_sided)
     flat = np.ascontiguousarray(basis.transpose(0, 2, 1).reshape(g * q, m))
     largest = []
     for _ in range(_DRAWS // _BATCH):

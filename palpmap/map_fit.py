@@ -24,8 +24,11 @@ def fit_study(
     body: BodyModel,
     optimizer: str = "gauss-newton",
     callback: Callable[[FitIteration], None] | None = None,
+    rough: bool = False,
 ) -> Fit:
     """Fit a placed scan with the inclusions, guesses and noise that the study states.
+
+    A `rough` fit is a start for another one: without the finer model, with simple intervals.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
     criterion no longer falls.
@@ -33,17 +36,20 @@ def fit_study(
     scan = placement.scan
     noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
     method = OPTIMIZERS[optimizer]
+    fine = None if rough else body.fine
     if study.map.inclusions == "auto":
         start = _best_number(scan, body, noise)
         return fit_scan(
-            scan, body.coarse, noise=noise, fine_model=body.fine, start=start,
+            scan, body.coarse, noise=noise, fine_model=fine, start=start,
             optimizer=method, callback=callback,
+            curved_intervals=not rough,
         )  # fmt: skip
     known = {**study.map.initial, **study.map.fixed}
     if not known:
         return fit_scan(
             scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
-            search_model=body.search, fine_model=body.fine, optimizer=method, callback=callback,
+            search_model=body.search, fine_model=fine, optimizer=method, callback=callback,
+            curved_intervals=not rough,
         )  # fmt: skip
     names = GaussianMap.from_values(np.ones(1 + 5 * study.map.inclusions)).names
     if set(known) == set(names):
@@ -61,8 +67,9 @@ def fit_study(
             values[index] = known[name] - shift
     free = [name for name in names if name not in study.map.fixed]
     return fit_scan(
-        scan, body.coarse, noise=noise, fine_model=body.fine, optimizer=method,
+        scan, body.coarse, noise=noise, fine_model=fine, optimizer=method,
         start=GaussianMap.from_values(values), free=free, callback=callback,
+        curved_intervals=not rough,
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def pose(
     say("meshing the body")
     body = build_body_model(study, placement.scan.used())
     say("fitting the map")
-    fit = fit_study(study, placement, body, callback=on_iteration)
+    fit = fit_study(study, placement, body, callback=on_iteration, rough=True)
     model, start = fit_effects(study, placement.scan, body, fit, own, say)
     return Problem(study, placement, body, fit, model, start, catalogue)
 

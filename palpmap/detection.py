@@ -17,6 +17,7 @@ from palpmap.study import load_study
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+_WEIGHT = "inclusion_1.weight_pa"
 _BETTER = 0.7  # a planned scan is worth naming if it sees an effect of this part of the size
 
 
@@ -114,18 +115,17 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
     seen = [limit for limit in record["limits"] if limit["smallest_share"] is not None]
     scans = {s["program"]: s["change"] for s in (limit["better_scan"] for limit in seen) if s}
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
-    biased = {name for limit in seen for name in limit["map_bias"]}
-    columns = {
-        "E0 %": lambda b: _percent(b, fit.values, "background_pa"),
-        "w %": lambda b: _percent(b, fit.values, "inclusion_1.weight_pa"),
-        "z mm": lambda b: f"{1e3 * b['inclusion_1.z_m']:+.2g}" if "inclusion_1.z_m" in b else "",
+    values, biased = fit.values, {name for limit in seen for name in limit["map_bias"]}
+    shifts = {  # head of the column: parameter, and how its shift is shown
+        "E0 %": ("background_pa", lambda v: f"{100 * v / values['background_pa']:+.1f}"),
+        "w %": (_WEIGHT, lambda v: f"{100 * v / values[_WEIGHT]:+.0f}"),
+        "z mm": ("inclusion_1.z_m", lambda v: f"{1e3 * v:+.1f}"),
     }
-    of = {"E0 %": "background_pa", "w %": "inclusion_1.weight_pa", "z mm": "inclusion_1.z_m"}
-    columns = {head: shown for head, shown in columns.items() if of[head] in biased}
+    shifts = {head: pair for head, pair in shifts.items() if pair[0] in biased}
     title = "what this scan can see (5 standard errors), % of the signal"
     table = Table(box=box.SIMPLE, title=title, title_justify="left", pad_edge=False)
     table.add_column("effect", no_wrap=True)
-    for column in ("from", *columns, *(["better"] if scans else [])):
+    for column in ("from", *shifts, *(["better"] if scans else [])):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("looks like")
     for limit in seen:
@@ -136,7 +136,7 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
         table.add_row(
             limit["name"],
             f"{100 * limit['smallest_share']:.2g}",
-            *(shown(bias) for shown in columns.values()),
+            *(shown(bias[name]) if name in bias else "" for name, shown in shifts.values()),
             *([hint] if scans else []),
             ", ".join(limit["confused_with"][:2]),
         )
@@ -146,7 +146,3 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
     ]
     return table, *notes, *untestable_lines(record["limits"])
-
-
-def _percent(bias: dict[str, float], values: dict[str, float], name: str) -> str:
-    return f"{100 * bias[name] / values[name]:+.2g}" if name in bias else ""

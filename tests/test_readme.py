@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import io
+import json
 import os
 import re
 import shlex
@@ -10,10 +11,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
+from identify.effects.catalogue import CATALOGUE
+from identify.explain import Verdict
 from models.scan import read_scan
 from palpmap.__main__ import app
 from palpmap.check import check_study
@@ -42,6 +46,7 @@ def help_of(*words: str) -> str:
 @pytest.mark.skipif(shutil.which("sh") is None, reason="the shell blocks need a shell")
 def test_the_shell_blocks_run_one_after_the_other(tmp_path):
     shutil.copytree(ROOT / "tests" / "data", tmp_path / "tests" / "data")
+    shutil.copytree(ROOT / "examples" / "own_effect", tmp_path / "examples" / "own_effect")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     done = subprocess.run(
         ["sh", "-e", "-c", "\n".join(blocks("sh"))],
@@ -56,6 +61,7 @@ def test_the_shell_blocks_run_one_after_the_other(tmp_path):
     assert "presses                 81" in done.stdout
     assert "closed, 4 of 4 presses" in done.stdout
     assert '"passed": true' in done.stdout
+    assert "warm_up keeps to all" in done.stdout
     table = blocks_after("A run folder stands for itself")
     for name in ("scan.csv", "study.toml", "recording.rrd", "run.json", "truth.json"):
         assert f"`{name}`" in table
@@ -69,7 +75,7 @@ def blocks_after(sentence: str) -> str:
 
 
 def test_the_python_block_prints_the_numbers_that_it_says():
-    (code,) = blocks("python")
+    code = blocks("python")[-1]
     promised = re.findall(r"m/N: (\[.*\])", code)
     said = io.StringIO()
     names: dict = {}
@@ -83,6 +89,25 @@ def test_the_python_block_prints_the_numbers_that_it_says():
     assert names["homogeneous"].compliance.tolist() == extrapolated
 
 
+def test_the_effect_of_ones_own_passes_the_checks(tmp_path):
+    (tmp_path / "cable_drag.py").write_text(blocks("python")[0], encoding="utf-8")
+    done = CliRunner().invoke(app, ["check-effect", str(tmp_path / "cable_drag.py"), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["effect"] == "cable_drag"
+
+
+def test_the_table_of_effects_is_the_catalogue():
+    part = blocks_after("## Find the missing physics")
+    rows = re.findall(r"^\| `(\w+)` \| (\w+) \| (.*) \|$", part, re.MULTILINE)
+    assert rows == [(e.name, e.link, e.gives_away) for e in CATALOGUE]
+
+
+def test_the_table_of_verdicts_is_complete():
+    part = blocks_after("## Find the missing physics")
+    told = re.findall(r"^\| `(\w+)` \| (?:[^|]*[ ,][^|]*) \| [^|]+ \|$", part, re.MULTILINE)
+    assert set(get_args(Verdict)) <= set(told)
+
+
 def test_the_example_of_scan_and_study_can_be_used(tmp_path):
     (scan,), (study,) = blocks("csv"), blocks("toml")
     (tmp_path / "scan.csv").write_text(scan, encoding="utf-8")
@@ -93,10 +118,10 @@ def test_the_example_of_scan_and_study_can_be_used(tmp_path):
 
 
 def test_every_command_and_option_exists_and_no_command_is_left_out():
-    known = set(re.findall(r"^  (\w+)  ", help_of().split("Commands:")[1], re.MULTILINE))
-    table = set(re.findall(r"^\| `palpmap (\w+)` \|", README, re.MULTILINE))
+    known = set(re.findall(r"^  ([\w-]+)  ", help_of().split("Commands:")[1], re.MULTILINE))
+    table = set(re.findall(r"^\| `palpmap ([\w-]+)` \|", README, re.MULTILINE))
     assert table == known
-    mentioned = set(re.findall(r"`palpmap\s+([a-z]+)", README))
+    mentioned = set(re.findall(r"`palpmap\s+([a-z-]+)", README))
     assert mentioned <= known
     lines = command_lines("sh") + command_lines("console")
     assert len(lines) > 5
@@ -108,7 +133,7 @@ def test_every_command_and_option_exists_and_no_command_is_left_out():
 
 
 def test_options_in_the_table_of_commands_exist():
-    for command, row in re.findall(r"^\| `palpmap (\w+)` \|(.*)$", README, re.MULTILINE):
+    for command, row in re.findall(r"^\| `palpmap ([\w-]+)` \|(.*)$", README, re.MULTILINE):
         for option in re.findall(r"`(--[a-z-]+)", row):
             assert re.search(rf"{option}\b", help_of(command)), f"palpmap {command} {option}"
 

@@ -16,7 +16,7 @@ def add(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Add an effect, refit everything, and write the next version of the study.
+    """Add an effect, refit, write the study's next version.
 
     Exit code 1: the effect does not earn its place.
 

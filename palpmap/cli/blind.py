@@ -54,7 +54,7 @@ def blind(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Hide an effect in a scan of the virtual bench and seal the answer.
+    """Hide an effect in a scan and seal the answer.
 
     Example: palpmap blind --seed 7 --out trial
     """

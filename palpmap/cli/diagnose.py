@@ -12,7 +12,7 @@ def diagnose(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Score every effect that the model may lack, without refitting.
+    """Score every effect that the model may lack (no refit).
 
     Exit code 0: nothing is missing; 1: something is.
 

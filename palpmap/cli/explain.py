@@ -12,9 +12,9 @@ def explain(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Find the missing effects, unattended, until what is left is noise.
+    """Find the missing effects until only noise is left.
 
-    Exit code 0: explained, or nothing is missing; 1: ambiguous or unexplained.
+    Runs unattended. Exit code 0: explained, or nothing is missing; 1: ambiguous or unexplained.
 
     Example: palpmap explain study.toml --out runs/why
     """

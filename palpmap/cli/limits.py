@@ -18,7 +18,9 @@ def limits(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Say how small an effect this scan can see, and what ignoring it would do to the map.
+    """Say how small an effect a scan can see.
+
+    Also what ignoring it would do to the map, and what other scan would see more.
 
     Example: palpmap limits study.toml
     """

@@ -19,6 +19,7 @@ lint: $(READY)
 
 validate: $(READY)
 	"$(BIN)/python" -m pytest -m "slow or not slow"
+	"$(BIN)/python" benchmarks/validate.py
 
 bench: $(READY)
 	"$(BIN)/python" benchmarks/run.py

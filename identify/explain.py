@@ -57,6 +57,12 @@ class Rival:
     criterion: float
     fit: JointFit
 
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Names of the effects that are special cases of it."""
+        own = [part.effect for part in self.fit.model.effects if part.effect.name == self.name]
+        return own[0].contains
+
 
 @dataclass(frozen=True)
 class Addition:
@@ -67,9 +73,13 @@ class Addition:
 
     @property
     def group(self) -> tuple[str, ...]:
-        """The effect and all rivals that explain the scan as well, to within `MARGIN`."""
+        """The effect and all rivals that explain the scan as well, to within `MARGIN`.
+
+        A rival of which the effect is a special case can always do nearly as well: it is none.
+        """
         best = self.rivals[0].criterion
-        return tuple(rival.name for rival in self.rivals if rival.criterion < best + MARGIN)
+        near = [rival for rival in self.rivals if rival.criterion < best + MARGIN]
+        return tuple(rival.name for rival in near if self.name not in rival.contains)
 
 
 @dataclass(frozen=True)

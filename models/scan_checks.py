@@ -39,6 +39,7 @@ PHASES = (*CONTACT_PHASES, "approach", "retract")
 LARGEST_COORDINATE_M = 3.0
 LARGEST_TRAVEL_M = 0.1
 LARGEST_RADIUS_M = 0.05
+FALLING = -0.5  # correlation of force and displacement within a press
 LARGEST_TYPICAL_FORCE_N = 20.0
 STIFFEST_BODY_PA = 1.0e6
 UNIT_LENGTH_TOLERANCE = 1.0e-3
@@ -303,9 +304,10 @@ def _check_signs(columns: Columns, where: Where) -> None:
     starts = np.unique(press, return_index=True)[1]
     f, d = columns["force_n"][touching], columns["displacement_m"][touching]
     size = np.diff(np.append(starts, len(press)))
-    mean_f = np.add.reduceat(f, starts) / size
-    together = np.add.reduceat((f - np.repeat(mean_f, size)) * d, starts)
-    if np.median(together) < 0:
+    df, dd = (x - np.repeat(np.add.reduceat(x, starts) / size, size) for x in (f, d))
+    spread = np.sqrt(np.add.reduceat(df**2, starts) * np.add.reduceat(dd**2, starts))
+    together = np.add.reduceat(df * dd, starts) / np.maximum(spread, 1e-300)
+    if np.median(together) < FALLING:  # noise alone, in a hold, is about as often below 0 as above
         at = touching[starts[np.flatnonzero(together < 0)[0]]]
         raise InputError(
             f"{where.cell(at, 'displacement_m')}: found a displacement that falls while force_n "

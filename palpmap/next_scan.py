@@ -9,10 +9,11 @@ import numpy as np
 from identify.explain import Explanation
 from identify.next_presses import Proposal, next_presses
 from identify.scan_design import Presses, presses_of, variations
-from palpmap.problem import Problem, Say
+from palpmap.problem import Problem, Say, named
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 _MOST = 3
+_IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
 
 
 def propose(
@@ -25,7 +26,9 @@ def propose(
     group = ambiguous[-1]
     rivals = [(r.name, r.fit) for r in group.rivals if r.name in group.group]
     readings = problem.model.readings
-    designs = list(variations(presses_of(readings), readings.time_s is not None))
+    in_time = any("time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in rivals)
+    timed = in_time and readings.time_s is not None
+    designs = list(variations(presses_of(readings), timed))
     return next_presses(rivals, designs, say)
 
 

@@ -9,11 +9,12 @@ the bonded base, the map's own gradient), so that two meshes give the limit,
 Against an independent solver the pair 8 x 8 x 4, 12 x 12 x 6 is right to 0.1 % rms, where its
 meshes alone are 0.9 and 0.35 % too stiff. The extrapolated part is the scale of the error.
 
-Over and beside an inclusion of 8 mm radius, six times as stiff and 12 mm deep, with tips of 5 and
-10 mm, nu = 0.3 to 0.4999 and edges 2 mm from the rim, the fine mesh is 0 to 1.3 % too stiff against
-18 x 18 x 9 extrapolated at the same rate, and the extrapolated value is 0 to 0.65 % off: less than
-the extrapolated part in 42 of 45 cases. It is not a bound. A tip of 2 mm over that
-inclusion, which both meshes sample too coarsely, was 1.2 % off where the two meshes agreed.
+Over and beside an inclusion of 8 mm radius, six times as stiff and 12 mm deep, with tips of 5 mm
+(nu = 0.3 to 0.4999) and 10 mm (0.4999), some with the body's edge 2 mm from their rim, the fine
+mesh is 0 to 1.3 % too stiff against 18 x 18 x 9 extrapolated at the same rate. The extrapolated
+value is 0 to 0.65 % off: less than the extrapolated part in 42 of 45 cases. It is not a bound: a
+tip of 2 mm over that inclusion, which both meshes sample too coarsely, was 1.2 % off where the two
+meshes agreed.
 """
 
 from __future__ import annotations

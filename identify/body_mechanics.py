@@ -28,6 +28,7 @@ from identify.optimize_result import InadmissibleError
 _NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49])
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
 _NU_STEP = 0.01
+_BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,10 @@ class BodyMechanics:
         coarse = self._solve(self.coarse, stiffness, plain).compliance
         changed = _Changed(stiffness, plain)
         fine, error = fine_compliance(self.fine, changed, self.coarse, coarse)
-        return replace(self, ratio=fine / coarse, model_error=error)
+        ratio = fine / coarse
+        # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
+        kept = np.clip(ratio, *_BELIEVED)
+        return replace(self, ratio=kept, model_error=error + (kept - ratio) / kept)
 
     def _gradient(
         self, response: Response, by_parameter: np.ndarray, state: BodyState

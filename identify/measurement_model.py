@@ -209,7 +209,11 @@ class MeasurementModel:
         body = self.mechanics.evaluate(self.map(u), state)
         c, e = body.compliance, body.local_modulus
         if not (np.isfinite(c).all() and c.min() > 0):
-            raise InadmissibleError("a compliance is not positive")
+            press = int(np.argmin(np.where(np.isfinite(c), c, -np.inf)))
+            raise InadmissibleError(
+                f"the body's model gives press {press} a compliance of {c[press]:.3g} m/N, which "
+                "cannot be: its map is finer than the mesh; start from another map ([map.initial])"
+            )
         force = self.readings.force_n
         predicted = self.chain.predict(c, e, force, values)
         residual = self.displacement_m - predicted

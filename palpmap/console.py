@@ -128,4 +128,9 @@ def _is_for_the_user(error: ValueError) -> bool:
         return False
     from fem.errors import MeshError, SolverError
 
+    if "identify.optimize_result" in sys.modules:
+        from identify.optimize_result import InadmissibleError
+
+        if isinstance(error, InadmissibleError):
+            return True
     return isinstance(error, (MeshError, SolverError))

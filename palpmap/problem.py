@@ -114,9 +114,11 @@ def measurement_model(scan: Scan, body: BodyModel, fit: Fit) -> MeasurementModel
     """Return the model without effects, carried to the finer body at the fitted map."""
     coarse = body.coarse
     box = np.array([coarse.mesh.nodes.min(axis=0), coarse.mesh.nodes.max(axis=0)])
-    mechanics = BodyMechanics(
-        coarse, body.fine, lambda nu: PalpationModel(coarse.mesh, nu, coarse.contacts)
-    )
+
+    def at_poisson_ratio(nu: float) -> PalpationModel:
+        return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
+
+    mechanics = BodyMechanics(coarse, body.fine, at_poisson_ratio)
     rows = scan.used()
     free = [name for name, estimate in fit.parameters.items() if estimate.free]
     return MeasurementModel(

@@ -25,7 +25,7 @@ from identify.gaussian_map import GaussianMap
 from identify.optimize_result import InadmissibleError
 
 # Poisson ratios at which models are built; C is interpolated between the nearest three.
-_NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49])
+_NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
 _NU_STEP = 0.01
 _BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's

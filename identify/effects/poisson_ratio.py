@@ -8,7 +8,7 @@ from identify.body_state import BodyState
 from identify.effects.effect import Effect, EffectParameter, Values, WorkedExample
 from identify.readings import Readings
 
-_LARGEST = 0.49  # that the finite elements take
+_LARGEST = 0.4999  # that the finite elements take
 
 
 class PoissonRatio(Effect):

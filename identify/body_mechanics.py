@@ -226,7 +226,10 @@ class BodyMechanics:
             model = self._others.get(float(node))
             if model is None:
                 model = self._others[float(node)] = self.at_poisson_ratio(float(node))
-            logs.append(np.log(self._solve(model, stiffness, plain).compliance / base))
+            ratio = self._solve(model, stiffness, plain).compliance / base
+            if not (np.isfinite(ratio).all() and ratio.min() > 0):
+                raise InadmissibleError("the map is finer than the mesh of the body resolves")
+            logs.append(np.log(ratio))
         weights = [
             np.prod([(nu - b) / (a - b) for b in nodes if b != a]) for a in nodes
         ]  # Lagrange's polynomial through three nodes

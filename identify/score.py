@@ -168,7 +168,9 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
         except InadmissibleError as error:
             reason = str(error)
         else:
-            if len(pattern.shapes) == 0:
+            if not np.isfinite(pattern.columns).all():
+                reason = "the model has no finite answer to it at this map"
+            elif len(pattern.shapes) == 0:
                 reason = "the scan leaves no candidate of its shape to be told from another effect"
     if reason is not None:
         return unscored(effect, reason, len(fit.at.residual))

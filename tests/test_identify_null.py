@@ -1,0 +1,61 @@
+"""With nothing hidden: p-values are uniform, intervals cover, and nothing is named."""
+
+import numpy as np
+import pytest
+from loop_problem import TRUE, model, scan, timing, true_compliance
+from scipy import stats
+
+from identify.diagnosis import diagnose
+from identify.effects.catalogue import CATALOGUE
+from identify.explain import climb
+from identify.joint_fit import fit_jointly
+from identify.score_null import score_null
+
+SEEDS = 60
+
+
+def null_scan(seed: int):
+    press, _, _, force = timing(seed)
+    return scan(true_compliance()[press] * force, force, seed)
+
+
+def test_a_searched_score_has_the_simulated_null():
+    """p-values of maxima over a grid of random directions are uniform, bulk and tail."""
+    rng = np.random.default_rng(1)
+    basis = rng.standard_normal((40, 300, 1))
+    basis /= np.linalg.norm(basis, axis=1, keepdims=True)
+    null = score_null(basis, True, np.random.default_rng(2))
+    draws = (basis[:, :, 0] @ rng.standard_normal((300, 2000))).max(axis=0)
+    p = np.exp([null.log_p(float(z)) for z in draws])
+    # The null is itself a sample of 1000: as many draws as this would see that, so a part is tested
+    assert stats.kstest(p[:300], "uniform").pvalue > 0.01
+    assert np.mean(p < 0.01) == pytest.approx(0.01, abs=0.008)
+
+
+@pytest.mark.slow
+def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
+    p_values: dict[str, list[float]] = {effect.name: [] for effect in CATALOGUE}
+    covered: dict[str, list[bool]] = {name: [] for name in TRUE.names}
+    for seed in range(SEEDS):
+        fit = fit_jointly(model(null_scan(seed)), TRUE)
+        for score in diagnose(fit, CATALOGUE, seed=seed).scores:
+            if score.untestable is None:
+                p_values[score.name].append(score.p_value)
+        for name, value in zip(TRUE.names, TRUE.values, strict=True):
+            covered[name].append(abs(fit.values[name] - value) < 1.96 * fit.std[name])
+    tested = {name: p for name, p in p_values.items() if len(p) == SEEDS}
+    assert len(tested) >= 18
+    # 21 effects: the least of so many Kolmogorov-Smirnov chances
+    chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
+    assert min(chances.values()) > 0.01 / len(tested), chances
+    rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
+    assert min(rates.values()) > 0.85, rates  # 60 draws of 0.95: below in 1 of 1000
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_is_hidden():
+    verdicts = []
+    for seed in range(100, 130):
+        table = null_scan(seed)
+        verdicts.append(climb(model(table), TRUE, table, CATALOGUE, seed=seed).verdict)
+    assert verdicts.count("nothing_missing") >= 28, verdicts

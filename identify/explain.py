@@ -60,8 +60,8 @@ class Rival:
     @property
     def contains(self) -> tuple[str, ...]:
         """Names of the effects that are special cases of it."""
-        own = [part.effect for part in self.fit.model.effects if part.effect.name == self.name]
-        return own[0].contains
+        own = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
+        return next((effect.contains for effect in own), ())
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,12 @@
-"""With nothing hidden: p-values are uniform, intervals cover, and nothing is named."""
+"""With nothing hidden: p-values are uniform, intervals cover, and nothing is named.
+
+The readings here come from the model's own compliances: it is the statistics that is tested. What
+the meshes' error does to a diagnosis is tested on other solvers' scans (`test_cli_loop.py`).
+"""
 
 import numpy as np
 import pytest
-from loop_problem import TRUE, model, scan, timing, true_compliance
+from loop_problem import TRUE, mechanics, model, scan, timing
 from scipy import stats
 
 from identify.diagnosis import diagnose
@@ -11,12 +15,13 @@ from identify.explain import climb
 from identify.joint_fit import fit_jointly
 from identify.score_null import score_null
 
-SEEDS = 60
+SEEDS = 100
 
 
 def null_scan(seed: int):
     press, _, _, force = timing(seed)
-    return scan(true_compliance()[press] * force, force, seed)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    return scan(compliance[press] * force, force, seed)
 
 
 def test_a_searched_score_has_the_simulated_null():
@@ -37,7 +42,7 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
     p_values: dict[str, list[float]] = {effect.name: [] for effect in CATALOGUE}
     covered: dict[str, list[bool]] = {name: [] for name in TRUE.names}
     for seed in range(SEEDS):
-        fit = fit_jointly(model(null_scan(seed)), TRUE)
+        fit = fit_jointly(model(null_scan(seed)), TRUE, rounds=0)
         for score in diagnose(fit, CATALOGUE, seed=seed).scores:
             if score.untestable is None:
                 p_values[score.name].append(score.p_value)
@@ -49,7 +54,7 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
     chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
     assert min(chances.values()) > 0.01 / len(tested), chances
     rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
-    assert min(rates.values()) > 0.85, rates  # 60 draws of 0.95: below in 1 of 1000
+    assert min(rates.values()) > 0.87, rates  # 100 draws of 0.95: below in 1 of 1000
 
 
 @pytest.mark.slow

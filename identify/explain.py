@@ -161,8 +161,8 @@ def climb(
     dropped: list[str] = []
     while ladder[-1].diagnosis.significant and len(additions) < MOST_EFFECTS:
         now = ladder[-1]
-        rivals = compare_rivals(now, effects, say, exclude=dropped)
-        if not rivals or rivals[0].criterion > now.fit.bic:
+        rivals = best_rivals(now, effects, say, dropped)
+        if not rivals:
             break
         winner = rivals[0]
         additions.append(Addition(winner.name, rivals))
@@ -200,6 +200,22 @@ def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:
         absorbed=fit.at.jacobian.copy(),
         noise_estimated=fit.model.noise.estimated,
     )
+
+
+def best_rivals(
+    rung: Rung, effects: dict[str, Effect], say: Callable[[str], None], exclude: Sequence[str]
+) -> tuple[Rival, ...]:
+    """Return the best-scored effects that a refit bears out; empty if there are none.
+
+    Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
+    """
+    tried = list(exclude)
+    while names := shortlist(rung.diagnosis, tried):
+        rivals = compare_rivals(rung, effects, say, tried)
+        if rivals and rivals[0].criterion < rung.fit.bic:
+            return rivals
+        tried += names
+    return ()
 
 
 def compare_rivals(

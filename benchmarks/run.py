@@ -1,6 +1,7 @@
 """Runs the benchmarks and writes their tables into the README, between its markers.
 
-`make bench` runs all, `python benchmarks/run.py accuracy` one. About six minutes on two cores.
+`make bench` runs all, `python benchmarks/run.py accuracy` one. About fifteen minutes on two cores.
+Other programs take part where they are installed: `pip install -e ".[bench]"`, and `ccx`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,16 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-import accuracy
-import demo_run
-import paper_tests
-import solver
+from palpmap import __version__ as ours  # first: it says how many threads numpy may have
 
-from fem import default_solver
+import accuracy  # isort: skip
+import demo_run  # isort: skip
+import finite_strain  # isort: skip
+import paper_tests  # isort: skip
+import peers  # isort: skip
+import scaling  # isort: skip
+import solver  # isort: skip
+from fem import default_solver  # isort: skip
 
 README = Path(__file__).parent.parent / "README.md"
 BENCHMARKS = {
@@ -26,6 +31,9 @@ BENCHMARKS = {
     "solver": solver.table,
     "accuracy": accuracy.table,
     "paper": paper_tests.table,
+    "peers": peers.table,
+    "scaling": scaling.table,
+    "finite_strain": finite_strain.table,
 }
 
 
@@ -33,8 +41,8 @@ def machine() -> str:
     """Kind of machine and versions, for a table's caption."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
     return (
-        f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}, "
-        f"{default_solver().name}"
+        f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
+        f"palpmap {ours}, {packages}, {default_solver().name}"
     )
 
 

@@ -94,6 +94,7 @@ class Stiffness:
     mean_gradients : (e, nodes, 3) 1/m, means of the shape functions' gradients over each cell
     mean_lame : the part of lambda (E = 1) that resists the mean change of volume of each cell, see
         `split_lame`
+    free_cells : (e, nodes) number of each cell's nodes among the free ones, -1 where held
     free_nodes : (f,) nodes that may move; degree of freedom 3 i + a is axis a of `free_nodes[i]`.
     """
 
@@ -120,7 +121,7 @@ class Stiffness:
         for name in (fixed_surface,) if isinstance(fixed_surface, str) else fixed_surface:
             free[mesh.surface_nodes(name)] = False
         self.free_nodes = np.flatnonzero(free)
-        self._free_number = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
+        self.free_cells = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)[mesh.cells]
         self._build_pattern()
 
     @property
@@ -129,7 +130,7 @@ class Stiffness:
         return len(self.rule[1])
 
     def _build_pattern(self) -> None:
-        cells = self._free_number[self.mesh.cells]
+        cells = self.free_cells
         a, b = np.triu_indices(cells.shape[1])
         low = np.minimum(cells[:, a], cells[:, b]).ravel()
         high = np.maximum(cells[:, a], cells[:, b]).ravel()
@@ -160,10 +161,10 @@ class Stiffness:
         modulus = np.ascontiguousarray(modulus_pa, float).reshape(len(self.volumes), -1)
         weights = modulus * self.rule[1] * self.volumes[:, None]
         data = np.zeros(len(self.indices))
-        _fill(data, self.indptr, self._free_number[self.mesh.cells], self._pairs, self._pair_node,
+        _fill(data, self.indptr, self.free_cells, self._pairs, self._pair_node,
               self._pair_rank, self.gradients, self._derivatives, weights, *self._lame)  # fmt: skip
         if self.mean_lame > 0:
-            _fill_mean(data, self.indptr, self._free_number[self.mesh.cells], self._pairs,
+            _fill_mean(data, self.indptr, self.free_cells, self._pairs,
                        self._pair_node, self._pair_rank, self.mean_gradients,
                        self.mean_lame * weights.sum(axis=1))  # fmt: skip
         return data

@@ -18,6 +18,7 @@ import numpy as np
 from fem.contact import PressedSurface
 
 REACH = 1.35  # tip radii within which no surface may lie above the paraboloid
+_STEEPEST = 0.5  # least cosine between the press and the faces that it may touch
 _FLAT = 1e-9  # relative to the tip's radius
 _RADII, _ANGLES = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.2, REACH]), 32
 
@@ -36,11 +37,15 @@ def contact_shape(
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     points = (radius * _RADII[:, None, None] * circle).reshape(-1, 2)
     under = surface.under(centre, frame, points, radius)
-    corners = (surface.corners.reshape(-1, 3) - centre) @ frame.T
+    # Beyond an edge of the body lies nothing that the tip touches
+    size = np.linalg.norm(surface.normals, axis=1)
+    pressed = surface.normals @ frame[2] < -_STEEPEST * size
+    hit = under.hit & pressed[under.face]
+    corners = (surface.corners[pressed].reshape(-1, 3) - centre) @ frame.T
     near = np.hypot(corners[:, 0], corners[:, 1]) < REACH * radius
     corners = corners[near & (np.abs(corners[:, 2]) < 0.5 * radius)]
-    points = np.vstack([points[under.hit], corners[:, :2]])
-    height = np.concatenate([under.depth[under.hit], corners[:, 2]])
+    points = np.vstack([points[hit], corners[:, :2]])
+    height = np.concatenate([under.depth[hit], corners[:, 2]])
     if np.abs(height).max() < _FLAT * radius:
         return np.zeros(6)
     x, y = points.T / radius

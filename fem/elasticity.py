@@ -17,6 +17,7 @@ more E_f exceeds E.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -135,9 +136,13 @@ class FibrePlane:
         self.parts: list[PlanePart] = []
         if near_field:
             surface = PressedSurface(stiffness.mesh)
-            self.parts = [
-                _plane_part(stiffness, surface, contacts, j, plane) for j in range(len(contacts))
-            ]
+            with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
+                self.parts = list(
+                    pool.map(
+                        lambda j: _plane_part(stiffness, surface, contacts, j, plane),
+                        range(len(contacts)),
+                    )
+                )
 
     def holds(self, direction: np.ndarray) -> bool:
         """Whether a direction lies in the plane."""

@@ -47,7 +47,7 @@ class FiniteStrainBody:
             np.einsum("qiv,eva->eqia", s._derivatives, s.gradients)
         )
         self.weights_m3 = s.volumes[:, None] * s.rule[1]
-        self._free_cells = s._free_number[mesh.cells]
+        self._free_cells = s.free_cells
         self._law = (*lame(poisson_ratio), law.code, float(law.coefficient), self.mean_dilatation)
 
     @property

@@ -30,18 +30,39 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import factorial
 
 from fem.assembly import Stiffness, split_lame
 from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
 from fem.contact_shape import contact_shape
-from fem.mesh import TET_EDGES
-from fem.near_field_moments import functions, moments
+from fem.mesh import TET_EDGES, Mesh
+from fem.near_field_moments import functions, moments, monomials
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
 
 # lambda_a lambda_b, a <= b: the ten products that span the quadratics of a cell
-PRODUCTS = np.array([(a, b) for a in range(4) for b in range(a, 4)])
+PRODUCTS = monomials(2)
+_CLOSE_CELLS = 0.3  # cells have samples of their own whose distance from the disc is less than this
+_PLACES = monomials(4)  # measured at these points of a cell
+_PLACES = (_PLACES[:, :, None] == np.arange(4)).mean(axis=1)
+# ... at places between which a quadratic modulus is fitted best: the ten nodes, drawn inwards
+CLOSE_SAMPLES = 0.25 + 0.7 * ((PRODUCTS[:, :, None] == np.arange(4)).mean(axis=1) - 0.25)
+CLOSE_BASIS = np.linalg.inv(CLOSE_SAMPLES[:, PRODUCTS].prod(axis=2)).T
+
+
+class Close(NamedTuple):
+    """Contributions like those of `Enrichment`, at the `CLOSE_SAMPLES` of each of some cells."""
+
+    cells: np.ndarray
+    coupling: np.ndarray
+    energy: np.ndarray
+
+    @staticmethod
+    def points_m(mesh: Mesh, cells: np.ndarray) -> np.ndarray:
+        """Places of the samples of cells (c,), (c s, 3) m."""
+        corners = mesh.nodes[mesh.cells[cells, :4]]
+        return np.einsum("qv,cvi->cqi", CLOSE_SAMPLES, corners).reshape(-1, 3)
 
 
 @dataclass(frozen=True)
@@ -54,12 +75,14 @@ class Enrichment:
     coupling : (m, c, q, nodes, 3) contribution of each modulus sample to k, at each cell's nodes
     energy : (m, m, c, q) contribution of each modulus sample to a
     load : (m,) l, the work of the unit load on the functions
+    close : what the exact functions contribute in the cells around the tip
     """
 
     cells: np.ndarray
     coupling: np.ndarray
     energy: np.ndarray
     load: np.ndarray
+    close: Close
 
 
 class Neighbourhood(NamedTuple):
@@ -111,50 +134,81 @@ def enrich(
     place = neighbourhood(stiffness, surface, contacts, j)
     mesh, (frame, local, cells, shape, radius) = stiffness.mesh, place
     nu, profile = stiffness.poisson_ratio, contacts.profile_code
-    vertices = local[mesh.cells[cells, :4]]
-    strain, density = moments(vertices, shape, radius, nu, profile)
-    # From moments of the exact field to those against the shape functions and modulus samples
-    basis, derivatives = sample_basis(stiffness), linear_derivatives(mesh.order)
-    gradients = stiffness.gradients[cells] @ frame.T
-    stress = _stress(strain, nu)  # (c, m, 3, 3, 4, 4)
-    exact = np.einsum("qa,ivb,cmstab,cvt->mcqis", basis, derivatives, stress, gradients,
-                      optimize=True)  # fmt: skip
-    # ... less the interpolant, by the stiffness matrix's own quadrature
     field = nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
-    at_points = np.einsum("ivb,qb,cvt->cqit", derivatives, stiffness.rule[0], gradients,
-                          optimize=True)  # fmt: skip
+    # What the interpolant takes off, by the stiffness matrix's own quadrature
+    gradients = stiffness.gradients[cells] @ frame.T
+    at_points = np.einsum("ivb,qb,cvt->cqit", linear_derivatives(mesh.order), stiffness.rule[0],
+                          gradients, optimize=True)  # fmt: skip
     slope = np.einsum("mcis,cqit->mcqst", field, at_points, optimize=True)
     lam, mu, mean_lame = split_lame(nu)
     trace = np.einsum("mcqss->mcq", slope)
     tensor = mu * (slope + slope.swapaxes(-1, -2)) + lam * trace[..., None, None] * np.eye(3)
     tensor *= (stiffness.volumes[cells, None] * stiffness.rule[1])[..., None, None]
     own = np.einsum("mcqst,cqit->mcqis", tensor, at_points, optimize=True)
-    cross = np.einsum("mcqis,lcis->mlcq", exact, field, optimize=True)
-    energy = np.einsum("qa,cmla->mlcq", basis, density) - cross - cross.swapaxes(0, 1)
-    energy += np.einsum("mcqis,lcis->mlcq", own, field, optimize=True)
-    disc, pressure = disc_quadrature(profile)
-    disc = disc * radius
-    pressed = np.column_stack(
-        [disc, surface.under(contacts.points_m[j], frame, disc, radius).depth]
+    energy = np.einsum("mcqis,lcis->mlcq", own, field, optimize=True)
+    coupling = -own @ frame
+    # The exact functions, with samples of their own where they vary most
+    is_close = _cells_close(mesh.cells[cells], place)
+    far, close = np.flatnonzero(~is_close), np.flatnonzero(is_close)
+    volume = np.empty(field.shape[:2])  # (m, c) change of each cell's volume
+    exact, more, volume[:, far] = _exact(stiffness, place, cells[far], field[:, far], profile, 1)
+    coupling[:, far] += exact
+    energy[:, :, far] += more
+    exact, more, volume[:, close] = _exact(
+        stiffness, place, cells[close], field[:, close], profile, 2
     )
-    exact_pressed = functions(pressed, shape, radius, nu, profile)
-    load = np.einsum("p,pm->m", pressure, exact_pressed[:, :, 2])
-    touched = np.flatnonzero(weights.any(axis=1))
-    nodal = nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
-    load -= np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
-    coupling = (exact - own) @ frame
+    # Single precision: half the memory, an error of 1e-7
+    near = Close(cells[close], exact.astype(np.float32), more)
     if mean_lame > 0:
         # Mean change of volume of each cell, that of the interpolant taken off
-        mean = stiffness.mean_gradients[cells] @ frame.T
-        whole = np.where(PRODUCTS[:, 0] == PRODUCTS[:, 1], 1, 2)
-        dilatation = np.einsum("cmsk,k->mc", strain[:, :, :3], whole) / stiffness.volumes[cells]
-        dilatation -= np.einsum("mcis,cis->mc", field, mean)
+        gradients = stiffness.mean_gradients[cells]
+        dilatation = volume / stiffness.volumes[cells]
+        dilatation -= np.einsum("mcis,cis->mc", field, gradients @ frame.T)
         share = mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
-        coupling += np.einsum("cq,mc,cia->mcqia", share, dilatation,
-                              stiffness.mean_gradients[cells], optimize=True)  # fmt: skip
+        coupling += np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
         energy += np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
-    # Single precision: half the memory, an error of 1e-7
-    return Enrichment(cells, coupling.astype(np.float32), energy, load)
+    load = _load(surface, contacts, j, place, nu, weights)
+    return Enrichment(cells, coupling.astype(np.float32), energy, load, near)
+
+
+def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: int, degree: int):
+    """Contributions of the exact functions in some cells, by sample of a modulus of that degree.
+
+    Returns
+    -------
+    coupling : (m, c, q, nodes, 3)
+    energy : (m, m, c, q), what they have of it together with the interpolant among it
+    volume : (m, c) change of each cell's volume
+    """
+    nu, order = stiffness.poisson_ratio, stiffness.mesh.order
+    vertices = place.local[stiffness.mesh.cells[cells, :4]]
+    strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
+    basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
+    # From moments to those against the shape functions and modulus samples
+    stress = _stress(strain, nu)[..., _raised(degree)]  # (c, m, 3, 3, a, 4)
+    gradients = stiffness.gradients[cells] @ place.frame.T
+    exact = np.einsum("qa,ivb,cmstab,cvt->mcqis", basis, linear_derivatives(order), stress,
+                      gradients, optimize=True)  # fmt: skip
+    cross = np.einsum("mcqis,lcis->mlcq", exact, field, optimize=True)
+    energy = np.einsum("qa,cmla->mlcq", basis, density) - cross - cross.swapaxes(0, 1)
+    counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
+    often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
+    volume = np.einsum("cmsk,k->mc", strain[:, :, :3], often)
+    return exact @ place.frame, energy, volume
+
+
+def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
+    """Work (m,) of the unit load on the functions."""
+    frame, local, _, shape, radius = place
+    profile = contacts.profile_code
+    disc, pressure = disc_quadrature(profile)
+    disc = disc * radius
+    depth = surface.under(contacts.points_m[j], frame, disc, radius).depth
+    exact = functions(np.column_stack([disc, depth]), shape, radius, nu, profile)
+    touched = np.flatnonzero(weights.any(axis=1))
+    nodal = nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
+    load = np.einsum("p,pm->m", pressure, exact[:, :, 2])
+    return load - np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
 
 
 def sample_basis(stiffness: Stiffness) -> np.ndarray:
@@ -176,6 +230,14 @@ def linear_derivatives(order: int) -> np.ndarray:
     return d
 
 
+def _raised(degree: int) -> np.ndarray:
+    """Find `monomials(degree)` times lambda_b among `monomials(degree + 1)`, (k, 4)."""
+    number = {tuple(term): k for k, term in enumerate(monomials(degree + 1).tolist())}
+    return np.array(
+        [[number[(*sorted([*term, b]),)] for b in range(4)] for term in monomials(degree).tolist()]
+    )
+
+
 def square(moments: np.ndarray) -> np.ndarray:
     """Moments times lambda_a lambda_b, (..., 10) -> (..., 4, 4)."""
     result = np.empty((*moments.shape[:-1], 4, 4))
@@ -185,13 +247,13 @@ def square(moments: np.ndarray) -> np.ndarray:
 
 
 def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
-    """Stress moments (c, m, 3, 3, 4, 4) of strain moments (c, m, 6, 10), E = 1."""
+    """Stress moments (c, m, 3, 3, k) of strain moments (c, m, 6, k), E = 1."""
     lam, mu, _ = split_lame(nu)
     index = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     tensor = 2 * mu * strain[:, :, index]
     trace = lam * strain[:, :, :3].sum(axis=2)
     tensor[:, :, range(3), range(3)] += trace[:, :, None]
-    return square(tensor)
+    return tensor
 
 
 def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarray:
@@ -202,6 +264,15 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
     out = np.maximum(np.hypot(centre[:, 0], centre[:, 1]) - radius, 0)
     distance = np.hypot(out, centre[:, 2])
     return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
+
+
+def _cells_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
+    """Whether cells (c, nodes) lie so close to the disc that the field varies in them, (c,)."""
+    corners = place.local[cells[:, :4]]
+    diameter = 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
+    points = np.einsum("qv,cvi->cqi", _PLACES, corners)
+    out = np.maximum(np.hypot(points[..., 0], points[..., 1]) - place.radius, 0)
+    return np.hypot(out, points[..., 2]).min(axis=1) < _CLOSE_CELLS * diameter
 
 
 def nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:

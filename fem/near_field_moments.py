@@ -7,6 +7,7 @@ below the paraboloid that follows the surface (`fem.contact_shape`); see `fem.ne
 from __future__ import annotations
 
 import math
+from itertools import combinations_with_replacement
 
 import numba
 import numpy as np
@@ -30,6 +31,11 @@ _COARSE = (2.0, (64, 4, 8))
 _FINE = (1.4, (128, 8, 16))
 
 
+def monomials(degree: int) -> np.ndarray:
+    """Barycentric coordinates whose products span the polynomials of a degree, (k, degree)."""
+    return np.array(list(combinations_with_replacement(range(4), degree)))
+
+
 @numba.njit(cache=True, error_model="numpy")
 def functions(points, shape, radius, nu, profile):
     """Values of the functions at points (p, 3): (p, m, 3)."""
@@ -46,19 +52,25 @@ def functions(points, shape, radius, nu, profile):
     return values
 
 
-def moments(vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, profile: int):
+def moments(
+    vertices: np.ndarray, shape: np.ndarray, radius: float, nu: float, profile: int, degree: int = 1
+):
     """Integrals over each cell of the functions' strain and energy density.
 
     Cells are cut towards the rim; at the rim itself the points are polar. A smooth partition of
     unity passes from one to the other, so that neither meets a singular or discontinuous integrand.
 
+    Parameters
+    ----------
+    degree : of the modulus in each cell
+
     Returns
     -------
-    strain : (c, m, 6, 10) times lambda_a lambda_b
-    density : (c, m, m, 4) twice the energy density of each pair, times lambda_a, without that of
-        the cells' mean dilatation (see `fem.assembly.split_lame`)
+    strain : (c, m, 6, k) times `monomials(degree + 1)`
+    density : (c, m, m, k) twice the energy density of each pair, times `monomials(degree)`, without
+        that of the cells' mean dilatation (see `fem.assembly.split_lame`)
     """
-    strain, density, _ = _integrate(vertices, shape, radius, nu, profile, np.zeros((0, 6)))
+    strain, density, _ = _integrate(vertices, shape, radius, nu, profile, np.zeros((0, 6)), degree)
     upper = np.triu_indices(FUNCTIONS, 1)
     density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
     return strain, density
@@ -87,27 +99,32 @@ def pair_moments(
     return np.einsum("cmik,si->cmsk", strain, projection), pairs.reshape(-1, *half, *half, 4)
 
 
-def _integrate(vertices, shape, radius, nu, profile, projection):
+def _integrate(vertices, shape, radius, nu, profile, projection, degree=1):
     """Moments of `moments`, or with a projection those of `pair_moments`."""
     c, size = len(vertices), FUNCTIONS * len(projection)
-    strain, density = np.zeros((c, 10, 6 * FUNCTIONS)), np.zeros((c, FUNCTIONS, FUNCTIONS, 4))
+    strain = np.zeros((c, len(monomials(degree + 1)), 6 * FUNCTIONS))
+    density = np.zeros((c, FUNCTIONS, FUNCTIONS, len(monomials(degree))))
     pairs = np.zeros((c, size, size, 4))
     lam, mu, mean_lame = split_lame(nu)
     leaf, tube_points = _FINE if mean_lame > 0 else _COARSE
-    arguments = (shape, radius, nu, profile, lam, mu, projection, pairs)
+    arguments = (shape, radius, nu, profile, lam, mu, projection, pairs, degree)
     tube, spread = _tube_radius(vertices, radius), _TUBE * radius
     quarter = math.ceil(tube_points[0] * spread / (4 * tube))  # quarter turns change nothing
     tube_points = (4 * quarter, *tube_points[1:])
+    reach = _rim_reach(vertices, radius)
     _integrate_cells(vertices, *TET_RULES[5], leaf, tube, strain, density, *arguments)
+    result = strain.reshape(c, -1, FUNCTIONS, 6).transpose(0, 2, 3, 1), density, pairs
+    if not shape.any() and not (reach < 2 * tube).any():
+        return result
     points, weights = _tube_points(radius, tube, tube_points)
     points[:, 2] += height(shape, points[:, 0], points[:, 1])
     off = np.abs(points[:, 2]).max() if shape.any() else tube
-    close = np.flatnonzero(_rim_reach(vertices, radius) < max(off, tube) + tube)
+    close = np.flatnonzero(reach < max(off, tube) + tube)
     owner, barycentric = _locate(points, vertices[close])
     inside = owner >= 0
     _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
                       strain, density, *arguments)  # fmt: skip
-    return strain.reshape(c, 10, FUNCTIONS, 6).transpose(0, 2, 3, 1), density, pairs
+    return result
 
 
 def _rim_reach(vertices: np.ndarray, radius: float) -> np.ndarray:
@@ -140,8 +157,8 @@ def _tube_points(
     phi, w_phi = np.pi * (y + 1) / 2, np.pi * wy / 2
     angle, rho, phi = np.meshgrid(angle, rho, phi, indexing="ij")
     r = radius + rho * np.cos(phi)
-    bump = np.vectorize(_bump)(rho / tube)
-    weight = (2 * np.pi / around) * w_rho[None, :, None] * w_phi * r * rho * bump
+    w_rho = w_rho * [_bump(s) for s in (x + 1) / 2]
+    weight = (2 * np.pi / around) * w_rho[None, :, None] * w_phi * r * rho
     points = np.stack([r * np.cos(angle), r * np.sin(angle), rho * np.sin(phi)], axis=-1)
     return points.reshape(-1, 3), weight.ravel()
 
@@ -190,7 +207,7 @@ def _field(x, y, z, radius, nu, profile):
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu,
-         projection, pairs, eps):  # fmt: skip
+         projection, pairs, degree, eps):  # fmt: skip
     """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
     x, y = position[0], position[1]
     z = depth_below(shape, x, y, position[2], radius)
@@ -214,13 +231,20 @@ def _add(position, weight, barycentric, strain, density, shape, radius, nu, prof
         eps[m, 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
         eps[m, 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
     flat = eps.reshape(-1)
-    k = 0
+    k = 0  # in the order of `monomials`
     for a in range(4):
         for b in range(a, 4):
             s = weight * barycentric[a] * barycentric[b]
-            for i in range(flat.size):
-                strain[k, i] += s * flat[i]
-            k += 1
+            if degree == 1:
+                for i in range(flat.size):
+                    strain[k, i] += s * flat[i]
+                k += 1
+                continue
+            for c in range(b, 4):
+                t = s * barycentric[c]
+                for i in range(flat.size):
+                    strain[k, i] += t * flat[i]
+                k += 1
     if len(projection) > 0:
         _add_pairs(weight, barycentric, eps, projection, pairs)
         return
@@ -231,8 +255,15 @@ def _add(position, weight, barycentric, strain, density, shape, radius, nu, prof
             value += 2 * mu * (
                 eps[m, 0] * eps[n, 0] + eps[m, 1] * eps[n, 1] + eps[m, 2] * eps[n, 2]
             ) + 4 * mu * (eps[m, 3] * eps[n, 3] + eps[m, 4] * eps[n, 4] + eps[m, 5] * eps[n, 5])
+            value *= weight
+            k = 0
             for a in range(4):
-                density[m, n, a] += weight * value * barycentric[a]
+                if degree == 1:
+                    density[m, n, a] += value * barycentric[a]
+                    continue
+                for b in range(a, 4):
+                    density[m, n, k] += value * barycentric[a] * barycentric[b]
+                    k += 1
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
@@ -253,17 +284,17 @@ def _add_pairs(weight, barycentric, eps, projection, pairs):
 
 @numba.njit(cache=True, nogil=True)
 def _integrate_points(points, weights, owner, barycentric, strain, density, shape, radius, nu,
-                      profile, lam, mu, projection, pairs):  # fmt: skip
+                      profile, lam, mu, projection, pairs, degree):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     for p in range(len(points)):
         c = owner[p]
         _add(points[p], weights[p], barycentric[p], strain[c], density[c], shape, radius, nu,
-             profile, lam, mu, projection, pairs[c], eps)  # fmt: skip
+             profile, lam, mu, projection, pairs[c], degree, eps)  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
 def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, shape,
-                     radius, nu, profile, lam, mu, projection, pairs):  # fmt: skip
+                     radius, nu, profile, lam, mu, projection, pairs, degree):  # fmt: skip
     eps = np.empty((density.shape[1], 6))
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
@@ -328,7 +359,7 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                 if w > 0:
                     w *= size * rule_weights[q]
                     _add(position, w, barycentric, strain[c], density[c], shape, radius, nu,
-                         profile, lam, mu, projection, pairs[c], eps)  # fmt: skip
+                         profile, lam, mu, projection, pairs[c], degree, eps)  # fmt: skip
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -1,7 +1,12 @@
 """Compliance of every press on a body, for any modulus field and support.
 
-One factorisation and a solve with a few right-hand sides a press (the load and its near field) give
-all compliances; the derivatives follow from the same fields, see `fem.response`.
+One factorisation K = G G' gives all compliances. With y = G^-1 B for the load B of a press and
+Y = G^-1 k for the four functions of its near field (`fem.near_field`),
+
+    C = y'y + g'alpha,    (a - Y'Y) alpha = g = l - Y'y,    u = G'^-1 (y - Y alpha),
+
+so that only one right-hand side a press goes through both halves of a solve. The derivatives follow
+from the same fields, see `fem.response`.
 """
 
 from __future__ import annotations
@@ -12,7 +17,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from fem.assembly import Stiffness
@@ -20,8 +24,9 @@ from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
-from fem.near_field import Enrichment, enrich
+from fem.near_field import CLOSE_SAMPLES, Close, Enrichment, enrich
 from fem.near_field_moments import FUNCTIONS
+from fem.near_field_sums import couple, scatter
 from fem.response import Response
 from fem.skin import Skin, SkinnedSurface
 from fem.solver import Pattern, Solver, default_solver
@@ -60,11 +65,15 @@ class HeldBody:
 
 
 class Material(NamedTuple):
-    """What a body is made of: modulus samples (p,), fibres and skin."""
+    """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
+
+    `close` (c, s) has the modulus samples that the presses' near fields have besides.
+    """
 
     modulus: np.ndarray
     fibres: Fibres | None
     skin: Skin | None
+    close: np.ndarray
 
 
 class NearFields(NamedTuple):
@@ -128,6 +137,10 @@ class PalpationModel:
                         range(len(contacts)),
                     )
                 )
+        close = [part.close.cells for part in self.enrichments]
+        self.close_cells = np.unique(np.concatenate(close)) if close else np.zeros(0, int)
+        #: rows of `Material.close` that belong to each press
+        self.close_rows = [np.searchsorted(self.close_cells, cells) for cells in close]
 
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
         return HeldBody(
@@ -147,8 +160,9 @@ class PalpationModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled, (p, 3) m."""
-        return self.stiffness.points_m
+        """Where the modulus is sampled, (p, 3) m: by the stiffness matrix, then by near fields."""
+        near = Close.points_m(self.mesh, self.close_cells)
+        return np.vstack([self.stiffness.points_m, near])
 
     def evaluate(
         self,
@@ -180,10 +194,13 @@ class PalpationModel:
                 "Young's modulus must be positive and finite everywhere; its smallest value is "
                 f"{np.nanmin(modulus):.4g} Pa"
             )
+        split = len(self.stiffness.points_m)
         if fibres is not None:
-            fibres = checked_fibres(fibres, len(modulus))
+            direction, strength = checked_fibres(fibres, len(modulus))
+            fibres = Fibres(direction, np.asarray(strength)[:split])
         skin = None if skin is None else Skin(*skin)
-        material = Material(modulus, fibres, skin)
+        modulus, close = modulus[:split], modulus[split:].reshape(-1, len(CLOSE_SAMPLES))
+        material = Material(modulus, fibres, skin, close)
         support = self.support
         if support_compliance is not None:
             normal, tangential = support_compliance
@@ -199,17 +216,19 @@ class PalpationModel:
             springs = body.foundation.effective(support.normal, support.tangential, modulus)
             body.foundation.add(values, springs)
         factor = body.pattern.factorize(values)
-        field = factor.solve(body.loads)
-        compliance = np.einsum("dj,dj->j", body.loads, field)
+        half = factor.forward(body.loads)  # all products with the inverse need no more
+        compliance = np.einsum("dj,dj->j", half, half)
         amplitude = np.zeros((len(compliance), FUNCTIONS if self.enrichments else 0))
         for group, near in self.near_fields(body.stiffness, material):
             k = near.coupling
-            z = factor.solve(k.reshape(len(k), -1)).reshape(k.shape)
-            missing = near.load - np.einsum("djm,dj->jm", k, field[:, group])
-            schur = near.energy - np.einsum("djm,djl->jml", k, z, optimize=True)
+            k = factor.forward(k.reshape(len(k), -1)).T.reshape(*k.shape[1:], -1)  # (j, m, d)
+            pressed = half[:, group].T
+            missing = near.load - (k @ pressed[..., None])[..., 0]
+            schur = near.energy - k @ k.swapaxes(1, 2)
             amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
             compliance[group] += np.sum(missing * amplitude[group], axis=1)
-            field[:, group] -= np.einsum("djm,jm->dj", z, amplitude[group])
+            half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
+        field = factor.backward(half)
         response = Response(compliance, self, body, material, field, amplitude, springs)
         if springs is not None:
             if np.isinf(support.tangential):
@@ -240,22 +259,23 @@ class PalpationModel:
         m = FUNCTIONS
         for first in range(0, len(self.enrichments), _GROUP):
             parts = self.enrichments[first : first + _GROUP]
-            nodal = np.zeros((len(parts), m, len(self.mesh.nodes), 3))
-            energy = np.empty((len(parts), m, m))
+            by_function = np.zeros((len(parts), m, 3 * len(stiffness.free_nodes)))
+            energy = np.zeros((len(parts), m, m))
             for i, part in enumerate(parts):
-                local = by_cell[part.cells]
-                energy[i] = np.einsum("cq,mlcq->ml", local, part.energy)
-                vectors = np.einsum("cq,mcqia->cmia", local, part.coupling)
+                local = np.ascontiguousarray(by_cell[part.cells])
+                numbers = stiffness.free_cells[part.cells]
+                couple(by_function[i], energy[i], numbers, local, part.coupling, part.energy)
+                cells, *near = part.close
+                local = material.close[self.close_rows[first + i]]
+                couple(by_function[i], energy[i], stiffness.free_cells[cells], local, *near)
                 if fibres is not None:
                     plane = self.fibre_plane(fibres.direction)
                     strength = np.reshape(fibres.modulus_pa, by_cell.shape)
                     more, own = plane.near(first + i, fibres.direction, strength)
                     energy[i] += own
-                    vectors = vectors + more
-                _scatter(nodal[i], self.mesh.cells[part.cells], vectors)
-            coupling = stiffness.restrict(nodal.reshape(len(parts) * m, -1, 3))
+                    scatter(by_function[i], numbers, more)
             load = np.array([part.load for part in parts])
-            near = NearFields(coupling.reshape(len(coupling), -1, m), energy, load)
+            near = NearFields(by_function.transpose(2, 0, 1), energy, load)
             yield slice(first, first + len(parts)), near
 
     def fibre_plane(self, direction: np.ndarray) -> FibrePlane:
@@ -280,12 +300,3 @@ def _check_equilibrium(response: Response, springs: tuple[float, float]) -> None
             f"press {worst} pushes the body off its sliding support: it needs a tangential "
             "compliance that is finite, a surface that is held, or a press across the support"
         )
-
-
-@numba.njit(cache=True)
-def _scatter(nodal, cells, vectors):
-    for c in range(cells.shape[0]):
-        for m in range(nodal.shape[0]):
-            for i in range(cells.shape[1]):
-                for a in range(3):
-                    nodal[m, cells[c, i], a] += vectors[c, m, i, a]

@@ -1,7 +1,8 @@
 """Presses shared out over threads, each with its own single-threaded factors.
 
 Small sparse factorisations gain little from two threads inside, and two of them side by side gain
-all. MKL's number of threads is therefore set to one in each of these threads, and only there.
+all. MKL's and numba's number of threads is therefore set to one in each of these threads, and only
+there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any, TypeVar
+
+import numba
 
 from fem.solver import PardisoSolver, Solver
 
@@ -62,7 +65,8 @@ def _mkl() -> Any:
 
 
 def _one_thread_inside() -> None:
-    """Tell MKL, where it is there, to work with one thread when called from this thread."""
+    """Tell numba and MKL, where it is there, to take one thread when called from this one."""
+    numba.set_num_threads(1)
     try:
         _mkl().MKL_Set_Num_Threads_Local(ctypes.c_int(1))
     except (ImportError, OSError, AttributeError):

@@ -16,6 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.elasticity import HORIZONTAL
+from fem.near_field import CLOSE_SAMPLES, sample_basis
+from fem.near_field_sums import add_energies
 from fem.skin import Skin
 
 if TYPE_CHECKING:
@@ -63,14 +65,15 @@ class Response:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
-        result = stiffness.energies(nodal).reshape(len(nodal), -1, stiffness.samples)
+        result = stiffness.energies(nodal)
+        if self._model.enrichments:  # by press in memory, to be added to
+            result = np.ascontiguousarray(result)
+        by_cell = result.reshape(len(nodal), -1, stiffness.samples)
         for j, part in enumerate(self._model.enrichments):
-            alpha = self._amplitude[j]
-            field = nodal[j][stiffness.mesh.cells[part.cells]]
-            mixed = np.einsum("m,mcqia,cia->cq", alpha, part.coupling, field, optimize=True)
-            own = np.einsum("m,l,mlcq->cq", alpha, alpha, part.energy, optimize=True)
-            result[j, part.cells] += 2 * mixed + own
-        result = -result.reshape(len(nodal), -1)
+            nodes = stiffness.mesh.cells[part.cells]
+            add_energies(by_cell[j], part.cells, nodes, nodal[j], self._amplitude[j],
+                         part.coupling, part.energy)  # fmt: skip
+        np.negative(result, out=result)
         skin = self._material.skin
         if skin is not None:
             skinned = self._body.skinned
@@ -78,7 +81,31 @@ class Response:
             np.add.at(result, (np.arange(len(result))[:, None], samples), near)
             for j, field in enumerate(nodal):
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
+        return np.hstack([result, -self._close_energies.reshape(len(nodal), -1)])
+
+    @cached_property
+    def _close_energies(self) -> np.ndarray:
+        """Twice the energy at the near fields' own samples for E = 1, (j, c, s)."""
+        nodal, mesh = self._body.stiffness.prolong(self._free), self._model.mesh
+        result = np.zeros((len(nodal), *self._material.close.shape))
+        for j, part in enumerate(self._model.enrichments):
+            cells, *near = part.close
+            add_energies(result[j], self._model.close_rows[j], mesh.cells[cells], nodal[j],
+                         self._amplitude[j], *near)  # fmt: skip
         return result
+
+    @cached_property
+    def unevenness(self) -> np.ndarray:
+        """Part of each compliance that hangs on a modulus not linear in the cells around the tip.
+
+        (j,) >= 0, to first order and without regard to sign: what the cells' ordinary samples would
+        miss if all of it added up.
+        """
+        stiffness, material = self._body.stiffness, self._material
+        by_cell = material.modulus.reshape(-1, stiffness.samples)[self._model.close_cells]
+        linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
+        bent = np.abs(self._close_energies * (material.close - linear))
+        return bent.sum(axis=(1, 2)) / self.compliance
 
     @cached_property
     def skin_sensitivity(self) -> np.ndarray:
@@ -120,7 +147,8 @@ class Response:
         ----------
         weight : (p,) at the model's `points_m`, or one number
         """
-        weight = np.broadcast_to(np.asarray(weight, float), len(self._material.modulus))
+        count = len(self._material.modulus)  # fibres have no samples of the near fields' own
+        weight = np.broadcast_to(np.asarray(weight, float), len(self._model.points_m))[:count]
         return np.array([weight @ products for products in self._plane_products(plane)])
 
     def fibre_sensitivity(self, direction: np.ndarray) -> np.ndarray:
@@ -128,7 +156,10 @@ class Response:
         direction = np.asarray(direction, float)
         plane = self._model.fibre_plane(direction)
         weights = plane.weights(direction)
-        return -np.array([p @ weights for p in self._plane_products(plane.plane)])
+        result = np.zeros((len(self.compliance), len(self._model.points_m)))
+        for j, products in enumerate(self._plane_products(plane.plane)):
+            result[j, : len(products)] = -(products @ weights)
+        return result
 
     def _plane_products(self, plane: np.ndarray) -> Iterator[np.ndarray]:
         """For each press the products (p, 6) by modulus sample."""

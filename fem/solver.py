@@ -15,22 +15,20 @@ x86-64) or `SuperLUSolver` (scipy, everywhere); `default_solver` takes the faste
 from __future__ import annotations
 
 import ctypes
+import os
 import weakref
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import PackageNotFoundError, files
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse.linalg import SuperLU, splu
 
 from fem.errors import SolverError
-
-WHAT_TO_DO = (
-    "check that the body is held (fixed surface not empty), that every Young's modulus is "
-    "positive, that -1 < Poisson's ratio < 0.5 and that no cell is inverted"
-)
+from fem.solver_checks import WHAT_TO_DO, checked_pattern, checked_rhs, checked_values
+from fem.superlu import SuperLUSolver
 
 
 class Factor(Protocol):
@@ -38,6 +36,17 @@ class Factor(Protocol):
 
     def solve(self, rhs: ArrayLike) -> NDArray[np.float64]:
         """Return x of A x = rhs, of the shape of rhs: (n,) or (n, r)."""
+        ...
+
+    def forward(self, rhs: ArrayLike) -> NDArray[np.float64]:
+        """Return y (n, r) of G y = rhs, where A = G G', in an order of the solver's own.
+
+        Half the work of `solve`, and enough for every product: b'A^-1 c = y_b'y_c.
+        """
+        ...
+
+    def backward(self, half: ArrayLike) -> NDArray[np.float64]:
+        """Return x (n, r) of G'x = y for what `forward` returned, or a combination of it."""
         ...
 
 
@@ -83,6 +92,7 @@ def _pardiso_works() -> bool:
 # ---------------------------------------------------------------------------------- PARDISO
 
 _ANALYSE, _FACTORIZE, _SOLVE, _RELEASE = 11, 22, 33, -1
+_FORWARD, _BACKWARD = 331, 333  # the diagonal phase between them does nothing to a Cholesky factor
 _SPD = 2  # mtype: real, symmetric positive definite
 _PARDISO_ERRORS = {
     -2: "not enough memory; use a coarser mesh",
@@ -116,15 +126,32 @@ class PardisoSolver:
         # numba) change OpenMP's number in between: MKL's own is set, which they do not touch.
         threads = self.threads or _mkl().MKL_Get_Max_Threads()
         _mkl().MKL_Set_Num_Threads(ctypes.c_int(threads))
-        return PardisoPattern(*_checked_pattern(indptr, indices))
+        return PardisoPattern(*checked_pattern(indptr, indices))
 
 
 @cache
 def _mkl() -> Any:
-    """MKL's library, found by pypardiso."""
-    from pypardiso import ps  # not there on every platform
-
+    """MKL's library, as pypardiso loads it."""
+    known = "PYPARDISO_MKL_RT"  # without it pypardiso searches all of the installation, for 0.5 s
+    place = None if known in os.environ else _installed_mkl()
+    try:
+        if place is not None:
+            os.environ[known] = str(place)
+        from pypardiso import ps  # not there on every platform
+    finally:
+        if place is not None:
+            del os.environ[known]
     return ps.libmkl
+
+
+def _installed_mkl() -> Path | None:
+    """Where the package `mkl` says that it put its library, if it is there."""
+    try:
+        listed = files("mkl") or ()
+    except PackageNotFoundError:
+        return None
+    places = (Path(str(file.locate())) for file in listed if "mkl_rt" in file.name)
+    return next((place for place in places if place.suffix != ".lib" and place.exists()), None)
 
 
 class PardisoPattern:
@@ -148,22 +175,22 @@ class PardisoPattern:
 
     def factorize(self, values: ArrayLike) -> PardisoFactor:
         """Factorise the values (nnz,); factors of earlier calls become stale."""
-        self._values = _checked_values(values, self._indices.size)
+        self._values = checked_values(values, self._indices.size)
         self._generation += 1
         self._call(_FACTORIZE)
         return PardisoFactor(self, self._generation)
 
-    def solve(self, rhs: ArrayLike, generation: int) -> NDArray[np.float64]:
-        """Solve with the factor of that generation."""
+    def solve(self, rhs: ArrayLike, generation: int, phase: int = _SOLVE) -> NDArray[np.float64]:
+        """Solve with the factor of that generation; all of it, or one of the two halves."""
         if generation != self._generation:
             raise SolverError(
                 "This factor is stale: its pattern has been factorised again since; "
                 "solve with the new factor, or analyse a second pattern to keep both."
             )
-        load = np.asfortranarray(_checked_rhs(rhs, self.size))
+        load = np.asfortranarray(checked_rhs(rhs, self.size))
         solution = np.empty_like(load)
         if load.size:
-            self._call(_SOLVE, load, solution)
+            self._call(phase, load, solution)
         return solution
 
     def _call(
@@ -201,6 +228,14 @@ class PardisoFactor:
     def solve(self, rhs: ArrayLike) -> NDArray[np.float64]:
         """Return x of A x = rhs, (n,) or (n, r)."""
         return self.pattern.solve(rhs, self.generation)
+
+    def forward(self, rhs: ArrayLike) -> NDArray[np.float64]:
+        """Return y of G y = rhs, (n,) or (n, r)."""
+        return self.pattern.solve(rhs, self.generation, _FORWARD)
+
+    def backward(self, half: ArrayLike) -> NDArray[np.float64]:
+        """Return x of G'x = half, (n,) or (n, r)."""
+        return self.pattern.solve(half, self.generation, _BACKWARD)
 
 
 def _pardiso_options() -> NDArray[np.int32]:
@@ -247,115 +282,3 @@ def _call_pardiso(
 def _release(handle: NDArray[np.int64], options: NDArray[np.int32], size: int) -> None:
     """Give PARDISO's memory back."""
     _call_pardiso(handle, options, _RELEASE, size)
-
-
-# ---------------------------------------------------------------------------------- SuperLU
-
-
-@dataclass(frozen=True)
-class SuperLUSolver:
-    """LU factorisation by scipy's SuperLU in symmetric mode: slower, larger, runs everywhere."""
-
-    @property
-    def name(self) -> str:
-        """Name with version."""
-        from scipy import __version__
-
-        return f"SuperLU of scipy {__version__}"
-
-    def analyse(self, indptr: ArrayLike, indices: ArrayLike) -> SuperLUPattern:
-        """Prepare the full matrix of the upper triangle (SuperLU orders in `factorize`)."""
-        return SuperLUPattern(*_checked_pattern(indptr, indices))
-
-
-class SuperLUPattern:
-    """The full matrix's pattern, and from which value of the upper triangle each entry comes."""
-
-    def __init__(self, indptr: NDArray[np.int32], indices: NDArray[np.int32]) -> None:
-        self.size = indptr.size - 1
-        numbers = np.arange(1.0, indices.size + 1)  # from 1: a zero would be dropped
-        upper = sp.csr_array((numbers, indices, indptr), shape=(self.size, self.size))
-        full = sp.csc_array(upper + sp.triu(upper, 1).T)
-        full.sort_indices()
-        self._full = full
-        self._source = full.data.astype(np.int64) - 1
-
-    def factorize(self, values: ArrayLike) -> SuperLUFactor:
-        """Factorise the values (nnz,); earlier factors stay valid."""
-        data = _checked_values(values, int(self._source.max()) + 1)[self._source]
-        matrix = sp.csc_array((data, self._full.indices, self._full.indptr), self._full.shape)
-        try:
-            factor = splu(
-                matrix,
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-        except RuntimeError as error:  # an exactly zero pivot
-            raise SolverError(f"The matrix is singular: {WHAT_TO_DO}.") from error
-        pivots = factor.U.diagonal()
-        # without row exchange the pivots have the signs of the eigenvalues (Sylvester)
-        if np.any(factor.perm_r != factor.perm_c) or pivots.min() <= 0.0:
-            row = int(np.flatnonzero(factor.perm_c == pivots.argmin())[0])
-            raise SolverError(
-                f"The matrix is not positive definite (pivot of row {row} of {self.size}): "
-                f"{WHAT_TO_DO}."
-            )
-        return SuperLUFactor(factor, self.size)
-
-
-@dataclass(frozen=True, eq=False)
-class SuperLUFactor:
-    """A factor in SuperLU's memory."""
-
-    factor: SuperLU
-    size: int
-
-    def solve(self, rhs: ArrayLike) -> NDArray[np.float64]:
-        """Return x of A x = rhs, (n,) or (n, r)."""
-        return self.factor.solve(_checked_rhs(rhs, self.size))
-
-
-# ----------------------------------------------------------------------------------- checks
-
-
-def _checked_pattern(
-    indptr: ArrayLike, indices: ArrayLike
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the pattern as int32, or say why it is not that of an upper triangle.
-
-    PARDISO crashes or computes nonsense on a pattern that is unsorted or lacks a diagonal entry.
-    """
-    starts = np.array(indptr, np.int32)
-    columns = np.array(indices, np.int32)
-    if starts.ndim != 1 or starts.size < 2 or starts[0] != 0 or starts[-1] != columns.size:
-        raise SolverError("The pattern's indptr must be (n + 1,), from 0 to the number of indices.")
-    if np.any(np.diff(starts) < 1) or np.any(columns[starts[:-1]] != np.arange(starts.size - 1)):
-        raise SolverError(
-            "Each row of the pattern must begin with its diagonal entry: pass the upper triangle, "
-            "diagonal included, with sorted indices."
-        )
-    rises = np.diff(columns) > 0
-    rises[starts[1:-1] - 1] = True  # from one row to the next
-    if not rises.all() or columns.max() >= starts.size - 1:
-        raise SolverError("The pattern's indices must rise within each row and be below n.")
-    return starts, columns
-
-
-def _checked_values(values: ArrayLike, count: int) -> NDArray[np.float64]:
-    data = np.ascontiguousarray(values, np.float64)
-    if data.shape != (count,):
-        raise SolverError(f"The pattern has {count} entries, but the values are {data.shape}.")
-    if not np.isfinite(data).all():
-        bad = int(np.flatnonzero(~np.isfinite(data))[0])
-        raise SolverError(f"Entry {bad} of the matrix is {data[bad]}: {WHAT_TO_DO}.")
-    return data
-
-
-def _checked_rhs(rhs: ArrayLike, size: int) -> NDArray[np.float64]:
-    load = np.asarray(rhs, np.float64)
-    if load.ndim not in (1, 2) or load.shape[0] != size:
-        raise SolverError(
-            f"The right-hand side must be ({size},) or ({size}, r), but is {load.shape}."
-        )
-    return load

@@ -28,6 +28,7 @@ from identify.optimize_result import InadmissibleError
 _NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
 _NU_STEP = 0.01
+_KEPT_RATIOS = 6  # of the compliances at Poisson ratios: those of two maps and their neighbours
 _BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
 
@@ -87,6 +88,11 @@ class BodyResponse:
             change += self._scale * self._by_skin(old, state)
         return change, local
 
+    def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
+        other = self._mechanics.evaluate(self._map, state)
+        return other.compliance - self.compliance, other.local_modulus - self.local_modulus
+
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
         return self._scale[:, None] * (self._response.sensitivity @ moduli)
@@ -111,9 +117,10 @@ class BodyResponse:
 
     def _by_poisson_ratio(self) -> np.ndarray:
         """Difference quotient towards the compressible side, (j,)."""
-        nu = self._state.poisson_ratio
-        other = self._mechanics.poisson_factor(self._map, self._state, nu - _NU_STEP)
-        own = self._mechanics.poisson_factor(self._map, self._state, nu)
+        nu, plain = self._state.poisson_ratio, self._response.compliance
+        factor = self._mechanics.poisson_factor
+        other = factor(self._map, self._state, nu - _NU_STEP, plain)
+        own = factor(self._map, self._state, nu, plain)
         return self.compliance * (1 - other / own) / _NU_STEP
 
 
@@ -136,6 +143,7 @@ class BodyMechanics:
     ratio: np.ndarray | float = 1.0
     model_error: np.ndarray | float = 0.0
     _others: dict[float, PalpationModel] = field(default_factory=dict)
+    _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
 
     @cached_property
     def local_points(self) -> np.ndarray:
@@ -168,7 +176,8 @@ class BodyMechanics:
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
-            factor = factor * self.poisson_factor(stiffness, state, state.poisson_ratio)
+            nu, own = state.poisson_ratio, response.compliance
+            factor = factor * self.poisson_factor(stiffness, state, nu, own)
         gradient = stiffness.gradient(points) * _factor(state, points)[:, None]
         local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
         return BodyResponse(
@@ -210,30 +219,40 @@ class BodyMechanics:
             gradient += state.fibre_share * (by_fibres @ by_parameter)
         return gradient
 
-    def poisson_factor(self, stiffness: GaussianMap, state: BodyState, nu: float) -> np.ndarray:
-        """Compliance (j,) at another Poisson's ratio over that at the model's own."""
+    def poisson_factor(
+        self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
+    ) -> np.ndarray:
+        """Compliance (j,) at another Poisson's ratio over that at the model's own, `base` (j,)."""
         if nu == self.poisson_ratio:
             return np.ones(len(self.coarse.contacts))
         if not -1 < nu < 0.5:
             raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
         others = _NODES[np.abs(_NODES - self.poisson_ratio) > 1e-6]
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
-        plain = state.changed(poisson_ratio=self.poisson_ratio)
-        nodes = np.array([self.poisson_ratio, *nearest])
-        base = self._solve(self.coarse, stiffness, plain).compliance
         logs = [np.zeros_like(base)]
-        for node in nearest:
-            model = self._others.get(float(node))
-            if model is None:
-                model = self._others[float(node)] = self.at_poisson_ratio(float(node))
-            ratio = self._solve(model, stiffness, plain).compliance / base
-            if not (np.isfinite(ratio).all() and ratio.min() > 0):
-                raise InadmissibleError("the map is finer than the mesh of the body resolves")
-            logs.append(np.log(ratio))
+        logs += [self._log_ratio(stiffness, state, float(node), base) for node in nearest]
+        nodes = np.array([self.poisson_ratio, *nearest])
         weights = [
             np.prod([(nu - b) / (a - b) for b in nodes if b != a]) for a in nodes
         ]  # Lagrange's polynomial through three nodes
         return np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
+
+    def _log_ratio(
+        self, stiffness: GaussianMap, state: BodyState, node: float, base: np.ndarray
+    ) -> np.ndarray:
+        """Logarithm (j,) of the compliance at a node of Poisson's ratio over `base`."""
+        key = (node, stiffness, state.changed(poisson_ratio=node))
+        if key not in self._ratios:
+            model = self._others.get(node)
+            if model is None:
+                model = self._others[node] = self.at_poisson_ratio(node)
+            ratio = self._solve(model, stiffness, state).compliance / base
+            if not (np.isfinite(ratio).all() and ratio.min() > 0):
+                raise InadmissibleError("the map is finer than the mesh of the body resolves")
+            while len(self._ratios) >= _KEPT_RATIOS:
+                self._ratios.pop(next(iter(self._ratios)))
+            self._ratios[key] = np.log(ratio)
+        return self._ratios[key]
 
     def with_skin(self, stiffness: GaussianMap, state: BodyState, thickness_m: float) -> np.ndarray:
         """Return the derivative (j,) of the coarse compliance by the factor of a skin at 1."""

@@ -1,8 +1,8 @@
 """What the finite elements' own error does to an estimate.
 
 A fit that is corrected towards a finer model keeps that model's error. It is put at what an
-extrapolation from both meshes would add (compliances converge like h^2.5, see `fem.refined`), and
-for a model that is extrapolated already at half of what was added. It enters the covariance twice:
+extrapolation from both meshes would add, and for a model that is extrapolated already at what it
+says itself, see `fem.refined`. It enters the covariance twice:
 as one error that all presses share, and as one that is each press's own.
 """
 
@@ -11,12 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from fem import PalpationModel, RefinedModel
-from fem.refined import RATE
 from identify.forward import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
-
-_LEFT_BY_EXTRAPOLATION = 0.5
+_RATE = 2.5  # of meshes that are not extrapolated, presses away from edges and steep inclusions
 
 
 def fine_compliance(
@@ -26,11 +24,11 @@ def fine_compliance(
     modulus = positive_modulus(stiffness, fine.points_m)
     if isinstance(fine, RefinedModel):
         response = fine.evaluate(modulus)
-        return response.compliance, _LEFT_BY_EXTRAPOLATION * response.extrapolated
+        return response.compliance, response.error
     compliance = fine.evaluate(modulus).compliance
     # Cells of order p resolve like p^3 linear ones.
     cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
-    gain = max((cells[1] / cells[0]) ** (RATE / 3) - 1, 0.5)
+    gain = max((cells[1] / cells[0]) ** (_RATE / 3) - 1, 0.5)
     return compliance, (compliance / coarse_compliance - 1) / gain
 
 

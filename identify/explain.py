@@ -33,6 +33,8 @@ _SHORTLIST = 3
 _RISE = 1.002  # an addition does not raise the error itself
 _HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
 _REFIT_EVALUATIONS = 15
+_TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
+SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
@@ -66,10 +68,14 @@ class Rival:
 
 @dataclass(frozen=True)
 class Addition:
-    """An effect that was added, the rivals that it was compared with (best first)."""
+    """An effect that was added, the rivals that it was compared with (best first).
+
+    `borne_out` : the presses by themselves call for it, and most are explained, whatever the map.
+    """
 
     name: str
     rivals: tuple[Rival, ...]
+    borne_out: bool = False
 
     @property
     def group(self) -> tuple[str, ...]:
@@ -92,12 +98,14 @@ class Explanation:
     ladder : from the map alone to the last model
     additions : in the order in which they were made, those that kept their place
     dropped : effects that were added and later lost their place
+    resting_on_suspects : effects that are not found without the presses that stand out
     """
 
     verdict: Verdict
     ladder: tuple[Rung, ...]
     additions: tuple[Addition, ...]
     dropped: tuple[str, ...]
+    resting_on_suspects: tuple[str, ...] = ()
 
     @property
     def final(self) -> Rung:
@@ -106,20 +114,36 @@ class Explanation:
 
     @property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of effects that explain the scan equally well."""
-        return tuple(a.group for a in self.additions if len(a.group) > 1)
+        """Groups of effects that explain the scan equally well, single bad presses among them."""
+        groups = tuple(a.group for a in self.additions if len(a.group) > 1)
+        return groups + tuple((name, SUSPECT_PRESSES) for name in self.resting_on_suspects)
 
     @property
     def added(self) -> tuple[str, ...]:
         """Effects that are offered by name: alone in their group, and not mere helpers.
 
         Where the remainder is structured, an effect is only offered if the effects together took
-        nearly all of what was unexplained.
+        nearly all of what was unexplained, or the presses by themselves bear it out.
         """
-        sure = tuple(a.name for a in self.additions if len(a.group) == 1)
-        if self.verdict == "unexplained" and self.explained_share < _MAIN_PART:
-            return ()
-        return sure
+        sure = tuple(
+            a
+            for a in self.additions
+            if len(a.group) == 1 and a.name not in self.resting_on_suspects
+        )
+        main = self.explained_share >= _MAIN_PART and not self.map_error
+        if self.verdict == "unexplained" and not main:
+            sure = tuple(a for a in sure if a.borne_out)
+        return tuple(a.name for a in sure)
+
+    @property
+    def traces(self) -> tuple[str, ...]:
+        """Effects that are significant in the last rung and yet no call for another addition."""
+        return tuple(sorted(self.final.diagnosis.significant)) * (self.verdict != "unexplained")
+
+    @property
+    def map_error(self) -> float:
+        """Relative error of the map's compliances that is counted beside the noise, or 0."""
+        return self.final.fit.model.press_error
 
     @property
     def explained_share(self) -> float:
@@ -127,6 +151,9 @@ class Explanation:
         first, last = self.ladder[0].fit, self.final.fit
         excess = first.chi2 - first.dof
         return float(1 - max(last.chi2 - last.dof, 0.0) / excess) if excess > 0 else 0.0
+
+
+First = Callable[[Rung, Callable[[str], None]], tuple[JointFit, list[Addition]] | None]
 
 
 def climb(
@@ -138,6 +165,8 @@ def climb(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     on_rung: Callable[[Rung], None] | None = None,
+    first: First | None = None,
+    most: int = MOST_EFFECTS,
 ) -> Explanation:
     """Run the loop from a map on.
 
@@ -150,6 +179,8 @@ def climb(
     seed : of the simulated nulls
     progress : called with what is being done, in words
     on_rung : called with each new rung
+    first : makes the first step from the map alone, or returns None (`identify.proposal`)
+    most : effects to be added, those of the first step not counted
     """
     say = progress or (lambda text: None)
     rise = on_rung or (lambda rung: None)
@@ -159,7 +190,12 @@ def climb(
     rise(ladder[0])
     additions: list[Addition] = []
     dropped: list[str] = []
-    while ladder[-1].diagnosis.significant and len(additions) < MOST_EFFECTS:
+    step = first(ladder[0], say) if first else None
+    if step is not None:
+        fit, additions = step
+        ladder.append(rung_of(fit, scan, catalogue, seed, say))
+        rise(ladder[-1])
+    while is_more_missing(ladder, additions) and len(additions) < most:
         now = ladder[-1]
         rivals = best_rivals(now, effects, say, dropped)
         if not rivals:
@@ -173,7 +209,8 @@ def climb(
         dropped.extend(lost)
         ladder.append(rung_of(fit, scan, catalogue, seed, say))
         rise(ladder[-1])
-    return Explanation(_verdict(ladder, additions), tuple(ladder), tuple(additions), tuple(dropped))
+    verdict = "unexplained" if model.press_error else _verdict(ladder, additions)
+    return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
 
 
 def rung_of(
@@ -286,9 +323,25 @@ def _drop(
     return (fit_jointly(fit.model, fit.map) if lost else fit), lost
 
 
+def is_more_missing(ladder: Sequence[Rung], additions: Sequence[Addition]) -> bool:
+    """Say whether the last rung's significant effects call for another addition.
+
+    Not where the residual is noise but for a trace that is within what the law of an effect may be
+    off by, or that may be the difference between the members of an ambiguous group.
+    """
+    now = ladder[-1]
+    strongest = max(
+        (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
+    )
+    if strongest == 0 or not additions or not now.comparison.is_noise:
+        return strongest > 0
+    explained = ladder[0].fit.chi2 - now.fit.chi2
+    return len(additions[-1].group) == 1 and strongest > _TRACE * explained
+
+
 def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition]) -> Verdict:
     last = ladder[-1]
-    if not last.comparison.is_noise or last.diagnosis.significant:
+    if not last.comparison.is_noise or is_more_missing(ladder, additions):
         return "unexplained"
     if not additions:
         return "nothing_missing"

@@ -24,7 +24,7 @@ def minimize_gauss_newton(
     x0: np.ndarray,
     *,
     bounds: tuple[np.ndarray, np.ndarray] | None = None,
-    max_step: float = 1.0,
+    max_step: float | np.ndarray = 1.0,
     ftol: float = 1e-6,
     rtol: float = 0.0,
     above: float = 0.0,
@@ -43,7 +43,7 @@ def minimize_gauss_newton(
     bounds
         Lower and upper (k,).
     max_step
-        Largest change of a coordinate in one step.
+        Largest change of a coordinate in one step, one number or (k,).
     ftol
         Converged when an undamped step would lower |r|^2 / 2 by no more. With whitened residuals,
         an ftol of 1e-6 leaves every parameter within about a thousandth of its standard deviation.
@@ -86,7 +86,7 @@ def minimize_gauss_newton(
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
         step = _solve(normal, gradient, diagonal, damping, free)
-        step *= min(1.0, max_step / max(float(np.abs(step).max()), 1e-300))
+        step *= min(1.0, float(np.min(max_step / np.maximum(np.abs(step), 1e-300))))
         trial_x = np.clip(x + step, lower, upper)
         step = trial_x - x
         trial = _try(residuals, trial_x)

@@ -5,7 +5,7 @@ model is linear in its unknowns around the estimate:
 
     e = r_o + G_o (G'G - G_o'G_o)^-1 G_o' r_o
 
-with residual r_o and derivatives G_o of the rows left out.
+with residual r_o and derivatives G_o of the rows left out. Steps end where a fit's do.
 """
 
 from __future__ import annotations
@@ -56,9 +56,12 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     """Whitened error with which the rows `out` (m,) bool are predicted from the others."""
     g, r = fit.at.jacobian, fit.at.residual
     scale = np.linalg.norm(g, axis=0)
-    g = g / np.where(scale > 0, scale, 1.0)
+    scale = np.where(scale > 0, scale, 1.0)
+    g = g / scale
     rest = g[~out].T @ g[~out]
     step = np.linalg.lstsq(rest, g[out].T @ r[out], rcond=1e-12)[0]
+    # Beyond a scaled unknown's own size nothing is linear (a fit's own steps end there, too)
+    step *= min(1.0, 1.0 / max(float(np.abs(step / scale).max(initial=0.0)), 1e-300))
     return r[out] + g[out] @ step
 
 

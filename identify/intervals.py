@@ -16,7 +16,8 @@ noise says nothing of the valley, and the covariance's intervals are left as the
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,46 +44,82 @@ def intervals(
     total, noise : (k, k) covariance with and without the model's own error, scaled coordinates
     bent : follow the bend of the valley; else the covariance's own intervals
     """
-    u, space = minimum.result.x, minimum.forward.space
-    deviation = np.sqrt(np.diag(total))
-    ends = np.column_stack([u - NORMAL_95 * deviation, u + NORMAL_95 * deviation])
-    spent = 0
+    u, forward = minimum.result.x, minimum.forward
+    space, spent = forward.space, 0
     if not bent or problem.is_gross(minimum):
-        return ends, spent
-    for position, name in enumerate(space.free_names):
-        if not name.endswith(".z_m") or len(u) < 2 or not np.isfinite(deviation).all():
+        return straight(u, total), spent
+
+    def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal spent
+        others = np.delete(np.arange(len(u)), position)
+        kept = tuple(index for i, index in enumerate(space.free) if i != position)
+        fixed = replace(space, start=space.to_map(start), free=kept)
+        own = Forward(forward.model, fixed, forward.ratio)
+        found = problem.minimize(own, start[others], _EVALUATIONS)
+        spent += found.nfev
+        whole = start.copy()
+        whole[others] = found.result.x
+        return found.result.fun, whole
+
+    valley = Valley(u, minimum.result.fun, total, noise, space.bounds, refit)
+    return bent_intervals(valley, space.free_names), spent
+
+
+@dataclass(frozen=True)
+class Valley:
+    """A minimum and the way to follow its valley.
+
+    Attributes
+    ----------
+    u, fun : (k,) scaled estimate and half of chi-square there
+    total, noise : (k, k) covariance with and without the model's own error
+    bounds : lower and upper (k,)
+    refit : from a position and a start (k,), whose coordinate there is held, to the least half of
+        chi-square (inf where nothing is admissible) and where (k,) that is
+    """
+
+    u: np.ndarray
+    fun: float
+    total: np.ndarray
+    noise: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+    refit: Callable[[int, np.ndarray], tuple[float, np.ndarray]]
+
+
+def straight(u: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return the ends (k, 2) of the covariance's own intervals."""
+    deviation = np.sqrt(np.diag(total))
+    return np.column_stack([u - NORMAL_95 * deviation, u + NORMAL_95 * deviation])
+
+
+def bent_intervals(valley: Valley, names: Sequence[str]) -> np.ndarray:
+    """Return the ends (k, 2) of intervals that follow the bend along each free depth.
+
+    Of several depths' valleys, each parameter takes the widest interval.
+    """
+    u, total = valley.u, valley.total
+    ends, bent = straight(u, total), []
+    if len(u) < 2 or not np.isfinite(ends).all():
+        return ends
+    for position, name in enumerate(names):
+        if not name.endswith(".z_m"):
             continue
-        share = noise[position, position] / total[position, position]
-        sides = []
-        for side in (-1.0, 1.0):
-            place, evaluations = _along(problem, minimum, total, position, side, share)
-            spent += evaluations
-            if place is not None:
-                sides.append(place)
+        sides = [place for side in (-1.0, 1.0) if (place := _along(valley, position, side))]
         if len(sides) == 2:
-            curved = _range(u, sides, total, position)
-            ends = np.column_stack(
-                [np.minimum(ends[:, 0], curved[:, 0]), np.maximum(ends[:, 1], curved[:, 1])]
-            )
-            ends[position] = curved[position]
-    return ends, spent
+            bent.append((position, _range(u, sides, total, position)))
+    if bent:
+        curved = np.array([one for _, one in bent])
+        ends = np.column_stack([curved[:, :, 0].min(axis=0), curved[:, :, 1].max(axis=0)])
+        for position, own in bent:
+            ends[position] = own[position]
+    return ends
 
 
-def _along(
-    problem: ScanProblem,
-    minimum: Minimum,
-    total: np.ndarray,
-    position: int,
-    side: float,
-    share: float,
-) -> tuple[tuple[float, np.ndarray] | None, int]:
+def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarray] | None:
     """Hold one parameter beside the minimum and fit the rest: (t, u) there, or None at a bound."""
-    forward, u = minimum.forward, minimum.result.x
-    space = forward.space
-    lower, upper = space.bounds
-    others = np.delete(np.arange(len(u)), position)
-    kept = tuple(index for i, index in enumerate(space.free) if i != position)
-    step, spent, place = NORMAL_95 * np.sqrt(total[position, position]), 0, None
+    u, total, (lower, upper) = valley.u, valley.total, valley.bounds
+    share = valley.noise[position, position] / total[position, position]
+    step, place = NORMAL_95 * np.sqrt(total[position, position]), None
     for _ in range(_TRIES):
         held = float(np.clip(u[position] + side * step, lower[position], upper[position]))
         if abs(held - u[position]) < 0.1 * step:
@@ -90,20 +127,16 @@ def _along(
         start = u + total[:, position] / total[position, position] * (held - u[position])
         start = np.clip(start, lower, upper)
         start[position] = held
-        fixed = replace(space, start=space.to_map(start), free=kept)
-        refit = problem.minimize(
-            Forward(forward.model, fixed, forward.ratio), start[others], _EVALUATIONS
-        )
-        spent += refit.nfev
-        found = start.copy()
-        found[others] = refit.result.x
-        rise = max(2 * (refit.result.fun - minimum.result.fun) * share, 1e-12)
+        fun, found = valley.refit(position, start)
+        if not np.isfinite(fun):
+            break
+        rise = max(2 * (fun - valley.fun) * share, 1e-12)
         place = (side * float(np.sqrt(rise)), found)
         at_edge = held in (lower[position], upper[position])
         if abs(place[0]) > 0.5 * NORMAL_95 or at_edge:
             break
         step *= min(NORMAL_95 / abs(place[0]), 2.0)
-    return place, spent
+    return place
 
 
 def _range(

@@ -8,8 +8,7 @@ import numpy as np
 
 from identify.fit_record import Estimate, Fit
 from identify.joint_fit import JointFit
-
-_NORMAL95 = 1.96
+from identify.joint_intervals import joint_intervals
 
 
 def fit_of(start: Fit, fit: JointFit) -> Fit:
@@ -47,33 +46,17 @@ def fit_of(start: Fit, fit: JointFit) -> Fit:
     )
 
 
-def estimates(fit: JointFit) -> dict[str, Estimate]:
-    """Return all parameters with 95 % intervals, symmetric in the scale they are sought in."""
+def estimates(fit: JointFit, bent: bool = True) -> dict[str, Estimate]:
+    """Return all parameters with 95 % intervals; see `joint_intervals`."""
     model = fit.model
-    deviation = np.sqrt(np.diag(fit.covariance))
     units = {
         f"{part.effect.name}.{p.name}": p.unit for part in model.effects for p in part.parameters
     }
+    intervals = joint_intervals(fit, bent)
     found = {}
     for name, value in fit.values.items():
         unit = units.get(name) or ("Pa" if name.endswith("_pa") else "m")
-        if name not in model.names:
-            found[name] = Estimate(value, 0.0, unit, value, value, False)
-            continue
-        at = model.names.index(name)
-        ends = []
-        for side in (-1, 1):
-            u = fit.u.copy()
-            u[at] += side * _NORMAL95 * deviation[at]
-            ends.append(_value(fit, u, name))
-        found[name] = Estimate(value, fit.std[name], unit, min(ends), max(ends), True)
+        free = name in intervals
+        low, high = intervals.get(name, (value, value))
+        found[name] = Estimate(value, fit.std[name] if free else 0.0, unit, low, high, free)
     return found
-
-
-def _value(fit: JointFit, u: np.ndarray, name: str) -> float:
-    effect, _, own = name.rpartition(".")
-    values = fit.model.values(u)
-    if effect in values:
-        return values[effect][own]
-    stiffness = fit.model.map(u)
-    return float(stiffness.values[stiffness.names.index(name)])

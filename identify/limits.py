@@ -2,7 +2,8 @@
 
 All from the derivatives at the present fit, for this scan or for one that is only planned:
 
-    smallest amplitude seen    5 / |A_perp|   (5 standard errors, after the map took its share)
+    smallest amplitude seen    5 / |A_perp|   (5 standard errors, after the map took its share),
+                               A the effect's own move of the readings at about that amplitude
     confused with              effects whose A_perp has a cosine above 0.9 with its own
     bias of the map            (G'G)^-1 G'A a: what the fitted map takes for the effect
 
@@ -19,8 +20,9 @@ import numpy as np
 from fem import Contacts, PalpationModel
 from identify.body_mechanics import BodyMechanics
 from identify.diagnosis import ALIKE
-from identify.effects.effect import Effect
+from identify.effects.effect import Effect, EffectParameter
 from identify.joint_fit import JointFit
+from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
 from identify.optimize_result import InadmissibleError
 from identify.readings import Readings
@@ -31,6 +33,9 @@ SIGMAS = 5.0
 SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
 _SAMPLE = 12  # candidates of a grid that are looked at
 _NOTHING = 1e-5
+_TRIES = 3  # at the amplitude whose own pattern is 5 standard errors long
+_EXACT = 0.05  # of that length
+_FAR = 0.5  # of the signal: beyond it, what the linear pattern says is good enough
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class Limit:
 class _Seen:
     """The pattern of an effect at one candidate of its shape, in one direction."""
 
+    shape: Mapping[str, float]
     share: float  # of the signal at one standard error
     sizes: np.ndarray
     visible: float
@@ -90,7 +96,10 @@ def limits_at(
     seen: dict[str, _Seen | str] = {}
     for effect in catalogue:
         if effect.name not in model.has:
-            seen[effect.name] = _seen(model, at, effect, fitted, normal, signal)
+            own = _seen(model, at, effect, fitted, normal, signal)
+            if isinstance(own, _Seen) and own.share * SIGMAS < _FAR:
+                own = _at_its_size(model, at, effect, own, fitted, normal)
+            seen[effect.name] = own
     bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
     slope = model.slope(u)
     limits = []
@@ -133,7 +142,8 @@ def _seen(
     signal: float,
 ) -> _Seen | str:
     """Return the typical candidate's pattern, or why there is none."""
-    reason = effect.untestable(model.readings)
+    chain = model.chain
+    reason = effect.untestable(model.readings) or effect.redundant(chain.profile, chain.nonlinear)
     if reason is not None:
         return reason
     try:
@@ -156,12 +166,88 @@ def _seen(
             share = np.inf
         along = left[g] @ weakest
         basis = along / max(float(np.linalg.norm(along)), 1e-300)
-        candidates.append(_Seen(share, weakest, float(visible[g]), basis, normal @ column))
+        candidates.append(
+            _Seen(pattern.shapes[g], share, weakest, float(visible[g]), basis, normal @ column)
+        )
     if not candidates:
         return "the scan does not show it at all"
     candidates.sort(key=lambda s: s.share)
     middle = candidates[len(candidates) // 2]
     return middle if np.isfinite(middle.share) else "the stiffness map absorbs it entirely"
+
+
+def _at_its_size(
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    own: _Seen,
+    fitted: np.ndarray,
+    normal: np.ndarray,
+) -> _Seen:
+    """Return the pattern at the amplitude at which it is `SIGMAS` long, as the effect's law has it.
+
+    A skin's share falls off and a Poisson's ratio's grows with its size: the derivative at the null
+    alone may be wrong by a factor of two.
+    """
+    parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
+    amplitudes = [parameters[p.name] for p in effect.amplitudes]
+    signal = float(np.sqrt(np.mean(at.predicted_m**2)))
+    sizes = SIGMAS * _inward(own.sizes, amplitudes)
+    found = own
+    for _ in range(_TRIES):
+        nulls = np.array([p.null for p in amplitudes], float)
+        typical = np.array([p.typical for p in amplitudes])
+        low, high = (np.array([getattr(p, end) for p in amplitudes]) for end in ("lower", "upper"))
+        values = np.clip(nulls + sizes * typical, low, high)
+        named = dict(zip((p.name for p in amplitudes), values.tolist(), strict=True))
+        try:
+            moved = _moved(model, at, effect, {**effect.null, **own.shape, **named})
+        except InadmissibleError:
+            return found
+        left = moved - fitted @ (fitted.T @ moved)
+        length = float(np.linalg.norm(left))
+        if not np.isfinite(length) or length < _NOTHING:
+            return found
+        found = replace(
+            own,
+            share=float(np.sqrt(np.mean((moved * at.sigma_m) ** 2))) / signal / length,
+            sizes=(values - nulls) / typical / length,
+            basis=left / length,
+            bias=normal @ moved / length,
+        )
+        if abs(length / SIGMAS - 1) < _EXACT or not np.allclose(values, nulls + sizes * typical):
+            return found
+        sizes = sizes * float(np.clip(SIGMAS / length, 0.25, 4.0))
+    return found
+
+
+def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndarray:
+    """Turn a direction of amplitudes to the side on which their bounds leave most room."""
+    rooms = []
+    for sign in (1.0, -1.0):
+        room = []
+        for size, p in zip(sign * sizes, amplitudes, strict=True):
+            end = p.upper if size > 0 else p.lower
+            room.append(abs(end - (p.null or 0.0)) / p.typical / max(abs(size), 1e-300))
+        rooms.append(min(room))
+    return sizes if rooms[0] >= rooms[1] else -sizes
+
+
+def _moved(
+    model: MeasurementModel, at: Linearised, effect: Effect, values: Mapping[str, float]
+) -> np.ndarray:
+    """Return what an effect of these values moves the whitened readings by, (m,)."""
+    own, force = model.chain, at.latent_force_n
+    c, e = at.body.compliance, at.body.local_modulus
+    base = own.predict(c, e, force, at.values)
+    if effect.link == "body":
+        dc, de = at.body.exact_change(effect.body(at.state, values))
+        moved = own.predict(c + dc, e + de, force, at.values)
+    else:
+        effects = [*own.effects, effect]
+        chain = Chain(own.readings, effects, own.radius_m, own.profile, own.poisson_ratio)
+        moved = chain.predict(c, e, force, {**at.values, effect.name: values})
+    return at.whitened(moved - base, own.readings.press)
 
 
 def planned(fit: JointFit, design: Design) -> tuple[MeasurementModel, Linearised]:

@@ -1,8 +1,8 @@
 """The model of a scan: a stiffness map and the effects it has, as one least-squares problem.
 
 The unknowns are the map's free parameters and the parameters of the effects, all scaled to order
-one. Residuals are whitened with both columns' noise at the measured force, derivatives taken at
-the latent force (see `identify.misfit`): r = (d - f(F)) / s, dr/dp = -(df/dp at F^) / s.
+one. Residuals are whitened with both columns' noise (`measurement_chain.judge`), derivatives taken
+at the latent force (see `identify.misfit`): r = (d - f(F)) / s, dr/dp = -(df/dp at F^) / s.
 
 Nothing is changed in place: `with_effect` and `without` return new models.
 """
@@ -19,13 +19,12 @@ from identify.body_mechanics import BodyMechanics, BodyResponse
 from identify.body_state import BodyState
 from identify.effects.effect import Effect, EffectParameter
 from identify.gaussian_map import GaussianMap
-from identify.measurement_chain import Chain, latent_force
+from identify.measurement_chain import Chain, judge
 from identify.noise import Noise
 from identify.optimize_result import InadmissibleError
 from identify.parameter_space import ParameterSpace
 from identify.readings import Readings
 
-_STEEPEST = 2.0  # times the compliance: largest slope with which the force's noise is counted
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 
 
@@ -67,6 +66,8 @@ class Linearised:
     residual : (m,) whitened
     jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
         scaled unknowns
+    own : (m,) derivative of the whitened prediction by ln C of the reading's press, times the
+        model's relative error of it
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
     body : compliances and their derivatives
     values : parameters of the effects, by effect and name
@@ -77,6 +78,7 @@ class Linearised:
     latent_force_n: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
+    own: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
     body: BodyResponse
@@ -88,6 +90,25 @@ class Linearised:
         """Sum of the squared whitened residuals."""
         return float(self.residual @ self.residual)
 
+    def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
+        """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
+        own, sigma = self.own, self.sigma_m
+        return decorrelated((change_m.T / sigma).T, own, press)
+
+
+def decorrelated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Apply the inverse root of I + own own' press by press to x (m,) or (m, k).
+
+    Exact: along own it is 1/sqrt(1 + |own|^2), across it 1.
+    """
+    square = np.bincount(press, own**2)
+    if not square.any():
+        return x
+    shrink = (1 - 1 / np.sqrt(1 + square)) / np.maximum(square, 1e-300)
+    wide = x if x.ndim == 2 else x[:, None]
+    along = np.column_stack([np.bincount(press, own * column) for column in wide.T])
+    return (wide - own[:, None] * (shrink[:, None] * along)[press]).reshape(x.shape)
+
 
 @dataclass(frozen=True)
 class MeasurementModel:
@@ -98,6 +119,8 @@ class MeasurementModel:
     readings, displacement_m, noise : what was measured, (m,) m
     mechanics : the body's finite elements
     space : the map's free parameters
+    press_error : relative error that the map makes of each press's compliance, counted beside the
+        noise where it outweighs that; the readings of a press share it
     effects : what the model has beyond the map, in the order of the chain
     """
 
@@ -107,6 +130,7 @@ class MeasurementModel:
     mechanics: BodyMechanics
     space: ParameterSpace
     effects: tuple[EffectInModel, ...] = ()
+    press_error: float = 0.0
 
     @cached_property
     def chain(self) -> Chain:
@@ -140,6 +164,16 @@ class MeasurementModel:
             np.concatenate([low, [scaled(p, p.lower) for p in parameters]]),
             np.concatenate([high, [scaled(p, p.upper) for p in parameters]]),
         )
+
+    def longest_step(self, u: np.ndarray) -> np.ndarray:
+        """Return the largest sensible step (k,) of a fit from scaled coordinates u (k,).
+
+        One for logarithms and for the map; an amplitude may be many typical sizes large.
+        """
+        linear = [not p.log for part in self.effects for p in part.parameters]
+        own = u[len(u) - len(linear) :]
+        steps = np.where(linear, np.maximum(np.abs(own), 1.0), 1.0)
+        return np.concatenate([np.ones(len(u) - len(linear)), steps])
 
     def with_effect(
         self, effect: Effect, start: Mapping[str, float], state: BodyState
@@ -214,14 +248,8 @@ class MeasurementModel:
                 f"the body's model gives press {press} a compliance of {c[press]:.3g} m/N, which "
                 "cannot be: its map is finer than the mesh; start from another map ([map.initial])"
             )
-        force = self.readings.force_n
-        predicted = self.chain.predict(c, e, force, values)
-        residual = self.displacement_m - predicted
-        slope = self.chain.by_force(c, e, force, values)
-        # A law that turns a little force into any displacement would explain everything
-        most = _STEEPEST * c[self.readings.press]
-        slope = np.clip(slope, -most, most)
-        sigma, latent = latent_force(residual, slope, force, self.noise)
+        judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)
+        residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
         by_c, by_e = self.chain.by_body(c, e, latent, values)
         k = len(self.space.free)
         by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
@@ -232,12 +260,15 @@ class MeasurementModel:
                 columns.append(self._by_parameter(u, first + p, part, body, state, latent,
                                                   by_c, by_e)[:, None])  # fmt: skip
             first += len(part.parameters)
+        press = self.readings.press
+        own = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
         return Linearised(
-            predicted_m=predicted,
+            predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=residual / sigma,
-            jacobian=np.hstack(columns) / sigma[:, None],
+            residual=decorrelated(residual / sigma, own, press),
+            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], own, press),
+            own=own,
             by_compliance=by_c,
             by_modulus=by_e,
             body=body,

@@ -122,8 +122,30 @@ def effect_patterns(
                     )
                     - base
                 )
-            rows[g, :, a] = moved / (step * at.sigma_m)
-    return Pattern(effect, shapes, rows)
+            rows[g, :, a] = at.whitened(moved / step, model.readings.press)
+    far = _far_patterns(model, at, effect, amplitudes[0], shapes)
+    return Pattern(
+        effect, [*shapes, *(s for s, _ in far)], np.concatenate([rows, *(r for _, r in far)])
+    )
+
+
+def _far_patterns(
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    amplitude: EffectParameter,
+    shapes: Sequence[Mapping[str, float]],
+) -> list[tuple[Mapping[str, float], np.ndarray]]:
+    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Effect.levels`."""
+    null, press, found = effect.null, model.readings.press, []
+    for level in effect.levels(at.state) if effect.link == "body" else ():
+        for shape in shapes:
+            state = effect.body(at.state, {**null, **shape, amplitude.name: level})
+            dc, de = at.body.exact_change(state)
+            moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
+            size = (level - null[amplitude.name]) / amplitude.typical
+            found.append((shape, at.whitened(moved / size, press)[None, :, None]))
+    return found
 
 
 def fitted_basis(at: Linearised) -> np.ndarray:
@@ -161,7 +183,8 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
     fitted : basis of what was fitted, `fitted_basis(fit.at)`
     seed : of the simulated null
     """
-    reason = effect.untestable(fit.model.readings)
+    chain = fit.model.chain
+    reason = effect.untestable(chain.readings) or effect.redundant(chain.profile, chain.nonlinear)
     if reason is None:
         try:
             pattern = effect_patterns(fit.model, fit.at, effect)

@@ -1,7 +1,7 @@
 """`palpmap add` and `palpmap history`: effects added to a study, one version after the other."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from models.scan import read_scan
 from palpmap.console import Output, to_type
 from palpmap.diagnose import judged
 from palpmap.explain_record import parameters_of, rung_record
+from palpmap.explain_words import interval
 from palpmap.problem import Problem, catalogue_with, own_effects, pose
 from palpmap.study import Study, load_study
 from palpmap.study_versions import (
@@ -74,17 +75,18 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     version_of(known, fit, target, files)
     earns = fit.bic < before.fit.bic
     _record(study, target, name, before, after, problem)
+    found = parameters_of(after, problem, bent=True)
     record = {
         "study": str(target),
         "before": rung_record(before),
         "after": rung_record(after),
-        "parameters": parameters_of(after, problem),
+        "parameters": found,
         "earns_its_place": earns,
     }
     sentence = effect.evidence(fit.at.values[name], problem.model.readings)
     output.result(
         record,
-        *_change_table(before, after, problem),
+        *_change_table(before, after, problem, found),
         sentence,
         *([] if earns else [f"{name} does not earn its place: chi-square hardly falls."]),
         f"Next version: {target}",
@@ -160,7 +162,9 @@ def _unused(path: Path) -> Path:
     return path
 
 
-def _change_table(before: Rung, after: Rung, problem: Problem) -> tuple["RenderableType", ...]:
+def _change_table(
+    before: Rung, after: Rung, problem: Problem, new: Mapping[str, Any]
+) -> tuple["RenderableType", ...]:
     from rich import box
     from rich.table import Table
 
@@ -172,18 +176,18 @@ def _change_table(before: Rung, after: Rung, problem: Problem) -> tuple["Rendera
         ("held-out presses", before.held_out.rms_m, after.held_out.rms_m),
         ("noise alone", before.comparison.expected_rms_m, after.comparison.expected_rms_m),
     ]
-    for label, old, new in pairs:
-        error.add_row(label, length(old, signed=False), length(new, signed=False))
+    for label, was, now in pairs:
+        error.add_row(label, length(was, signed=False), length(now, signed=False))
     error.add_row("chi2/dof", f"{before.fit.chi2_per_dof:.3g}", f"{after.fit.chi2_per_dof:.3g}")
     found = Table(box=box.SIMPLE, title="what changed in the map", title_justify="left")
-    for column in ("parameter", "before", "after", "standard error"):
+    for column in ("parameter", "before", "after", "95 % interval"):
         found.add_column(column, justify="left" if column == "parameter" else "right")
-    old, new = parameters_of(before, problem), parameters_of(after, problem)
+    old = parameters_of(before, problem)
     for name, p in new.items():
         scale, unit = _UNITS.get(p["unit"], (1.0, f" {p['unit']}"))
         earlier = f"{scale * old[name]['value']:.4g}{unit}" if name in old else "absent"
-        error_now = f"{scale * p['std']:.2g}{unit}" if p["std"] else "held"
-        found.add_row(name, earlier, f"{scale * p['value']:.4g}{unit}", error_now)
+        now = f"{scale * p['value']:.4g}{unit}"
+        found.add_row(name, earlier, now, interval(p, scale, unit))
     return error, found
 
 

@@ -144,7 +144,7 @@ def _named(result: Mapping[str, Any]) -> str:
 
 
 def map_errors(result: Mapping[str, Any], answer: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return found and true values of the map: name, found, std, true, one a parameter.
+    """Return found and true values of the map: name, found, std, true, inside (the interval).
 
     The map's first inclusion is compared with the first of the truth, and so on.
     """
@@ -156,7 +156,8 @@ def map_errors(result: Mapping[str, Any], answer: Mapping[str, Any]) -> list[dic
     for name, value in true.items():
         found = result.get("parameters", {}).get(name)
         if found:
-            rows.append(
-                {"name": name, "found": found["value"], "std": found.get("std"), "true": value}
-            )
+            row = {"name": name, "found": found["value"], "std": found.get("std"), "true": value}
+            if "lower95" in found:
+                row["inside"] = found["lower95"] <= value <= found["upper95"]
+            rows.append(row)
     return rows

@@ -23,7 +23,7 @@ class BodyModel:
     ----------
     search : quick, without the near field of the presses: starts are tried on it
     coarse : with near field and derivatives; the fit corrects it towards `fine`
-    fine : of a block two meshes extrapolated, right to about 0.1 %, see `fem.refined`; of a closed
+    fine : of a block two meshes extrapolated, right to 0.2 to 1 %, see `fem.refined`; of a closed
         surface the finer mesh as it is, right to about 0.3 %: the meshes of one surface differ at
         random (each cuts its corners elsewhere), so that an extrapolation would add to the error
     note : what stands in for what, for the reader of a report; empty where nothing does

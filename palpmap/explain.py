@@ -5,17 +5,18 @@ from pathlib import Path
 from typing import Any
 
 from identify.effects.effect import Effect
-from identify.explain import Explanation, Rung, climb
+from identify.explain import Explanation, Rung
 from identify.limits import detection_limits
 from palpmap.console import Output, to_type
 from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
-from palpmap.next_scan import proposal_records, propose
+from palpmap.next_scan import proposal_records, propose, repeat_record
 from palpmap.problem import Problem, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import Study, load_study
 from palpmap.study_versions import version_of
+from palpmap.suspects import WithoutSuspects, climbed, weighed, without_suspects
 
 
 def run_explain(
@@ -45,9 +46,9 @@ def run_explain(
     own = own_effects(known, effects)
     inputs = [study, known.scan, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
-        explained, problem = explain_study(known, own, seed, output)
+        explained, problem, without = explain_study(known, own, seed, output)
         files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
-        record = write_explanation(run.path, problem, explained, files)
+        record = write_explanation(run.path, problem, explained, files, without)
         output.result(
             {**record, "run": str(run.path)},
             *explain_summary(record, explained, problem),
@@ -59,8 +60,13 @@ def run_explain(
 
 def explain_study(
     study: Study, own: Sequence[Effect], seed: int, output: Output
-) -> tuple[Explanation, Problem]:
-    """Run the loop on a study with progress shown; return what it found and what it worked on."""
+) -> tuple[Explanation, Problem, WithoutSuspects | None]:
+    """Run the loop on a study with progress shown.
+
+    Returns
+    -------
+    what it found, what it worked on, and what it finds without presses that stand out, if any do
+    """
     with output.progress() as progress:
         task = progress.add_task("reading", total=None)
 
@@ -72,31 +78,31 @@ def explain_study(
                 progress.console.print(rung_line(rung), highlight=False)
 
         problem = pose(study, own, say, lambda step: progress.advance(task))
-        explained = climb(
-            problem.model,
-            problem.start,
-            problem.scan,
-            problem.catalogue,
-            seed=seed,
-            progress=say,
-            on_rung=on_rung,
-        )
+        explained = climbed(problem, seed, say, on_rung)
+        without = without_suspects(study, own, seed, explained, say)
         progress.update(task, description="done", total=1, completed=1)
-    return explained, problem
+    return weighed(explained, without), problem, without
 
 
 def write_explanation(
-    run: Path, problem: Problem, explained: Explanation, files: Mapping[str, Path] | None = None
+    run: Path,
+    problem: Problem,
+    explained: Explanation,
+    files: Mapping[str, Path] | None = None,
+    without: WithoutSuspects | None = None,
 ) -> dict[str, Any]:
     """Write result.json, next scans, the explained study, report and recording into a run folder.
 
-    `files` are those of the user's own effects, by name.
+    `files` are those of the user's own effects, by name; `without` is what the loop finds without
+    presses that stand out.
     """
     from palpmap.explain_files import write_explain_files
 
-    record = explain_record(explained, problem)
+    record = explain_record(explained, problem, without)
     proposals = propose(explained, problem)
     record["next_presses"] = proposal_records(proposals, problem, run)
+    if without is not None:
+        record["next_presses"].append(repeat_record(without.presses, problem, run))
     limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
     seen = {limit.name: limit.smallest_share for limit in limits}
     record["detection_limits"] = {name: share for name, share in seen.items() if share}

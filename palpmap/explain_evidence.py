@@ -92,6 +92,12 @@ def added_name(before: Rung, after: Rung) -> str:
     return next(name for name in after.fit.model.has if name not in before.fit.model.has)
 
 
+def added_names(before: Rung, after: Rung) -> tuple[str, ...]:
+    """Return all effects that the rung after has and the one before has not."""
+    had = before.fit.model.has
+    return tuple(name for name in after.fit.model.has if name not in had)
+
+
 def kept(explained: Explanation, name: str) -> Addition | None:
     """Return the addition of an effect, or None where it lost its place later."""
     return next((a for a in explained.additions if a.name == name), None)

@@ -13,6 +13,10 @@ from palpmap.problem import Problem
 from palpmap.run_folder import read_record
 
 TRUTH = "truth.json"
+_BALL = (
+    "The tip is a ball. Its near travel follows Hertz's law; for what lies further off, its "
+    "contact is held at the size that it has at half of the press's depth."
+)
 
 
 def final_finding(run: Path, problem: Problem, explained: Explanation) -> Finding:
@@ -27,7 +31,7 @@ def rung_finding(run: Path, problem: Problem, rung: Rung) -> Finding:
     fit = fit_of(problem.fit, rung.fit)
     height_m = float(outline.upper_m[2] - outline.lower_m[2])
     limits = limits_of(fit, problem.study, used.displacement_m, height_m)
-    note = problem.body.note
+    note = _BALL if problem.body.coarse.contacts.profile == "hertz" else problem.body.note
     return Finding(
         name=problem.study.name,
         fit=fit,

@@ -5,14 +5,19 @@ from typing import Any
 from identify.diagnosis import Diagnosis
 from identify.effects.effect import Effect
 from identify.explain import Explanation, Rung
+from identify.joint_intervals import joint_intervals
 from identify.score import Score
 from palpmap.map_fit import AXES
+from palpmap.presses_words import presses_record
 from palpmap.problem import Problem, named
+from palpmap.suspects import WithoutSuspects
 
 SCHEMA = 1
 
 
-def explain_record(explained: Explanation, problem: Problem) -> dict[str, Any]:
+def explain_record(
+    explained: Explanation, problem: Problem, without: WithoutSuspects | None = None
+) -> dict[str, Any]:
     """Return verdict, additions, ladder, candidates and parameters of an explanation.
 
     Positions are in the scan's frame, as in the study file.
@@ -22,6 +27,7 @@ def explain_record(explained: Explanation, problem: Problem) -> dict[str, Any]:
         "verdict": explained.verdict,
         "added": list(explained.added),
         "ambiguous": [list(group) for group in explained.ambiguous],
+        "traces": list(explained.traces),
         "helpers": [a.name for a in explained.additions if a.name not in explained.added],
         "ladder": [rung_record(rung) for rung in explained.ladder],
         "candidates": [
@@ -29,10 +35,24 @@ def explain_record(explained: Explanation, problem: Problem) -> dict[str, Any]:
             for effect in problem.catalogue
             if effect.name not in problem.model.has
         ],
-        "parameters": parameters_of(explained.final, problem),
+        "parameters": parameters_of(explained.final, problem, bent=True),
         "residual": explained.final.comparison.statement,
         "suspect_presses": list(explained.ladder[0].comparison.bad_presses),
+        "without_suspects": None if without is None else without_record(without.explained),
         "explained_share": explained.explained_share,
+        "presses_alone": presses_record(problem),
+    }
+
+
+def without_record(explained: Explanation) -> dict[str, Any]:
+    """Return what the loop finds without the presses that stand out."""
+    return {
+        "verdict": explained.verdict,
+        "added": list(explained.added),
+        "ambiguous": [list(group) for group in explained.ambiguous],
+        "chi2_per_dof": explained.final.fit.chi2_per_dof,
+        "parameters": explained.final.fit.values,
+        "residual": explained.final.comparison.statement,
     }
 
 
@@ -102,17 +122,24 @@ def evidence(effect: Effect, score: Score, problem: Problem, final: Rung | None 
     return effect.evidence(score.values, problem.model.readings)
 
 
-def parameters_of(rung: Rung, problem: Problem) -> dict[str, dict[str, Any]]:
-    """Return values and standard errors of all parameters, positions in the scan's frame."""
+def parameters_of(rung: Rung, problem: Problem, bent: bool = False) -> dict[str, dict[str, Any]]:
+    """Return values, standard errors and 95 % intervals, positions in the scan's frame.
+
+    `bent` intervals follow the valley of the misfit, see `joint_intervals`.
+    """
     fit = rung.fit
+    intervals = joint_intervals(fit, bent)
     held = fit.at_bound
     found = {}
     for name, value in fit.values.items():
         axis = AXES.get(name.split(".")[-1])
         shift = 0.0 if axis is None else float(problem.placement.origin_m[axis])
+        low, high = intervals.get(name, (value, value))
         found[name] = {
             "value": value + shift,
             "std": fit.std.get(name, 0.0),
+            "lower95": low + shift,
+            "upper95": high + shift,
             "unit": unit_of(name, fit.model),
             "at_bound": name in held,
         }

@@ -10,7 +10,7 @@ from typing import Any
 
 from identify.effects.words import percent
 from identify.explain import Explanation
-from palpmap.explain_evidence import added_name, kept
+from palpmap.explain_evidence import added_names, kept
 from palpmap.explain_tables import (
     candidate_table,
     detection_table,
@@ -29,6 +29,7 @@ from palpmap.explain_words import (
     verdict_detail,
 )
 from palpmap.finding import Finding
+from palpmap.presses_words import presses_sentences
 from palpmap.problem import Problem, named
 from palpmap.report_parts import listing, paragraph, picture, section, table, write_page
 
@@ -109,6 +110,9 @@ def _sections(t: Told) -> Iterable[str]:
     yield _verdict(t)
     if t.explained.verdict == "unexplained":  # what is left is then the finding
         yield _left(t)
+    alone = presses_sentences(t.record["presses_alone"])
+    if alone:
+        yield section("The presses by themselves", listing(alone))
     yield section("Where the error was", t.picture("residuals"))
     for number in steps_of(t.explained):
         yield _step(t, number)
@@ -142,8 +146,8 @@ def _verdict(t: Told) -> str:
     text += "".join(
         paragraph(step_evidence(t.explained, t.problem, number))
         for number in steps_of(t.explained)
-        if added_name(t.explained.ladder[number - 1], t.explained.ladder[number])
-        in t.explained.added
+        if set(added_names(t.explained.ladder[number - 1], t.explained.ladder[number]))
+        & set(t.explained.added)
     )
     text += listing(doubts(t.record, t.explained))
     return section(VERDICTS[t.explained.verdict][0], text, "verdict" if sure else "verdict not")
@@ -158,23 +162,25 @@ def _left(t: Told) -> str:
 
 def _step(t: Told, number: int) -> str:
     before, after = t.explained.ladder[number - 1], t.explained.ladder[number]
-    name = added_name(before, after)
-    effect = named(t.problem.catalogue, name)
-    addition = kept(t.explained, name)
+    names = added_names(before, after)
     text = paragraph(step_evidence(t.explained, t.problem, number), "say")
     text += t.picture(f"evidence_{number}", "evidence")
     text += listing(step_notes(t.explained, number))
-    text += rival_table(addition) if addition is not None else ""
-    about = (
-        ("What it is", effect.summary),
-        ("What would give it away", effect.gives_away),
-        ("Formula", effect.formula),
-        ("Source", effect.source),
-        ("What avoids or separates it", effect.cure),
-    )
-    text += table(("", ""), about, numeric=False)
-    own = "" if name.replace("_", " ") in effect.title.lower() else f" ({name})"
-    return section(f"Step {number}: {effect.title}{own}", text)
+    titles = []
+    for name in names:
+        effect, addition = named(t.problem.catalogue, name), kept(t.explained, name)
+        text += rival_table(addition) if addition is not None else ""
+        about = (
+            ("What it is", effect.summary),
+            ("What would give it away", effect.gives_away),
+            ("Formula", effect.formula),
+            ("Source", effect.source),
+            ("What avoids or separates it", effect.cure),
+        )
+        text += table(("", ""), about, numeric=False)
+        own = "" if name.replace("_", " ") in effect.title.lower() else f" ({name})"
+        titles.append(f"{effect.title}{own}")
+    return section(f"Step {number}: {' and '.join(titles)}", text)
 
 
 def _map(t: Told) -> str:

@@ -5,14 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 from identify.explain import Explanation, Rung
 from identify.residual_statement import length
-from palpmap.explain_evidence import added_name
+from palpmap.explain_evidence import added_names
 from palpmap.explain_words import (
     VERDICTS,
+    interval,
     rung_labels,
     step_evidence,
     steps_of,
     verdict_detail,
+    without_suspects,
 )
+from palpmap.presses_words import presses_sentences
 from palpmap.problem import Problem, named
 
 if TYPE_CHECKING:
@@ -43,17 +46,19 @@ def explain_summary(
     lines.append(Text(f"{sentence} {verdict_detail(explained)}".strip(), style=f"bold {style}"))
     if explained.verdict != "unexplained" or explained.added:
         for number in steps_of(explained):
-            name = added_name(explained.ladder[number - 1], explained.ladder[number])
-            if name in explained.final.fit.model.has:
-                title = named(problem.catalogue, name).title
-                lines.append(Text(f"- {title}: {step_evidence(explained, problem, number)}"))
+            names = added_names(explained.ladder[number - 1], explained.ladder[number])
+            if set(names) & set(explained.final.fit.model.has):
+                titles = " and ".join(named(problem.catalogue, name).title for name in names)
+                lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
+    lines.extend(Text(f"- {says}") for says in presses_sentences(record["presses_alone"]))
     lines.append(_parameter_table(record))
     held = [name for name, p in record["parameters"].items() if p["at_bound"]]
     if held:
         lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
     if record["suspect_presses"]:
         presses = ", ".join(map(str, record["suspect_presses"]))
-        lines.append(Text(f"Presses that stand out by themselves: {presses}", style="yellow"))
+        text = f"Presses that stand out by themselves: {presses}. {without_suspects(record)}"
+        lines.append(Text(text.strip(), style="yellow"))
     return tuple(lines)
 
 
@@ -84,8 +89,10 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     table.add_column("parameter")
     table.add_column("value", justify="right")
     table.add_column("standard error", justify="right")
+    table.add_column("95 % interval", justify="right")
     for name, p in record["parameters"].items():
         scale, unit = (1e3, "mm") if p["unit"] == "m" else (1.0, p["unit"])
         unit = "" if unit == "1" else f" {unit}"
-        table.add_row(name, f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}")
+        table.add_row(name, f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}",
+                      interval(p, scale, unit))  # fmt: skip
     return table

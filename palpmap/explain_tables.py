@@ -9,7 +9,7 @@ import numpy as np
 from identify.effects.words import percent
 from identify.explain import Addition, Explanation
 from identify.residual_statement import length
-from palpmap.explain_words import CANDIDATES, rung_labels
+from palpmap.explain_words import CANDIDATES, interval, rung_labels
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
 from palpmap.report import shown
@@ -126,11 +126,12 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
             row.append(_with_error(first.values[name] + shift, first.std.get(name, 0.0), p["unit"])
                        if known else "")  # fmt: skip
         bound = ' <span class="no">at its bound</span>' if p["at_bound"] else ""
-        row.append(_with_error(p["value"], p["std"], p["unit"]) + bound)
+        row.append(_with_interval(p) + bound)
         if true:
             row += _against(name, true, first, last, shift, stepped)
         rows.append(row)
-    head = ["Parameter", *(["Before"] if stepped else []), "After" if stepped else "Found"]
+    now = "After" if stepped else "Found"
+    head = ["Parameter", *(["Before"] if stepped else []), f"{now}, 95 % interval"]
     if true:
         head += ["True", *(["Off before"] if stepped else []), "Off after" if stepped else "Off"]
     return table(head, rows, raw=True)
@@ -149,6 +150,16 @@ def _against(
         kind = "no" if abs(off) > 3 else "yes"
         cells.append(f'<span class="{kind}">{off:+.1f} s.e.</span>' if np.isfinite(off) else "")
     return cells
+
+
+def _with_interval(p: Mapping[str, Any]) -> str:
+    """Return a parameter's value and its 95 % interval."""
+    text = _with_error(p["value"], 0.0, p["unit"])
+    if not p["std"]:
+        return text
+    unit = {"Pa": "kPa", "m": "mm", "1": ""}.get(p["unit"], p["unit"])
+    scale = {"Pa": 1e-3, "m": 1e3}.get(p["unit"], 1.0)
+    return f"{text} ({interval(p, scale, f' {unit}' if unit else '')})"
 
 
 def _with_error(value: float, std: float, unit: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from identify.effects.words import percent
 from identify.explain import Explanation
 from identify.residual_statement import length
-from palpmap.explain_evidence import added_name, kept
+from palpmap.explain_evidence import added_names, kept
 from palpmap.problem import Problem, named
 
 VERDICTS = {
@@ -69,6 +69,11 @@ def _help(explained: Explanation) -> str:
     if not helpers:
         return ""
     one = len(helpers) == 1
+    if explained.map_error and explained.added:
+        return (
+            f"The presses call for {listed(explained.added)}, whatever the map. In displacement, "
+            "most of what is left is in the map. "
+        )
     text = f"{listed(helpers)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if not explained.added:
@@ -77,45 +82,51 @@ def _help(explained: Explanation) -> str:
 
 
 def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
-    """Return the sentence of evidence of the addition that led to rung `number`.
+    """Return the sentences of evidence of what was added at rung `number`.
 
-    With the values of the last model that has the effect. Where the effect is not offered as
+    With the values of the last model that has the effect. Where an effect is not offered as
     found, the sentence is only what it would mean.
     """
-    rungs = explained.ladder
-    name = added_name(rungs[number - 1], rungs[number])
-    having = [rung for rung in rungs[number:] if name in rung.fit.model.has]
-    values = having[-1].fit.at.values[name]
-    text = named(problem.catalogue, name).evidence(values, problem.model.readings)
-    return text if name in explained.added else f"If it were {name}: {text}"
+    rungs, says = explained.ladder, []
+    for name in added_names(rungs[number - 1], rungs[number]):
+        having = [rung for rung in rungs[number:] if name in rung.fit.model.has]
+        values = having[-1].fit.at.values[name]
+        text = named(problem.catalogue, name).evidence(values, problem.model.readings)
+        says.append(text if name in explained.added else f"If it were {name}: {text}")
+    return " ".join(says)
 
 
 def step_notes(explained: Explanation, number: int) -> list[str]:
     """Return what must be said beside the evidence of the addition that led to rung `number`."""
     before, after = explained.ladder[number - 1], explained.ladder[number]
-    name = added_name(before, after)
     text = (
         f"Chi-square goes from {before.fit.chi2:.0f} to {after.fit.chi2:.0f} "
         f"({after.fit.dof} degrees of freedom); at presses that the fit did not see, the error "
         f"goes from {length(before.held_out.rms_m, signed=False)} to "
         f"{length(after.held_out.rms_m, signed=False)}."
     )
-    notes = [text]
+    names = added_names(before, after)
+    return [text, *(note for name in names for note in _name_notes(explained, name))]
+
+
+def _name_notes(explained: Explanation, name: str) -> list[str]:
     addition = kept(explained, name)
     if addition is None:
-        notes.append("It lost its place later: beside what was added after it, it is not needed.")
-        return notes
+        return [f"{name} lost its place later: beside what was added after it, it is not needed."]
     if len(addition.group) > 1:
         others = " or ".join(other for other in addition.group if other != name)
-        notes.append(
-            f"It stands for a group: with {others} in its place the model is as good. Do not "
+        return [
+            f"{name} stands for a group: with {others} in its place the model is as good. Do not "
             "take its name, or its numbers, for found."
-        )
-    elif name not in explained.added:
-        notes.append(
-            "It lowers chi-square but leaves structure, so it is not offered as the missing effect."
-        )
-    return notes
+        ]
+    if addition.borne_out and name in explained.added and explained.verdict == "unexplained":
+        return [f"The presses by themselves call for {name}, whatever the map."]
+    if name not in explained.added:
+        return [
+            f"{name} lowers chi-square but leaves structure, so it is not offered as the missing "
+            "effect."
+        ]
+    return []
 
 
 def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
@@ -131,13 +142,33 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
         notes.append("The last fit did not reach its minimum within its evaluations.")
     if explained.dropped:
         notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
+    if explained.traces:
+        notes.append(
+            f"A trace of {' or '.join(explained.traces)} is left. It is small against what was "
+            "explained, and as likely an inaccuracy of the effects that were found."
+        )
     presses = record["suspect_presses"]
     if presses:
         notes.append(
             f"Presses that stand out by themselves: {', '.join(map(str, presses))}. Look at them "
-            "before physics is blamed: a slip, or a wrong place, looks like an effect."
+            "before physics is blamed: a slip, or a wrong place, looks like an effect. "
+            + without_suspects(record)
         )
     return notes
+
+
+def without_suspects(record: Mapping[str, Any]) -> str:
+    """Return what the loop finds without the presses that stand out, in a sentence."""
+    other = record["without_suspects"]
+    if other is None:
+        return ""
+    if other["verdict"] == "nothing_missing":
+        return "Without them nothing is seen to be missing."
+    names = [*other["added"], *(" or ".join(group) for group in other["ambiguous"])]
+    if other["verdict"] == "unexplained":
+        return "Without them, too, something is left unexplained."
+    same = names == [*record["added"], *(" or ".join(group) for group in record["ambiguous"])]
+    return f"Without them the answer is {'the same' if same else listed(names)}."
 
 
 def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple[str, ...]:
@@ -166,6 +197,13 @@ def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple
             "How small an effect this scan can show is not in this report; `palpmap limits` says."
         )
     return tuple(limits)
+
+
+def interval(parameter: Mapping[str, Any], scale: float, unit: str) -> str:
+    """Return a parameter's 95 % interval in words, or that it was held."""
+    if not parameter["std"]:
+        return "held"
+    return f"{scale * parameter['lower95']:.4g} to {scale * parameter['upper95']:.4g}{unit}"
 
 
 def steps_of(explained: Explanation) -> Sequence[int]:

@@ -25,16 +25,18 @@ def fit_study(
     optimizer: str = "gauss-newton",
     callback: Callable[[FitIteration], None] | None = None,
     rough: bool = False,
+    noise: Noise | None = None,
 ) -> Fit:
     """Fit a placed scan with the inclusions, guesses and noise that the study states.
 
-    A `rough` fit is a start for another one: without the finer model, with simple intervals.
+    The noise is what the study states, or estimated from the scan, unless it is given. A `rough`
+    fit is a start for another one: without the finer model, with simple intervals.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
     criterion no longer falls.
     """
     scan = placement.scan
-    noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
+    noise = noise or scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
     method = OPTIMIZERS[optimizer]
     fine = None if rough else body.fine
     if study.map.inclusions == "auto":

@@ -1,6 +1,7 @@
 """Scans that the diagnosis proposes, as programs that `palpmap scan --program` runs."""
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from identify.scan_design import Presses, presses_of, variations
 from palpmap.problem import Problem, Say, named
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
+REPEAT = "repeat_presses.csv"
 _MOST = 3
 _IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
 
@@ -53,6 +55,20 @@ def proposal_records(
             }
         )
     return records
+
+
+def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[str, Any]:
+    """Write a program that repeats some presses (ids) into a run folder; return its record."""
+    ids = problem.scan.used().press_ids
+    again = presses_of(problem.model.readings).taken(np.flatnonzero(np.isin(ids, presses)))
+    write_presses(again, problem.placement.origin_m, run / REPEAT)
+    return {
+        "change": f"Repeat presses {', '.join(map(str, presses))}",
+        "why": "they stand out by themselves: if they come out otherwise, they had gone wrong",
+        "discrimination": None,
+        "duration_s": again.duration_s,
+        "program": REPEAT,
+    }
 
 
 def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:

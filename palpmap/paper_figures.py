@@ -49,6 +49,10 @@ def _draw(number: int, results: Sequence[PaperResult], folder: Path) -> list[Pat
     name = results[0].test.name.split("_")[0]
     figure.suptitle(f"Test {name} (paper: Fig. {number}), identical twin")
     paths = [folder / f"paper_test_{name}{ending}" for ending in (".png", ".svg")]
+    constrained = figure.get_layout_engine()
+    assert constrained is not None
+    constrained.execute(figure)
+    figure.set_layout_engine("none")  # the places are found, for both files
     for path in paths:
         figure.savefig(path, dpi=150)
     return paths

@@ -4,23 +4,27 @@ The map is searched as `palpmap fit` does, without effects; the study's effects 
 jointly with it, from the values that the study gives or from the linear estimate.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from fem import PalpationModel
 from identify.body_mechanics import BodyMechanics
+from identify.contact_law import ContactLaw
 from identify.effects.catalogue import CATALOGUE
-from identify.effects.effect import Effect
+from identify.effects.effect import Effect, Values
 from identify.effects.user_effect import load_effect
-from identify.explain import fit_with
+from identify.explain import First, fit_with
 from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly
 from identify.measurement_model import MeasurementModel
+from identify.noise import scan_noise
 from identify.parameter_space import parameter_space
+from identify.proposal import follow
 from identify.readings import Readings
 from identify.score import fitted_basis, score_effect
 from models.errors import InputError
@@ -28,16 +32,29 @@ from models.scan import Scan, read_scan
 from palpmap.body_model import BodyModel, build_body_model
 from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan
+from palpmap.presses_alone import (
+    curved_again,
+    law_of,
+    presses_alone,
+    straight,
+    typical_error,
+    typical_error_m,
+)
 from palpmap.study import Study
+from palpmap.thinned import thinned
 
 Say = Callable[[str], None]
+
+GROSS_MAP = 25.0  # chi-square per degree of freedom: five times the noise, as in `scan_problem`
+_ERROR_ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class Problem:
     """A scan, its body's models, the map without effects, and the model with the study's effects.
 
-    `catalogue` holds the built-in effects and the user's own.
+    `catalogue` holds the built-in effects and the user's own, `law` what the presses show by
+    themselves (None where that was not asked), `left_out` how many presses too many the scan has.
     """
 
     study: Study
@@ -47,11 +64,21 @@ class Problem:
     model: MeasurementModel
     start: GaussianMap
     catalogue: tuple[Effect, ...]
+    law: ContactLaw | None = None
+    left_out: int = 0
 
     @property
     def scan(self) -> Scan:
         """The scan in the body's frame."""
         return self.placement.scan
+
+    @property
+    def first_step(self) -> First | None:
+        """What the loop tries first: the effects that the presses show by themselves."""
+        if self.law is None or not self.law.names:
+            return None
+        law = self.law
+        return lambda rung, say: follow(law, rung, self.start, say)
 
 
 def pose(
@@ -59,6 +86,7 @@ def pose(
     own: Sequence[Effect] = (),
     say: Say = lambda text: None,
     on_iteration: Callable[[FitIteration], None] | None = None,
+    leave_out: Sequence[int] = (),
 ) -> Problem:
     """Build the models of a study and fit its map and its effects.
 
@@ -67,15 +95,56 @@ def pose(
     own : effects of the user
     say : called with what is being done
     on_iteration : called with each step of the map's fit
+    leave_out : ids of presses that are not to count
     """
     catalogue = catalogue_with(own)
-    placement = place_scan(read_scan(study.scan, study.study.units_checked), study)
+    scan = read_scan(study.scan, study.study.units_checked)
+    if leave_out:
+        scan = scan.rows(~np.isin(scan.press, leave_out))
+    placement = place_scan(thinned(scan), study)
     say("meshing the body")
     body = build_body_model(study, placement.scan.used())
+    law, fit, error = rough_fit(study, placement, body, catalogue, say, on_iteration)
+    starts = law.plain.values if law else {}
+    model, start = fit_effects(study, placement.scan, body, fit, own, say, starts, error)
+    left = len(scan.press_ids) - len(placement.scan.press_ids)
+    return Problem(study, placement, body, fit, model, start, catalogue, law, left)
+
+
+def rough_fit(
+    study: Study,
+    placement: Placement,
+    body: BodyModel,
+    catalogue: Sequence[Effect],
+    say: Say = lambda text: None,
+    on_iteration: Callable[[FitIteration], None] | None = None,
+) -> tuple[ContactLaw | None, Fit, float]:
+    """Fit the map roughly, where need be to the readings without what the presses show alone.
+
+    Where even then the map is far from the presses, its error outweighs the noise: the few presses
+    that the noise makes the surest (hard places) would have the map to themselves. The fit then
+    counts it as noise of the displacement, for all presses alike; returned (third) is what the map
+    is usually off by in a press's compliance, relative, else 0.
+    """
+    scan = placement.scan
+    noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
+    presses = presses_alone(scan, body, noise)
+    effects = [(named(catalogue, entry.name), entry.initial) for entry in study.effects]
+    had = [presses.begun(e, initial) for e, initial in effects if presses.shows(e)]
+    law = law_of(presses, had, catalogue, say)
     say("fitting the map")
-    fit = fit_study(study, placement, body, callback=on_iteration, rough=True)
-    model, start = fit_effects(study, placement.scan, body, fit, own, say)
-    return Problem(study, placement, body, fit, model, start, catalogue)
+    if law is None:
+        return None, fit_study(study, placement, body, callback=on_iteration, rough=True), 0.0
+    placed = replace(placement, scan=straight(scan, law.found))
+    fit = fit_study(study, placed, body, callback=on_iteration, rough=True, noise=noise)
+    gross = fit.chi2_per_dof > GROSS_MAP
+    for _ in range(_ERROR_ROUNDS if gross else 0):
+        say("fitting the map, with an error of its own")
+        error_m = typical_error_m(fit, placed.scan)
+        own = replace(noise, displacement_m=float(np.hypot(noise.displacement_m, error_m)))
+        fit = fit_study(study, placed, body, callback=on_iteration, rough=True, noise=own)
+    error = typical_error(fit, law.found) if gross else 0.0
+    return law, curved_again(replace(fit, noise=noise), scan), error
 
 
 def fit_effects(
@@ -85,13 +154,20 @@ def fit_effects(
     fit: Fit,
     own: Sequence[Effect] = (),
     say: Say = lambda text: None,
+    starts: Mapping[str, Values] = MappingProxyType({}),
+    press_error: float = 0.0,
 ) -> tuple[MeasurementModel, GaussianMap]:
-    """Return the model with a study's effects near their estimates, and the map beside them."""
-    model, start = measurement_model(scan, body, fit), fit.map
+    """Return the model with a study's effects near their estimates, and the map beside them.
+
+    `starts` are values of effects for which the study gives none, `press_error` is the model's.
+    """
+    model = replace(measurement_model(scan, body, fit), press_error=press_error)
+    start = fit.map
     for entry in study.effects:
         effect = named(catalogue_with(own), entry.name)
         say(f"fitting {effect.name}")
-        joint = _with_effect(model, start, effect, entry.initial)
+        initial = entry.initial or dict(starts.get(effect.name, {}))
+        joint = _with_effect(model, start, effect, initial)
         model, start = joint.model, joint.map
     return model, start
 

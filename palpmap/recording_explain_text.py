@@ -5,16 +5,17 @@ from typing import Any
 
 from identify.explain import Explanation, Rung
 from palpmap import recording_parts as parts
-from palpmap.explain_words import VERDICTS, verdict_detail
+from palpmap.explain_words import VERDICTS, interval, verdict_detail
 
 _SHOWN = 12  # candidates in the table of a rung
+_NOISE = 25.0  # a score that noise hardly gives: the longest bar is not shorter
 _BAR = 16
 
 
 def candidates_text(rung: Rung) -> str:
     """Return the scores of a rung as a table with bars, Markdown."""
     scores = [s for s in rung.diagnosis.scores if s.untestable is None][:_SHOWN]
-    most = max((s.statistic for s in scores), default=1.0) or 1.0
+    most = max([s.statistic for s in scores] + [_NOISE])
     lines = [
         "Decrease of chi-square that each effect promises from here, and the chance of as much "
         "under pure noise (a search over places or times paid for).",
@@ -23,7 +24,7 @@ def candidates_text(rung: Rung) -> str:
         "|---|---|---|---|---|",
     ]
     for s in scores:
-        bar = "█" * round(_BAR * s.statistic / most)
+        bar = "■" * round(_BAR * s.statistic / most)
         seen = "beyond noise" if s.name in rung.diagnosis.significant else ""
         lines.append(f"| {s.name} | {s.statistic:.1f} | {bar} | {s.p_value:.2g} | {seen} |")
     return "\n".join(lines)
@@ -46,13 +47,13 @@ def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> 
         "the noise; dark is noise. Left: the model that the search started from; right: the "
         "model of the step, on the same scale.",
         "",
-        "| parameter | value | standard error |",
+        "| parameter | value | 95 % interval |",
         "|---|---|---|",
     ]
     for parameter, p in record["parameters"].items():
         scale, unit = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa")}.get(p["unit"], (1.0, p["unit"]))
         unit = "" if unit == "1" else f" {unit}"
         bound = " (at its bound)" if p["at_bound"] else ""
-        value, error = f"{scale * p['value']:.4g}{unit}{bound}", f"{scale * p['std']:.2g}{unit}"
-        lines.append(f"| {parameter} | {value} | {error} |")
+        value = f"{scale * p['value']:.4g}{unit}{bound}"
+        lines.append(f"| {parameter} | {value} | {interval(p, scale, unit)} |")
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -24,6 +25,7 @@ PICTURE_SIZE = (1800, 1100)
 _HOST = "127.0.0.1"
 _LAST_WORDS_S = 3.0
 _PAUSE_S = 0.7  # between looks at a picture that still moves
+_DRAWS = "wgpu adapter backend"  # it says so once it has found a driver
 INSTALL_DRIVER = (
     "rendering a recording needs a Vulkan driver, and none works here; on Debian or Ubuntu: "
     "apt-get install --no-install-recommends mesa-vulkan-drivers libvulkan1 "
@@ -123,11 +125,13 @@ def _wait_for_port(viewer: subprocess.Popen[bytes], port: int, deadline: float) 
 
 
 def _reason(viewer: subprocess.Popen[bytes], words: str, error: Exception) -> str:
-    """Say in a sentence why the viewer failed; if its graphics ended it, there is no driver."""
+    """Say in a sentence why the viewer failed; if it found no graphics, there is no driver."""
     graphics = any(sign in words for sign in ("graphics adapter", "render context", "wgpu"))
-    if graphics and viewer.poll() is not None:
+    if graphics and _DRAWS not in words and viewer.poll() is not None:
         return INSTALL_DRIVER
-    return f"the viewer could not render the recording: {str(error).splitlines()[0]}"
+    panic = re.search(r"panicked at '?(.+)", words)
+    why = panic.group(1) if panic else str(error).splitlines()[0]
+    return f"the viewer could not render the recording: {why.rstrip(chr(39))}"
 
 
 def _stop(viewer: subprocess.Popen[bytes]) -> None:

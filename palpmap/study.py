@@ -43,6 +43,7 @@ EFFECTS = (
     "force_drift",
     "force_saturation",
     "contact_offset",
+    "touch_threshold",
     "surface_tilt",
     "breathing",
     "mesh_error",

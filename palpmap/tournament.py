@@ -11,8 +11,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -153,7 +154,9 @@ def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
     single = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
     before = {name: os.environ.get(name) for name in single}
     os.environ.update(single)
-    pool = ProcessPoolExecutor(min(players, len(games)), mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(
+        min(players, len(games)), get_context("spawn"), initializer=_end_with_parent
+    )
     try:
         waiting = [pool.submit(play, game) for game in games]
         for future in as_completed(waiting):
@@ -168,6 +171,18 @@ def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that started it is gone, killed perhaps."""
+    parent = parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=wait, daemon=True).start()
 
 
 def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
@@ -229,10 +244,11 @@ def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
     from palpmap.explain_record import explain_record
     from palpmap.study import load_study
 
-    explained, problem = explain_study(load_study(study), (), seed, Output(quiet=True))
+    found = explain_study(load_study(study), (), seed, Output(quiet=True))
+    explained, problem, without = found
     limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
     seen = {one.name: one.smallest_share for one in limits if one.smallest_share is not None}
-    record = {**explain_record(explained, problem), "detection_limits": seen}
+    record = {**explain_record(explained, problem, without), "detection_limits": seen}
     write_record(out / "result.json", record)
     return record
 

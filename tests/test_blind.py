@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -287,6 +290,43 @@ def test_a_game_is_made_explained_and_judged_and_a_fault_is_a_line(tmp_path):
         raise ValueError("no")
 
     assert tournament.play(game, fails, 3)["error"] == "ValueError: no"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
+def test_workers_end_with_a_tournament_that_is_killed(tmp_path):
+    command = ["-m", "palpmap", "blind", "--tournament", "2", "--workers", "1", "--quiet"]
+    told = subprocess.Popen([sys.executable, *command, "--out", tmp_path / "run"], cwd=ROOT)
+    try:
+        wait_until(lambda: (tmp_path / "run" / "trials" / "0000").exists(), 120)
+        workers = children(told.pid)
+        assert workers
+    finally:
+        told.kill()
+        told.wait()
+    wait_until(lambda: not any(alive(pid) for pid in workers), 20)
+
+
+def children(parent: int) -> list[int]:
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it may end while it is looked at
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(true: Callable[[], bool], seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
 
 
 def test_dask_is_asked_for_in_one_sentence_where_it_is_missing():

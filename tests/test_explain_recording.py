@@ -1,14 +1,20 @@
 """The recording of an explanation holds the numbers of its ladder."""
 
+import json
+import string
+
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
 from palpmap import recording_parts as parts
+from palpmap.console import Output
 from palpmap.recording_explain import BEFORE, CANDIDATES, ERROR
 from palpmap.recording_maps import residual_colors
 from palpmap.recording_summary import read_summary, scalar_series
+from palpmap.review import run_review as review_run
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +55,30 @@ def test_review_finds_the_recording_whole_and_small(explained_case, run_review):
     assert summary.presses == 25
     assert summary.spans[parts.ITERATION] == (0, 1)
     assert summary.bytes < 4e6
+
+
+def test_texts_have_only_characters_that_the_viewer_can_draw(chunks):
+    """Its font lacks block elements, and one of them ends the program."""
+    texts = [
+        text
+        for chunk in chunks
+        for column in chunk.to_record_batch().schema.names
+        if column.startswith("TextDocument:text")
+        for (text,) in filter(None, chunk.to_record_batch().column(column).to_pylist())
+    ]
+    assert len(texts) >= 2
+    assert set("".join(texts)) - set(string.printable) <= set("µ²±×−–·∫■σ")
+
+
+@pytest.mark.slow
+def test_the_layout_is_rendered_to_a_picture(explained_case, capsys):
+    output = Output(json=True)
+    if not review_run(run=explained_case.folder, png=True, summary=False, output=output):
+        said = capsys.readouterr().err
+        assert "Vulkan" in said, said
+        pytest.skip("no Vulkan driver here")
+    picture = imread(json.loads(capsys.readouterr().out)["picture"])
+    assert picture[..., :3].std() > 0.02  # something is drawn
 
 
 def test_errors_fall_as_on_the_ladder(explained_case, chunks):

@@ -157,8 +157,8 @@ def test_accurate_compliances_are_met_at_small_force_and_with_their_derivatives(
     linear = PalpationModel(MESH, NU, CONTACTS)  # with near field
 
     def readings(weight: float, start=None):
+        accurate = linear.evaluate(modulus_at(linear.points_m, weight))
         modulus = modulus_at(model.points_m, weight)
-        accurate = linear.evaluate(modulus)
         return model.evaluate(modulus, FORCES, accurate.compliance, start), accurate
 
     response, accurate = readings(9e3)
@@ -170,8 +170,10 @@ def test_accurate_compliances_are_met_at_small_force_and_with_their_derivatives(
     bare = model.evaluate(modulus_at(model.points_m), scaled)
     np.testing.assert_allclose(response.ratio, bare.ratio, rtol=1e-9)
     up, down = (readings(9e3 + s, response)[0].readings_m for s in (20.0, -20.0))
-    direction = (modulus_at(model.points_m) - 6e3)[:, None] / 9e3
-    exact = response.gradient(direction, accurate.gradient(direction))[:, :, 0]
+    direction, beside = (
+        (modulus_at(points) - 6e3)[:, None] / 9e3 for points in (model.points_m, linear.points_m)
+    )
+    exact = response.gradient(direction, accurate.gradient(beside))[:, :, 0]
     np.testing.assert_allclose(exact, (up - down) / 40, rtol=1e-4)
     with pytest.raises(SolverError, match="gradient belongs"):
         response.gradient(direction)

@@ -174,7 +174,7 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
         corner = np.array([1.0, 0, 0, 0])
         near_field_moments._add(
             np.array(x), 1.0, corner, strain, density, shape, a, nu, profile, lam, mu,
-            np.zeros((0, 6)), np.zeros((0, 0, 4)), np.empty((4, 6)),
+            np.zeros((0, 6)), np.zeros((0, 0, 4)), 1, np.empty((4, 6)),
         )  # fmt: skip
         steps = 1e-4 * np.eye(3)
         slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4
@@ -292,3 +292,15 @@ def test_cells_flatter_than_the_rims_quadrature_still_get_their_own_part_of_it()
     modulus = np.where(layered.points_m[:, 2] > 0.95, 5.0, 1.0)
     one, other = layered.evaluate(modulus).compliance
     assert one == pytest.approx(other, rel=2e-3)
+
+
+def test_a_tip_beside_an_edge_is_pressed_alike_on_coarse_and_fine_cells():
+    # Rim 2 mm from the edge: nodes of the side face lie closer to the tip the finer the cells
+    contacts = Contacts((12.0, 24.0, 24.0), DOWN, 10.0)
+    meshes = (
+        block_mesh((48, 48, 24), (6, 6, 3)),
+        block_mesh((48, 48, 24), (8, 8, 4), split="alternating"),
+        block_mesh((48, 48, 24), (12, 12, 6)),
+    )
+    found = [compliance(mesh, 0.3, contacts)[0] for mesh in meshes]
+    np.testing.assert_allclose(found[:-1], found[-1], rtol=0.005)

@@ -178,10 +178,14 @@ def test_neither_the_numbering_nor_the_frame_matters(seed, order, near_field, sh
         near_field=near_field,
     )  # fmt: skip
     still = PalpationModel(mesh, 0.45, contacts, near_field=near_field)
-    field = rng.uniform(2e3, 2e4, len(still.points_m))
-    moved_field = field.reshape(len(cells), -1)[cells].ravel()
-    expected = still.evaluate(field).compliance
-    np.testing.assert_allclose(moved.evaluate(moved_field).compliance, expected, rtol=1e-6)
+    waves, phases = rng.uniform(-100, 100, (3, 8)), rng.uniform(0, 6, 8)
+
+    def field(points: np.ndarray) -> np.ndarray:
+        return 8e3 + 700 * np.sin(points @ waves + phases).sum(axis=1)
+
+    expected = still.evaluate(field(still.points_m)).compliance
+    back = rotation.inv().apply(moved.points_m - shift)
+    np.testing.assert_allclose(moved.evaluate(field(back)).compliance, expected, rtol=1e-6)
 
 
 @settings(max_examples=6, deadline=None)

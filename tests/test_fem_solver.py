@@ -207,3 +207,24 @@ def test_the_default_is_pardiso_where_it_works_and_says_its_version():
     else:
         assert isinstance(solver, SuperLUSolver)
     assert "scipy" in SuperLUSolver().name
+
+
+@every_solver
+def test_the_two_halves_of_a_solve_make_the_whole_and_give_every_product(solver):
+    matrix = stiffness_like(2)
+    upper = upper_of(matrix)
+    factor = solver.analyse(upper.indptr, upper.indices).factorize(upper.data)
+    loads = np.random.default_rng(4).normal(size=(matrix.shape[0], 5))
+    solution = np.linalg.solve(matrix.toarray(), loads)
+    half = factor.forward(loads)
+    np.testing.assert_allclose(half.T @ half, loads.T @ solution, rtol=1e-9)
+    mixed = loads @ [[1.0, 0.0], [0.0, 2.0], [0.0, 0.0], [-3.0, 0.0], [0.0, 1.0]]
+    np.testing.assert_allclose(
+        factor.backward(half @ np.linalg.lstsq(loads, mixed)[0]),
+        np.linalg.solve(matrix.toarray(), mixed),
+        rtol=1e-8,
+        atol=1e-12,
+    )
+    one = factor.forward(loads[:, 2])
+    assert one.shape == (matrix.shape[0],)
+    np.testing.assert_allclose(factor.backward(one), solution[:, 2], rtol=1e-8, atol=1e-12)

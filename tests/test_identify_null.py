@@ -69,11 +69,7 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
     chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
     assert min(chances.values()) > 0.01 / len(tested), chances
     rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
-    # Depth and weight answer for each other along a bent valley, which the covariance of a joint
-    # fit does not follow: its interval of the weight covers 86 of 100 (`palpmap fit` follows it)
-    bent = rates.pop("inclusion_1.weight_pa")
     assert min(rates.values()) > 0.87, rates  # 100 draws of 0.95: below in 1 of 1000
-    assert bent > 0.75
 
 
 @pytest.mark.slow

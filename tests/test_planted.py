@@ -144,4 +144,5 @@ def test_an_unknown_effect_is_refused_with_the_nearest_name():
 def test_all_effects_of_the_catalogue_can_be_planted():
     from identify.effects.catalogue import CATALOGUE
 
-    assert set(INSIDERS) == {effect.name for effect in CATALOGUE}
+    # A threshold of first touch shows only under a ball: the laboratory's tips are flat
+    assert set(INSIDERS) == {effect.name for effect in CATALOGUE} - {"touch_threshold"}

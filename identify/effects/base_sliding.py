@@ -50,6 +50,13 @@ class BaseSliding(Effect):
         total = state.base_tangential_m_per_pa + values["tangential_m_per_pa"]
         return state.changed(base_tangential_m_per_pa=total)
 
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Return those of some sliding and of nearly free sliding, from height over modulus."""
+        if state.background_pa is None:
+            return ()
+        free = state.height_m / state.background_pa
+        return (0.3 * free, 10 * free)
+
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how easily the body slides."""
         softness = values["tangential_m_per_pa"]

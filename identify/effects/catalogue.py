@@ -25,6 +25,7 @@ from identify.effects.stiffness_gradient import StiffnessGradient
 from identify.effects.strain_stiffening import StrainStiffening
 from identify.effects.surface_tilt import SurfaceTilt
 from identify.effects.tool_compliance import ToolCompliance
+from identify.effects.touch_threshold import TouchThreshold
 from identify.effects.viscoelasticity import Viscoelasticity
 from models.errors import InputError
 
@@ -48,6 +49,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ForceDrift(),
     ForceSaturation(),
     ContactOffset(),
+    TouchThreshold(),
     SurfaceTilt(),
     Breathing(),
 )

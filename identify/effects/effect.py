@@ -8,6 +8,9 @@ The measurement chain of a reading, from the body to the robot's table:
     response u = response(u)                  what the history of loading adds        (response)
     reading  d = reading(u)                   what the robot reports as travel        (instrument)
 
+Travel is counted from first touch; an effect of the instrument may say from which force on the
+robot counts instead, `touch`: u is then contact(C F) less contact(C touch).
+
 An effect overrides one hook, that of its link (see `Effect`). With all amplitudes at their null
 value it is the identity, to rounding; the conformance kit (`identify.effects.conformance`) checks
 that, and the rest of what is promised here, for built-in effects and for users' own alike.
@@ -28,12 +31,12 @@ Link = Literal["body", "contact", "response", "instrument"]
 # What an effect may need of a scan, in the words of the sentence that says it is not there.
 Need = Literal["time", "unloading", "hold", "several forces", "several presses"]
 Values = Mapping[str, float]
-Hook = Literal["force", "body", "contact", "response", "reading"]
+Hook = Literal["force", "body", "contact", "response", "reading", "touch"]
 HOOKS: Mapping[Link, tuple[Hook, ...]] = {
     "body": ("body",),
     "contact": ("contact",),
     "response": ("response",),
-    "instrument": ("force", "reading"),
+    "instrument": ("force", "reading", "touch"),
 }
 Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
 
@@ -162,6 +165,10 @@ class Effect:
         """Displacement (m,) that the robot reports for a travel of the tip."""
         return travel_m
 
+    def touch(self, readings: Readings, values: Values) -> float:
+        """Force, N, from which on the robot counts the travel."""
+        return 0.0
+
     # ---- shape parameters ----------------------------------------------------------------
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
@@ -170,6 +177,14 @@ class Effect:
         Fine enough that neighbouring candidates give almost the same pattern (cosine 0.9 and up).
         """
         return [{}]
+
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Amplitudes at which the pattern of a body effect differs from that at its null.
+
+        The scores look for these patterns too; each costs a solution of the body for each candidate
+        of the shape. An effect with levels has one amplitude.
+        """
+        return ()
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Return the parameters with the bounds and typical sizes that fit this scan and body."""
@@ -186,6 +201,16 @@ class Effect:
         """Why this scan cannot show the effect, or None; by default from `needs`."""
         return readings.lacks(self.needs)
 
+    def redundant(self, profile: str, nonlinear: bool) -> str | None:
+        """Why the effect would say nothing new beside a model, or None.
+
+        Parameters
+        ----------
+        profile : "flat" or "hertz" (a ball), the tip that the study declares
+        nonlinear : travel and force part from proportion within a press
+        """
+        return None
+
     def doubt(self, values: Values, readings: Readings) -> str | None:
         """Why values that a fit has found are not to be believed, or None."""
         return None
@@ -195,7 +220,7 @@ class Effect:
     @property
     def hooks(self) -> tuple[Hook, ...]:
         """The hooks that the effect overrides: one, if it is well made."""
-        every: tuple[Hook, ...] = ("force", "body", "contact", "response", "reading")
+        every: tuple[Hook, ...] = ("force", "body", "contact", "response", "reading", "touch")
         return tuple(h for h in every if getattr(type(self), h) is not getattr(Effect, h))
 
     @property

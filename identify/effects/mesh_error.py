@@ -22,7 +22,7 @@ class MeshError(Effect):
     source = "L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357 (two meshes)"
     gives_away = "the misfit follows the model's own estimate of its error from press to press"
     cure = "Take a finer mesh, or a wider tip."
-    parameters = (EffectParameter("share", "1", "of the estimated error", 0.0, -3.0, 3.0, 1.0),)
+    parameters = (EffectParameter("share", "1", "of the estimated error", 0.0, -50.0, 50.0, 1.0),)
     examples = (
         WorkedExample("The whole estimated error.", {"share": 1.0}, {}, {"mesh_error_share": 1.0}),
     )

@@ -49,6 +49,10 @@ class SkinLayer(Effect):
         """Three thicknesses: finer would be no different."""
         return [{"thickness_m": thickness} for thickness in _THICKNESSES_M]
 
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Return that of a skin five times as stiff, which carries load along the surface."""
+        return (4.0,)
+
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how stiff the skin is for the thickness that was taken."""
         factor = 1 + values["stiffening"]

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from identify.ball_contact import beyond_fixed
 from identify.effects.effect import Effect, EffectParameter, Pressing, Values, WorkedExample
 from identify.effects.words import length, percent
 from identify.readings import Readings
-
-_RIM = {"flat": 1.0, "hertz": 1.2}  # contact radius over that of the flat tip of equal compliance
-_SMOOTH = 0.01  # of the scan's largest force: below it F^(2/3) is a straight line
 
 
 class SphericalTip(Effect):
@@ -17,10 +15,10 @@ class SphericalTip(Effect):
 
     On a half-space of plane modulus E* = E / (1 - nu^2) the model's fixed contact travels
     F / (2 E* Re), Re the radius of a flat tip, 5/6 of that of a Hertz pressure; a ball travels
-    (3 F / (4 E*))^(2/3) R^(-1/3). Only this near part of C depends on the tip. What the contact's
-    growth changes far from it, and that a ball is no paraboloid (at a contact radius of 0.8 R the
-    force is 9 % less), is left out. Between 0 and 1 the share stands for tips that are neither:
-    domed, or flat with a rounded rim.
+    (3 F / (4 E*))^(2/3) R^(-1/3) (`identify.ball_contact`). Only this near part of C depends on the
+    tip. What the contact's growth changes far from it, and that a ball is no paraboloid (at a
+    contact radius of 0.8 R the force is 9 % less), is left out. Between 0 and 1 the share stands
+    for tips that are neither: domed, or flat with a rounded rim.
     """
 
     name = "spherical_tip"
@@ -83,15 +81,12 @@ class SphericalTip(Effect):
         travel_m: np.ndarray,
         values: Values,
     ) -> np.ndarray:
-        """Exchange a share of the near travel.
+        """Exchange a share of the near travel."""
+        return travel_m + values["share"] * beyond_fixed(readings, pressing, force_n)
 
-        F^(2/3) is taken as F (F^2 + s^2)^(-1/6), which is smooth through no force.
-        """
-        plane = pressing.modulus_pa / (1 - pressing.poisson_ratio**2)
-        fixed = force_n / (2 * plane * pressing.radius_m / _RIM[pressing.profile])
-        smooth = np.hypot(force_n, _SMOOTH * max(readings.largest_force_n, 1e-9))
-        ball = (0.75 / plane) ** (2 / 3) * readings.radius_m ** (-1 / 3)
-        return travel_m + values["share"] * (ball * force_n * smooth ** (-1 / 3) - fixed)
+    def redundant(self, profile: str, nonlinear: bool) -> str | None:
+        """Say that a study of a ball has it."""
+        return "the study says that the tip is a ball" if profile == "hertz" else None
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how far the tip is on the way from flat to a ball."""

@@ -21,6 +21,7 @@ _BY_HOOK = {
     "contact": "travel_m",
     "response": "travel_m",
     "reading": "displacement_m",
+    "touch": "displacement_m",
 }
 
 
@@ -71,6 +72,8 @@ def apply(
         return effect.contact(readings, pressing, force, travel_m, values)
     if hook == "response":
         return effect.response(readings, force, travel_m, values)
+    if hook == "touch":  # a linear contact
+        return travel_m - pressing.compliance_m_per_n * effect.touch(readings, values)
     assert hook == "reading"
     return effect.reading(readings, force, travel_m, values)
 

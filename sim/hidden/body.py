@@ -132,11 +132,11 @@ class BaseSliding(HiddenEffect):
 
 
 class MeshError(HiddenEffect):
-    """The compliances carry a share of the error of a coarse mesh without near field."""
+    """The compliances carry the error of a coarse mesh, several times over."""
 
     name, category = "mesh_error", "compliance"
-    law = "(1 - share) C + share C_coarse"
-    amplitude, typical, limit = "share", 0.1, 2.0
+    law = "C + share (C_coarse - C)"
+    amplitude, typical, limit = "share", 2.0, 40.0
 
     def contact(self, bench, travel_m, values):
         """Mix the coarse mesh's compliances in."""

@@ -1,0 +1,90 @@
+"""95 % intervals of a joint fit of map and effects, along the bend of the misfit's valley.
+
+As those of a map alone (`identify.intervals`): each inclusion's depth is held beside its estimate
+and everything else, the effects too, is fitted again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identify.gauss_newton import minimize_gauss_newton
+from identify.intervals import Valley, bent_intervals, straight
+from identify.joint_fit import JointFit
+from identify.optimize_result import InadmissibleError
+
+_GROSS = 5.0  # chi-square per degree of freedom from which on the noise says nothing of the valley
+_EVALUATIONS = 10  # of each refit
+_FTOL = 1e-2  # half of chi-square
+
+
+def joint_intervals(fit: JointFit, bent: bool = True) -> dict[str, tuple[float, float]]:
+    """Return the ends of the interval of each unknown by name, in its unit.
+
+    Parameters
+    ----------
+    bent : follow the bend of the valley, at some ten evaluations of the body an inclusion; else
+        the covariance's own intervals. A gross misfit has no valley worth following.
+    """
+    model, u = fit.model, fit.u
+    if bent and fit.chi2_per_dof < _GROSS**2:
+        valley = Valley(
+            u, fit.chi2 / 2, fit.covariance, fit.covariance, model.bounds, _refitter(fit)
+        )
+        ends = bent_intervals(valley, model.names)
+    else:
+        ends = straight(u, fit.covariance)
+    low, high = model.bounds
+    ends = np.clip(ends, low[:, None], high[:, None])
+    return {name: _ends(fit, position, ends) for position, name in enumerate(model.names)}
+
+
+def _refitter(fit: JointFit):
+    model = fit.model
+
+    def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
+        others = np.delete(np.arange(len(start)), position)
+        low, high = model.bounds
+
+        def whole(x: np.ndarray) -> np.ndarray:
+            u = start.copy()
+            u[others] = x
+            return u
+
+        def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            at = model.linearise(whole(x))
+            return at.residual, -at.jacobian[:, others]
+
+        try:
+            found = minimize_gauss_newton(
+                residuals,
+                start[others],
+                bounds=(low[others], high[others]),
+                max_step=model.longest_step(start)[others],
+                ftol=_FTOL,
+                max_evaluations=_EVALUATIONS,
+            )
+        except InadmissibleError:
+            return np.inf, start  # no way on this side
+        return found.fun, whole(found.x)
+
+    return refit
+
+
+def _ends(fit: JointFit, position: int, ends: np.ndarray) -> tuple[float, float]:
+    name = fit.model.names[position]
+    found = []
+    for end in ends[position]:
+        u = fit.u.copy()
+        u[position] = end
+        found.append(_value(fit, u, name))
+    return min(found), max(found)
+
+
+def _value(fit: JointFit, u: np.ndarray, name: str) -> float:
+    effect, _, own = name.rpartition(".")
+    values = fit.model.values(u)
+    if effect in values:
+        return values[effect][own]
+    stiffness = fit.model.map(u)
+    return float(stiffness.values[stiffness.names.index(name)])

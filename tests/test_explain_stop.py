@@ -1,0 +1,58 @@
+"""When the loop stops: a trace beside what was explained is no call for another effect."""
+
+from dataclasses import replace
+
+import pytest
+
+from identify.explain import is_more_missing
+
+
+@pytest.fixture(scope="module")
+def rungs(explained_case):
+    return explained_case.explained.ladder, explained_case.explained.additions
+
+
+def significant(rung, share: float, explained: float):
+    """The rung with its best effect made significant, at a share of the explained chi-square."""
+    best = replace(rung.diagnosis.scores[0], statistic=share * explained)
+    diagnosis = replace(
+        rung.diagnosis,
+        scores=(best, *rung.diagnosis.scores[1:]),
+        significant=frozenset([best.name]),
+    )
+    return replace(rung, diagnosis=diagnosis)
+
+
+@pytest.mark.parametrize(("share", "goes_on"), [(0.01, False), (0.05, True)])
+def test_a_trace_beside_a_noise_like_residual_ends_the_loop(rungs, share, goes_on):
+    (first, last), additions = rungs
+    explained = first.fit.chi2 - last.fit.chi2
+    assert last.comparison.is_noise
+    assert is_more_missing((first, significant(last, share, explained)), additions) is goes_on
+
+
+def test_the_smallest_significant_effect_counts_where_nothing_was_added(rungs):
+    (first, _), _ = rungs
+    assert is_more_missing((significant(first, 1e-6, first.fit.chi2),), ())
+
+
+def test_a_structured_residual_calls_for_more_whatever_was_explained(rungs):
+    (first, last), additions = rungs
+    explained = first.fit.chi2 - last.fit.chi2
+    structured = replace(significant(last, 0.001, explained), comparison=first.comparison)
+    assert is_more_missing((first, structured), additions)
+
+
+def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(rungs):
+    (first, last), (addition,) = rungs
+    explained = first.fit.chi2 - last.fit.chi2
+    rival = addition.rivals[0]
+    group = replace(addition, rivals=(rival, replace(rival, name="another")))
+    ladder = (first, significant(last, 0.05, explained))
+    assert is_more_missing(ladder, (addition,))
+    assert not is_more_missing(ladder, (group,))
+
+
+def test_nothing_significant_ends_the_loop(rungs):
+    ladder, additions = rungs
+    assert not is_more_missing(ladder, additions)

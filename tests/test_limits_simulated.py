@@ -1,0 +1,73 @@
+"""Detection limits against scans in which the laboratory hid an effect of just that size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.effects.catalogue import CATALOGUE
+from identify.joint_fit import fit_jointly
+from identify.limits import SIGMAS, detection_limits
+from identify.readings import Readings
+from identify.score import fitted_basis, score_effect
+from models.scan import write_scan
+from palpmap.problem import pose
+from palpmap.study import About, Body, Map, Noise, Probe, Study
+from sim.hidden.planted_scan import planted_scan
+
+SEED = 5
+DRAWS = 2
+RADIUS_M = 0.005
+TESTED = (
+    "stiffness_gradient", "poisson_ratio", "base_compliance", "tool_compliance", "spherical_tip",
+    "viscoelasticity", "force_bias", "force_drift", "force_saturation", "contact_offset",
+    "preconditioning", "hysteresis",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    """A scan with nothing hidden, its models and its fit."""
+    folder = tmp_path_factory.mktemp("limits")
+    scan, truth = planted_scan(None, seed=SEED, radii=(RADIUS_M,))
+    write_scan(scan, folder / "scan.csv")
+    posed = pose(
+        Study(
+            study=About(name="nothing", scan=folder / "scan.csv"),
+            body=Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.49),
+            probe=Probe(tip="flat", radius_m=RADIUS_M),
+            noise=Noise(**truth["noise"]),
+            map=Map(inclusions=1),
+        )
+    )
+    return posed, fit_jointly(posed.model, posed.start)
+
+
+@pytest.fixture(scope="module")
+def limits(problem):
+    posed, fit = problem
+    return {one.name: one.smallest_share for one in detection_limits(fit, posed.catalogue)}
+
+
+def refitted(problem, scan):
+    posed, fit = problem
+    rows = scan.used()
+    model = replace(posed.model, readings=Readings.of(scan), displacement_m=rows.displacement_m)
+    return fit_jointly(model, fit.map, rounds=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TESTED)
+def test_an_effect_of_the_size_printed_scores_five_standard_errors(problem, limits, name):
+    """The same noise with and without it, so that the difference is the effect's alone."""
+    effect = next(effect for effect in CATALOGUE if effect.name == name)
+    scores = []
+    for draw in range(DRAWS):
+        seed = SEED + 100 * draw
+        hidden, _ = planted_scan(name, limits[name], seed, (RADIUS_M,))
+        plain, _ = planted_scan(None, seed=seed, radii=(RADIUS_M,))
+        found, none = refitted(problem, hidden), refitted(problem, plain)
+        beyond = score_effect(found, effect, fitted_basis(found.at), 0).beyond
+        scores.append(np.linalg.norm(beyond.T @ (found.at.residual - none.at.residual)))
+    ratio = float(np.exp(np.mean(np.log(scores)))) / SIGMAS
+    assert 1 / 1.5 < ratio < 1.5

@@ -1,0 +1,82 @@
+"""Scans as robots really make them: a ball, late first touch, no times, no noise, a wrong body.
+
+A twin whose truth is known (`sim.hidden` on its own mesh), and measured scans where they are there.
+"""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identify.contact_law import GROSS
+from models.scan import write_scan
+from palpmap.console import Output
+from palpmap.explain import explain_study
+from palpmap.problem import pose
+from palpmap.study import About, Body, Map, Probe, Study, load_study
+from sim.hidden.planted_scan import planted_scan
+from sim.hidden_body import HiddenBody
+
+HERE = Path(__file__).parent
+REAL = Path(os.environ.get("PALPMAP_REAL_DATA", HERE.parent.parent / "shared" / "data" / "real"))
+OFFSET_M = 8e-4
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory) -> Study:
+    """A ball of 5 mm, first touch 0.8 mm late, on a body 12 mm thicker than the study says."""
+    folder = tmp_path_factory.mktemp("twin")
+    scan, _ = planted_scan(
+        ["spherical_tip", "contact_offset"], seed=5, per_side=5, noise=(5e-6, 2.5e-3),
+        values={"share": 1.0, "offset_m": OFFSET_M},
+    )  # fmt: skip
+    untimed = scan.replace(time_s=np.full(len(scan), np.nan))
+    above = HiddenBody().size_m[2] - 0.036
+    point = untimed.point_m - np.array([0.0, 0.0, above])
+    write_scan(untimed.replace(point_m=point), folder / "scan.csv")
+    x, y, _ = HiddenBody().size_m
+    return Study(
+        study=About(name="twin", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
+        body=Body(shape="block", size_m=(x, y, 0.036), poisson_ratio=0.45),  # pyright: ignore[reportCallIssue]
+        probe=Probe(tip="flat", radius_m=0.005),
+        map=Map(inclusions=1),
+    )
+
+
+@pytest.mark.slow
+def test_ball_and_late_touch_of_a_twin_are_found_beside_a_wrong_body(twin):
+    explained, problem, _ = explain_study(twin, (), 0, Output(quiet=True))
+    assert problem.law is not None
+    assert problem.law.plain.chi2_per_dof > GROSS
+    assert "spherical_tip" in explained.added
+    groups = [explained.added, *explained.ambiguous]
+    assert any("contact_offset" in group for group in groups)
+    assert problem.law.share > 0.9
+    before, after = explained.ladder[0].fit, explained.final.fit
+    assert after.rms_m < 0.5 * before.rms_m
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
+    source = REAL / "arma_two_stiff" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    text = (HERE.parent / "examples" / "arma_two_stiff" / "study.toml").read_text()
+    (tmp_path / "study.toml").write_text(text.replace('tip = "sphere"', f'tip = "{tip}"'))
+    shutil.copy(source, tmp_path)
+    law = pose(load_study(tmp_path / "study.toml")).law
+    assert law is not None
+    assert ("spherical_tip" in law.names) == (tip == "flat")
+    assert "touch_threshold" in law.names
+    # The robot's own threshold, from the source of the data; nothing of it is in the study
+    stated = json.loads((source.parent / "about.json").read_text())["known"]["contact_threshold_n"]
+    found = law.found.values["touch_threshold"]["threshold_n"]
+    assert found == pytest.approx(stated, rel=0.06)
+    if tip == "flat":
+        assert law.found.values["spherical_tip"]["share"] == pytest.approx(1, abs=0.15)
+    assert law.share > 0.8
+    assert law.found.noise_share > 0.8

@@ -94,8 +94,12 @@ class RefinedModel:
         support_compliance: tuple[float, float] | None = None,
         fibres: Fibres | tuple | None = None,
         skin: Skin | tuple | None = None,
+        coarse_compliance: np.ndarray | None = None,
     ) -> RefinedResponse:
-        """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`."""
+        """Solve on both meshes and extrapolate; see `PalpationModel.evaluate`.
+
+        `coarse_compliance` (j,) is that of the coarse mesh, where it is known already.
+        """
         modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
         split = len(self.coarse.points_m)
         parts: list[Fibres | None] = [None, None]
@@ -104,7 +108,9 @@ class RefinedModel:
             strength = np.asarray(strength)
             parts = [Fibres(direction, strength[:split]), Fibres(direction, strength[split:])]
         rest = (support_compliance, parts[0], skin), (support_compliance, parts[1], skin)
-        coarse = self.coarse.evaluate(modulus[:split], *rest[0]).compliance
+        coarse = coarse_compliance
+        if coarse is None:
+            coarse = self.coarse.evaluate(modulus[:split], *rest[0]).compliance
         response = self.fine.evaluate(modulus[split:], *rest[1])
         fine = response.compliance
         added = (fine - coarse) / (self._ratio**RATE - 1)

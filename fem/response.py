@@ -113,15 +113,26 @@ class Response:
 
         At f = 1 that towards harder skins; without a skin at all it is 0 or of no use.
         """
-        skin = self._material.skin or Skin(0.0, 1.0)
-        skinned, modulus = self._body.skinned, self._material.modulus
+        return self._by_skin(self._material.skin or Skin(0.0, 1.0))
+
+    def skin_sensitivity_at_null(self, thickness_m: float) -> np.ndarray:
+        """Return the derivative by the factor of a skin that is like the body, (j,) m/N."""
+        return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
+
+    def _by_skin(self, skin: Skin) -> np.ndarray:
+        skinned = self._body.skinned
         near = skinned.near(skin)
-        local = skinned.local_modulus(modulus)
-        nodal = self._body.stiffness.prolong(self._free)
-        stretch = np.array([skinned.membrane.energies(field) @ modulus for field in nodal])
-        stretch *= skin.factor >= 1
+        local = skinned.local_modulus(self._material.modulus)
+        stretch = self._stretch_energies * (skin.factor >= 1)
         by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
         return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
+
+    @cached_property
+    def _stretch_energies(self) -> np.ndarray:
+        """Twice the energy of a membrane of t (f - 1) = 1 m under each press, (j,)."""
+        membrane, modulus = self._body.skinned.membrane, self._material.modulus
+        nodal = self._body.stiffness.prolong(self._free)
+        return np.array([membrane.energies(field) @ modulus for field in nodal])
 
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).

@@ -29,6 +29,7 @@ _NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
 _NU_STEP = 0.01
 _KEPT_RATIOS = 6  # of the compliances at Poisson ratios: those of two maps and their neighbours
+_KEPT_SOLUTIONS = 3  # of the coarse model: fits begin where others have ended
 _BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
 
@@ -39,13 +40,11 @@ class BodyResponse:
     Attributes
     ----------
     compliance : (j,) m/N
-    by_map : (j, k) its derivative by the map's parameters, in their units
     local_modulus : (j,) Young's modulus under each tip, Pa
     local_by_map : (j, k)
     """
 
     compliance: np.ndarray
-    by_map: np.ndarray
     local_modulus: np.ndarray
     local_by_map: np.ndarray
     _mechanics: BodyMechanics
@@ -53,7 +52,14 @@ class BodyResponse:
     _state: BodyState
     _response: Response
     _scale: np.ndarray  # (j,) what the finite elements' own compliance is multiplied by
-    _skinned: dict[float, np.ndarray] = field(default_factory=dict)  # dC/dfactor by thickness
+
+    @cached_property
+    def by_map(self) -> np.ndarray:
+        """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
+        points = self._mechanics.coarse.points_m
+        gradient = self._map.gradient(points) * _factor(self._state, points)[:, None]
+        own = _gradient(self._response, gradient, self._state)
+        return self._scale[:, None] * own
 
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
@@ -90,7 +96,8 @@ class BodyResponse:
 
     def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
-        other = self._mechanics.evaluate(self._map, state)
+        aside = replace(self._mechanics, _solutions={})  # the fits' own solutions are kept
+        other = aside.evaluate(self._map, state)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 
     def changes(self, moduli: np.ndarray) -> np.ndarray:
@@ -105,10 +112,8 @@ class BodyResponse:
             change = by_thickness * (new.skin_thickness_m - thickness)
             return change + by_factor * (new.skin_factor - old.skin_factor)
         # A body without a skin is one with a skin like itself, of any thickness
-        thickness = new.skin_thickness_m
-        if thickness not in self._skinned:
-            self._skinned[thickness] = self._mechanics.with_skin(self._map, old, thickness)
-        return self._skinned[thickness] * (new.skin_factor - 1)
+        by_factor = self._response.skin_sensitivity_at_null(new.skin_thickness_m)
+        return by_factor * (new.skin_factor - 1)
 
     @cached_property
     def _fibre_moments(self) -> np.ndarray:
@@ -144,6 +149,7 @@ class BodyMechanics:
     model_error: np.ndarray | float = 0.0
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
+    _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
 
     @cached_property
     def local_points(self) -> np.ndarray:
@@ -171,18 +177,15 @@ class BodyMechanics:
         InadmissibleError
             The modulus is not positive everywhere.
         """
-        points = self.coarse.points_m
-        response = self._solve(self.coarse, stiffness, state)
+        response = self._solved(stiffness, state)
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
             nu, own = state.poisson_ratio, response.compliance
             factor = factor * self.poisson_factor(stiffness, state, nu, own)
-        gradient = stiffness.gradient(points) * _factor(state, points)[:, None]
         local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
         return BodyResponse(
             compliance=factor * response.compliance,
-            by_map=factor[:, None] * self._gradient(response, gradient, state),
             local_modulus=modulus_of(stiffness, state, self.local_points),
             local_by_map=local,
             _mechanics=self,
@@ -200,24 +203,13 @@ class BodyMechanics:
         if self.fine is None:
             return self
         plain = BodyState(state.box_m, self.poisson_ratio, state.bumps, state.factors)
-        coarse = self._solve(self.coarse, stiffness, plain).compliance
+        coarse = self._solved(stiffness, plain).compliance
         changed = _Changed(stiffness, plain)
         fine, error = fine_compliance(self.fine, changed, self.coarse, coarse)
         ratio = fine / coarse
         # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
         kept = np.clip(ratio, *_BELIEVED)
         return replace(self, ratio=kept, model_error=error + (kept - ratio) / kept)
-
-    def _gradient(
-        self, response: Response, by_parameter: np.ndarray, state: BodyState
-    ) -> np.ndarray:
-        """Return dC/dp (j, k) of parameters p that change the modulus, and the fibres with it."""
-        gradient = response.gradient(by_parameter)
-        if state.fibre_share:
-            angle = state.fibre_angle_rad
-            by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
-            gradient += state.fibre_share * (by_fibres @ by_parameter)
-        return gradient
 
     def poisson_factor(
         self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
@@ -254,10 +246,15 @@ class BodyMechanics:
             self._ratios[key] = np.log(ratio)
         return self._ratios[key]
 
-    def with_skin(self, stiffness: GaussianMap, state: BodyState, thickness_m: float) -> np.ndarray:
-        """Return the derivative (j,) of the coarse compliance by the factor of a skin at 1."""
-        like = state.changed(skin_thickness_m=thickness_m, skin_factor=1.0)
-        return self._solve(self.coarse, stiffness, like).skin_sensitivity[:, 1]
+    def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
+        """Solve on the coarse model, or return what was solved there not long ago."""
+        solved = state.changed(poisson_ratio=0.0, mesh_error_share=0.0, background_pa=None)
+        key = (stiffness, solved)
+        response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
+        self._solutions[key] = response
+        while len(self._solutions) > _KEPT_SOLUTIONS:
+            self._solutions.pop(next(iter(self._solutions)))
+        return response
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         modulus = positive_modulus(_Changed(stiffness, state), model.points_m)
@@ -287,6 +284,16 @@ class _Changed:
 
     def modulus(self, points: np.ndarray) -> np.ndarray:
         return modulus_of(self.stiffness, self.state, points)
+
+
+def _gradient(response: Response, by_parameter: np.ndarray, state: BodyState) -> np.ndarray:
+    """Return dC/dp (j, k) of parameters p that change the modulus, and the fibres with it."""
+    gradient = response.gradient(by_parameter)
+    if state.fibre_share:
+        angle = state.fibre_angle_rad
+        by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
+        gradient += state.fibre_share * (by_fibres @ by_parameter)
+    return gradient
 
 
 def _fibres(state: BodyState) -> np.ndarray:

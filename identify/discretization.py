@@ -23,7 +23,8 @@ def fine_compliance(
     """Return the finer model's compliance (j,) m/N and its own relative error (j,), signed."""
     modulus = positive_modulus(stiffness, fine.points_m)
     if isinstance(fine, RefinedModel):
-        response = fine.evaluate(modulus)
+        known = coarse_compliance if fine.coarse is coarse else None
+        response = fine.evaluate(modulus, coarse_compliance=known)
         return response.compliance, response.error
     compliance = fine.evaluate(modulus).compliance
     # Cells of order p resolve like p^3 linear ones.

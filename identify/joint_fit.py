@@ -24,7 +24,7 @@ _ROUNDS = 3
 _GROSS, _GROSS_RTOL = 5.0, 1e-3  # see `scan_problem`: digits do not cure a wrong model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointFit:
     """Map and effects that explain a scan best.
 

@@ -6,6 +6,8 @@ and everything else, the effects too, is fitted again.
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from identify.gauss_newton import minimize_gauss_newton
@@ -16,6 +18,7 @@ from identify.optimize_result import InadmissibleError
 _GROSS = 5.0  # chi-square per degree of freedom from which on the noise says nothing of the valley
 _EVALUATIONS = 10  # of each refit
 _FTOL = 1e-2  # half of chi-square
+_found: WeakKeyDictionary[JointFit, dict[str, tuple[float, float]]] = WeakKeyDictionary()
 
 
 def joint_intervals(fit: JointFit, bent: bool = True) -> dict[str, tuple[float, float]]:
@@ -26,17 +29,19 @@ def joint_intervals(fit: JointFit, bent: bool = True) -> dict[str, tuple[float, 
     bent : follow the bend of the valley, at some ten evaluations of the body an inclusion; else
         the covariance's own intervals. A gross misfit has no valley worth following.
     """
-    model, u = fit.model, fit.u
-    if bent and fit.chi2_per_dof < _GROSS**2:
-        valley = Valley(
-            u, fit.chi2 / 2, fit.covariance, fit.covariance, model.bounds, _refitter(fit)
-        )
-        ends = bent_intervals(valley, model.names)
-    else:
-        ends = straight(u, fit.covariance)
-    low, high = model.bounds
+    if not bent or fit.chi2_per_dof >= _GROSS**2:
+        return _in_units(fit, straight(fit.u, fit.covariance))
+    if fit not in _found:  # record, report and recording all ask for them
+        known = (fit.u, fit.chi2 / 2, fit.covariance, fit.covariance, fit.model.bounds)
+        ends = bent_intervals(Valley(*known, _refitter(fit)), fit.model.names)
+        _found[fit] = _in_units(fit, ends)
+    return _found[fit]
+
+
+def _in_units(fit: JointFit, ends: np.ndarray) -> dict[str, tuple[float, float]]:
+    low, high = fit.model.bounds
     ends = np.clip(ends, low[:, None], high[:, None])
-    return {name: _ends(fit, position, ends) for position, name in enumerate(model.names)}
+    return {name: _ends(fit, position, ends) for position, name in enumerate(fit.model.names)}
 
 
 def _refitter(fit: JointFit):

@@ -118,7 +118,7 @@ def test_a_faulty_effect_fails_the_command(tmp_path):
     done = palpmap("check-effect", faulty)
     assert done.exit_code == 1
     assert re.search(r"FAULT +worked examples come out", done.stdout)
-    assert "1 of 14 checks" in done.stdout
+    assert "1 of 15 checks" in done.stdout
 
 
 def test_a_missing_file_is_bad_input():

@@ -1,8 +1,7 @@
 """What every effect must keep to, the built-in ones and a user's own alike.
 
-`check_effect` tries an effect on a made-up scan (`trial`). What needs a body of finite elements,
-planting an effect in data and finding it again, is not done here: such checks are handed in as
-`further`.
+`check_effect` tries an effect on a made-up scan (`trial`). What needs a body of finite elements
+is not done here: such checks are handed in as `further` (`identify.planting`).
 """
 
 from __future__ import annotations

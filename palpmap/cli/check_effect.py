@@ -19,7 +19,8 @@ def check_effect(
 ) -> bool:
     """Check an effect of one's own.
 
-    It goes through the same checks as the built-in ones. The file's code is executed.
+    It goes through the same checks as the built-in ones; in the last it is planted in a scan and
+    must be found again. The file's code is executed.
     Exit code 1 if the effect is at fault, 2 if there is none.
 
     Example: palpmap check-effect examples/own_effect/warm_up.py
@@ -28,10 +29,12 @@ def check_effect(
 
     from identify.effects import conformance
     from identify.effects.user_effect import load_effect
+    from identify.planting import planted_and_found
     from palpmap.effects_table import findings_table
 
     effect = load_effect(file)
-    findings = conformance.check_effect(effect)
+    further = {"planted and found": planted_and_found}
+    findings = conformance.check_effect(effect, further)
     faults = conformance.failures(findings)
     record = {
         "effect": effect.name,

@@ -15,55 +15,21 @@ from typing import Literal
 
 import numpy as np
 
-from identify.compare import compare_residual
-from identify.comparison import Comparison
-from identify.diagnosis import ALIKE, Diagnosis, diagnose
 from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
-from identify.held_out import HeldOut, held_out
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.measurement_model import MeasurementModel
-from identify.score import Score
-from identify.whitening import Whitened
+from identify.rivals import REFIT_EVALUATIONS, Rival, best_rivals
+from identify.rung import Rung, rung_of
 from models.scan import Scan
 
 MARGIN = 10.0
 MOST_EFFECTS = 4
-_SHORTLIST = 3
-_RISE = 1.002  # an addition does not raise the error itself
-_HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
-_REFIT_EVALUATIONS = 15
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One step of the ladder: a model, how well it does, and what its residual calls for."""
-
-    fit: JointFit
-    comparison: Comparison
-    held_out: HeldOut
-    diagnosis: Diagnosis
-
-
-@dataclass(frozen=True)
-class Rival:
-    """An effect that was refitted; `criterion` is chi-square and the price of its parameters."""
-
-    name: str
-    chi2: float
-    criterion: float
-    fit: JointFit
-
-    @property
-    def contains(self) -> tuple[str, ...]:
-        """Names of the effects that are special cases of it."""
-        own = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
-        return next((effect.contains for effect in own), ())
 
 
 @dataclass(frozen=True)
@@ -213,100 +179,6 @@ def climb(
     return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
 
 
-def rung_of(
-    fit: JointFit,
-    scan: Scan,
-    catalogue: Sequence[Effect],
-    seed: int,
-    say: Callable[[str], None],
-) -> Rung:
-    """Judge a fit: its residual, its predictions, and what it lacks."""
-    say("judging what is left")
-    comparison = compare_residual(whitened_fit(fit, scan))
-    diagnosis = diagnose(fit, catalogue, seed=seed, progress=lambda name: say(f"scoring {name}"))
-    return Rung(fit, comparison, held_out(fit), diagnosis)
-
-
-def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:
-    """Return the residual of a joint fit in the form in which `compare` judges it."""
-    return Whitened(
-        scan=scan.used(),
-        residual_m=fit.residual_m,
-        sigma_m=fit.at.sigma_m.copy(),
-        force_n=fit.at.latent_force_n.copy(),
-        absorbed=fit.at.jacobian.copy(),
-        noise_estimated=fit.model.noise.estimated,
-    )
-
-
-def best_rivals(
-    rung: Rung, effects: dict[str, Effect], say: Callable[[str], None], exclude: Sequence[str]
-) -> tuple[Rival, ...]:
-    """Return the best-scored effects that a refit bears out; empty if there are none.
-
-    Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
-    """
-    tried = list(exclude)
-    while names := shortlist(rung.diagnosis, tried):
-        rivals = compare_rivals(rung, effects, say, tried)
-        if rivals and rivals[0].criterion < rung.fit.bic:
-            return rivals
-        tried += names
-    return ()
-
-
-def compare_rivals(
-    rung: Rung,
-    effects: dict[str, Effect],
-    say: Callable[[str], None],
-    exclude: Sequence[str] = (),
-) -> tuple[Rival, ...]:
-    """Refit the best-scored effects, and all that look like them, with the map; best first."""
-    rivals = []
-    for name in shortlist(rung.diagnosis, exclude):
-        say(f"trying {name}")
-        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
-        if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
-            continue
-        # Chi-square also falls where the model's slope, and with it the noise allowed, grows
-        if fit.rms_m <= _RISE * rung.fit.rms_m:
-            rivals.append(Rival(name, fit.chi2, fit.bic, fit))
-    return tuple(sorted(rivals, key=lambda rival: rival.criterion))
-
-
-def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
-    """Return the best three significant effects and every significant one that looks like them."""
-    candidates = [
-        s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
-    ]
-    candidates.sort(key=lambda s: -s.statistic)
-    least = _HOPELESS * candidates[0].statistic if candidates else 0.0
-    names = [s.name for s in candidates if s.statistic >= least]
-    best = names[:_SHORTLIST]
-    order = [score.name for score in diagnosis.scores]
-    near = [
-        name
-        for name in names[_SHORTLIST:]
-        if any(diagnosis.cosines[order.index(name), order.index(b)] > ALIKE for b in best)
-    ]
-    return best + near
-
-
-def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
-    """Refit with one more effect from its first estimate; half of it where that is impossible."""
-    for share in (1.0, 0.3, 0.03):
-        values = dict(score.values)
-        for amplitude in effect.amplitudes:
-            assert amplitude.null is not None
-            moved = share * (values[amplitude.name] - amplitude.null)
-            values[amplitude.name] = amplitude.null + moved
-        model = fit.model.with_effect(effect, values, fit.at.state)
-        found = try_fit(model, fit.map, rounds=0, max_evaluations=_REFIT_EVALUATIONS)
-        if found is not None:
-            return found
-    return None
-
-
 def _drop(
     fit: JointFit, earlier: Sequence[str], say: Callable[[str], None]
 ) -> tuple[JointFit, list[str]]:
@@ -315,7 +187,7 @@ def _drop(
     for name in earlier:
         say(f"testing whether {name} is still needed")
         without = try_fit(
-            fit.model.without(name), fit.map, rounds=0, max_evaluations=_REFIT_EVALUATIONS
+            fit.model.without(name), fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS
         )
         if without is not None and without.bic < fit.bic:
             fit = replace(without)

@@ -18,13 +18,13 @@ from identify.body_mechanics import BodyMechanics
 from identify.effects.conformance_checks import Fault
 from identify.effects.effect import Effect, Values
 from identify.effects.trial import Trial, trial
-from identify.explain import fit_with
 from identify.gaussian_map import GaussianMap, Inclusion
 from identify.joint_fit import JointFit, fit_jointly
 from identify.measurement_chain import Chain
 from identify.measurement_model import MeasurementModel
 from identify.noise import Noise
 from identify.parameter_space import parameter_space
+from identify.rivals import fit_with
 from identify.score import Score, fitted_basis, score_effect
 
 _DIVISIONS = (5, 5, 3)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from identify.contact_law import ContactLaw
-from identify.explain import Addition, Rival, Rung
+from identify.explain import Addition
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.press_wise import PressWiseFit
+from identify.rivals import Rival
+from identify.rung import Rung
 
 _EVALUATIONS, _RIVAL_EVALUATIONS = 40, 15
 

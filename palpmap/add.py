@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from identify.diagnosis import diagnose
 from identify.effects.effect import Effect
-from identify.explain import Rung, fit_with
 from identify.joint_fit import fit_jointly
 from identify.readings import Readings
 from identify.residual_statement import length
+from identify.rivals import fit_with
+from identify.rung import Rung
 from models.errors import InputError
 from models.scan import read_scan
 from palpmap.console import Output, to_type
@@ -135,8 +136,8 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
 
 def _after(fit: Any, diagnosis: Any, problem: Problem) -> Rung:
     from identify.compare import compare_residual
-    from identify.explain import whitened_fit
     from identify.held_out import held_out
+    from identify.rung import whitened_fit
 
     comparison = compare_residual(whitened_fit(fit, problem.scan))
     return Rung(fit, comparison, held_out(fit), diagnosis)

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identify.diagnosis import Diagnosis
-from identify.explain import Rung, rung_of
 from identify.joint_fit import fit_jointly
 from identify.residual_statement import length
+from identify.rung import Rung, rung_of
 from palpmap.console import Output
 from palpmap.explain_record import evidence, parameters_of, rung_record, score_record
 from palpmap.problem import Problem, named, own_effects, pose

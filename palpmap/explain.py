@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from identify.effects.effect import Effect
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.limits import detection_limits
+from identify.rung import Rung
 from palpmap.console import Output, to_type
 from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record

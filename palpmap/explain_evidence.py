@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.explain import Addition, Explanation, Rung
+from identify.explain import Addition, Explanation
 from identify.readings import Readings
+from identify.rung import Rung
 
 BINS = 12
 _MOST_BINS = 24  # along what happens within a press

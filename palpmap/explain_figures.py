@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from identify.diagnosis import ALIKE, Diagnosis
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
+from identify.rung import Rung
 from palpmap.explain_evidence import Axis, Curve, Evidence
 from palpmap.explain_words import rung_labels
 from palpmap.figure_style import (

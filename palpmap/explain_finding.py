@@ -3,9 +3,10 @@
 import json
 from pathlib import Path
 
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.gaussian_map import GaussianMap, Inclusion
 from identify.joint_record import fit_of
+from identify.rung import Rung
 from palpmap.finding import Finding, study_outline
 from palpmap.finding_files import how_made
 from palpmap.limits import limits_of

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.gaussian_map import GaussianMap
+from identify.rung import Rung
 from palpmap.figure_style import BLUE, GREEN, GREY, MODULUS_COLORS, ORANGE, new_figure, panel_grid
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import MARKS, plain_name

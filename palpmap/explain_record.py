@@ -4,8 +4,9 @@ from typing import Any
 
 from identify.diagnosis import Diagnosis
 from identify.effects.effect import Effect
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.joint_intervals import joint_intervals
+from identify.rung import Rung
 from identify.score import Score
 from palpmap.map_fit import AXES
 from palpmap.presses_words import presses_record

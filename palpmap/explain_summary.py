@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.residual_statement import length
+from identify.rung import Rung
 from palpmap.explain_evidence import added_names
 from palpmap.explain_words import (
     VERDICTS,

@@ -17,7 +17,7 @@ from identify.contact_law import ContactLaw
 from identify.effects.catalogue import CATALOGUE
 from identify.effects.effect import Effect, Values
 from identify.effects.user_effect import load_effect
-from identify.explain import First, fit_with
+from identify.explain import First
 from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly
@@ -26,6 +26,7 @@ from identify.noise import scan_noise
 from identify.parameter_space import parameter_space
 from identify.proposal import follow
 from identify.readings import Readings
+from identify.rivals import fit_with
 from identify.score import fitted_basis, score_effect
 from models.errors import InputError
 from models.scan import Scan, read_scan

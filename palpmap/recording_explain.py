@@ -14,8 +14,9 @@ import rerun as rr
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
 from identify.residual_statement import length
+from identify.rung import Rung
 from palpmap import __version__
 from palpmap import recording_parts as parts
 from palpmap import recording_style as style

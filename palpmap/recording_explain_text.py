@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from identify.explain import Explanation, Rung
+from identify.explain import Explanation
+from identify.rung import Rung
 from palpmap import recording_parts as parts
 from palpmap.explain_words import VERDICTS, interval, verdict_detail
 

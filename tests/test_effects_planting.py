@@ -34,5 +34,5 @@ class Forgetful(ContactOffset):
 
 
 def test_an_effect_that_does_not_come_back_is_at_fault():
-    with pytest.raises(Fault, match="planted .*offset_m"):
+    with pytest.raises(Fault, match=r"planted .*offset_m"):
         planted_and_found(Forgetful(), trial())

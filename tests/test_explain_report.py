@@ -10,8 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identify.comparison import read_comparison
-from identify.explain import Addition, Rival
+from identify.explain import Addition
 from identify.joint_record import estimates
+from identify.rivals import Rival
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside

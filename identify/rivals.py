@@ -1,0 +1,123 @@
+"""Which effects may be added to a rung: the best-scored are refitted with the map and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.diagnosis import ALIKE, Diagnosis
+from identify.effects.effect import Effect
+from identify.joint_fit import JointFit, try_fit
+from identify.rung import Rung
+from identify.score import Score
+
+REFIT_EVALUATIONS = 15
+_SHORTLIST = 3
+_RISE = 1.002  # an addition does not raise the error itself ...
+_EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
+_HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that was refitted; `criterion` is chi-square and the price of its parameters."""
+
+    name: str
+    chi2: float
+    criterion: float
+    fit: JointFit
+
+    @property
+    def contains(self) -> tuple[str, ...]:
+        """Names of the effects that are special cases of it."""
+        own = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
+        return next((effect.contains for effect in own), ())
+
+
+def best_rivals(
+    rung: Rung, effects: dict[str, Effect], say: Callable[[str], None], exclude: Sequence[str]
+) -> tuple[Rival, ...]:
+    """Return the best-scored effects that a refit bears out; empty if there are none.
+
+    Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
+    """
+    tried = list(exclude)
+    while names := shortlist(rung.diagnosis, tried):
+        rivals = compare_rivals(rung, effects, say, tried)
+        if rivals and rivals[0].criterion < rung.fit.bic:
+            return rivals
+        tried += names
+    return ()
+
+
+def compare_rivals(
+    rung: Rung,
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    exclude: Sequence[str] = (),
+) -> tuple[Rival, ...]:
+    """Refit the best-scored effects, and all that look like them, with the map; best first."""
+    rivals = []
+    for name in shortlist(rung.diagnosis, exclude):
+        say(f"trying {name}")
+        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
+        if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
+            continue
+        # Chi-square also falls where the model's slope, and with it the noise allowed, grows
+        if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
+            rivals.append(Rival(name, fit.chi2, fit.bic, fit))
+    return tuple(sorted(rivals, key=lambda rival: rival.criterion))
+
+
+def borne_out(before: JointFit, after: JointFit) -> float:
+    """Share of the fall of chi-square that stays if only the expected travel changes.
+
+    At the same forces, with the noise allowed before. A steeper law passes more of the force's
+    noise on to the residual at the forces as they were read, which then grows though the law is
+    right: that residual's rms alone is no judge.
+    """
+    force = before.at.latent_force_n
+    old, new = (
+        fit.model.chain.predict(
+            fit.at.body.compliance, fit.at.body.local_modulus, force, fit.at.values
+        )
+        for fit in (before, after)
+    )
+    moved = before.at.whitened(new - old, before.model.readings.press)
+    fall = before.chi2 - float(np.sum((before.at.residual - moved) ** 2))
+    return fall / max(before.chi2 - after.chi2, 1e-300)
+
+
+def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
+    """Return the best three significant effects and every significant one that looks like them."""
+    candidates = [
+        s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
+    ]
+    candidates.sort(key=lambda s: -s.statistic)
+    least = _HOPELESS * candidates[0].statistic if candidates else 0.0
+    names = [s.name for s in candidates if s.statistic >= least]
+    best = names[:_SHORTLIST]
+    order = [score.name for score in diagnosis.scores]
+    near = [
+        name
+        for name in names[_SHORTLIST:]
+        if any(diagnosis.cosines[order.index(name), order.index(b)] > ALIKE for b in best)
+    ]
+    return best + near
+
+
+def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
+    """Refit with one more effect from its first estimate; half of it where that is impossible."""
+    for share in (1.0, 0.3, 0.03):
+        values = dict(score.values)
+        for amplitude in effect.amplitudes:
+            assert amplitude.null is not None
+            moved = share * (values[amplitude.name] - amplitude.null)
+            values[amplitude.name] = amplitude.null + moved
+        model = fit.model.with_effect(effect, values, fit.at.state)
+        found = try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS)
+        if found is not None:
+            return found
+    return None

@@ -131,10 +131,12 @@ class PathFollower:
                 left = float(force) - path[-1].force_n
                 target = float(force) if left < 1.001 * step else path[-1].force_n + step
                 guesses = _extrapolations(path, target)
+                slope = path[-1].z
                 if guess is not None and target == force:
                     guesses += _from_other_modulus(path[-1], guess, previous, target)
+                    slope = guess.z
                 try:
-                    path.append(self._equilibrium(target, guesses))
+                    path.append(self._equilibrium(target, guesses, slope))
                     step *= 2
                 except _NotConverged as reason:
                     self.tangent.back_to_linear()
@@ -149,7 +151,9 @@ class PathFollower:
 
     # ------------------------------------------------------------------ one load
 
-    def _equilibrium(self, force: float, guesses: list[np.ndarray]) -> Equilibrium:
+    def _equilibrium(
+        self, force: float, guesses: list[np.ndarray], slope_guess: np.ndarray
+    ) -> Equilibrium:
         u, residual, energy = self._best(guesses, force)
         if self.options.refactor_above == 0:
             self._refactor(u)
@@ -171,7 +175,7 @@ class PathFollower:
             errors.append(error)
             if error < self.options.rtol * max(1.0, 0.3 / max(rate, 0.01)):
                 u = u + step
-                return self._finished(force, u, errors)
+                return self._finished(force, u, errors, slope_guess)
             slow = len(errors) > 1 and self._remaining(error, rate) > self.options.refactor_above
             if slow and not fresh:
                 self._refactor(u)
@@ -263,7 +267,9 @@ class PathFollower:
                 "the body becomes unstable under the load"
             ) from error
 
-    def _finished(self, force: float, u: np.ndarray, errors: list[float]) -> Equilibrium:
+    def _finished(
+        self, force: float, u: np.ndarray, errors: list[float], slope_guess: np.ndarray
+    ) -> Equilibrium:
         """Check the state and solve for its tangent compliance field."""
         if not np.isfinite(self._residual(u, force)[1]):
             raise _NotConverged(f"cells invert at {force:.4g} N")
@@ -274,6 +280,7 @@ class PathFollower:
             lambda x: tangent.product(values, x),
             tangent.solve,
             load,
+            slope_guess,
             self.options.rtol,
             _ADJOINT_ITERATIONS,
         )
@@ -312,11 +319,12 @@ def _conjugate_gradients(
     product: Callable[[np.ndarray], np.ndarray],
     precondition: Callable[[np.ndarray], np.ndarray],
     rhs: np.ndarray,
+    start: np.ndarray,
     rtol: float,
     max_iterations: int,
 ) -> np.ndarray | None:
     """Solve A x = rhs to a relative error rtol of the energy norm; None if it takes too long."""
-    x = precondition(rhs)
+    x = start.copy()
     r = rhs - product(x)
     y = precondition(r)
     p, rho, first = y.copy(), float(r @ y), float(rhs @ x)

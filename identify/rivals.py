@@ -17,6 +17,7 @@ REFIT_EVALUATIONS = 15
 _SHORTLIST = 3
 _RISE = 1.002  # an addition does not raise the error itself ...
 _EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
+_PROMISED = 0.3  # of the score: a refit that brings less may have begun at the wrong place
 _HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
 
 
@@ -109,7 +110,12 @@ def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
 
 
 def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
-    """Refit with one more effect from its first estimate; half of it where that is impossible."""
+    """Refit with one more effect from its first estimate, or parts of it; the best fit.
+
+    The estimate is linear. Where it is impossible, or far beyond where the effect's law levels off,
+    a fit that begins there does not bring what the score promises, and a part of it is tried.
+    """
+    best = None
     for share in (1.0, 0.3, 0.03):
         values = dict(score.values)
         for amplitude in effect.amplitudes:
@@ -118,6 +124,8 @@ def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
             values[amplitude.name] = amplitude.null + moved
         model = fit.model.with_effect(effect, values, fit.at.state)
         found = try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS)
-        if found is not None:
-            return found
-    return None
+        if found is not None and (best is None or found.chi2 < best.chi2):
+            best = found
+        if best is not None and fit.chi2 - best.chi2 > _PROMISED * score.statistic:
+            break
+    return best

@@ -1,13 +1,27 @@
 """Which refitted effects may be added: those whose expected travel fits better, not whose noise."""
 
-import pytest
-from loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
+from dataclasses import replace
 
+import pytest
+from loop_problem import (
+    NU,
+    PEAK_N,
+    SIZE,
+    TRUE,
+    contacts,
+    model,
+    scan,
+    timing,
+    true_compliance,
+)  # fmt: skip
+
+from fem import PalpationModel, RefinedModel, block_mesh
 from identify.effects.catalogue import CATALOGUE, effect_named
 from identify.effects.contact_offset import ContactOffset
-from identify.joint_fit import fit_jointly
+from identify.joint_fit import fit_jointly, try_fit
 from identify.rivals import borne_out, compare_rivals, fit_with
 from identify.rung import rung_of
+from identify.score import fitted_basis, score_effect
 
 LOSS, SHARPNESS, SEED = 0.02, 8.0, 4
 
@@ -47,3 +61,28 @@ def test_a_law_that_only_allows_more_noise_is_not_borne_out(saturated):
     after = fit_jointly(steep, before.map, rounds=0, max_evaluations=1)
     assert after.chi2 < 0.9 * before.chi2
     assert borne_out(before, after) < 0.1
+
+
+def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
+    compliance = 8e-6  # m/Pa of a base that slides
+    pair = [
+        PalpationModel(block_mesh(SIZE, n, split="alternating"), NU, contacts())
+        for n in ((6, 6, 4), (10, 10, 6))
+    ]
+    body = RefinedModel(*pair)
+    modulus = TRUE.modulus(body.points_m)
+    felt = body.evaluate(modulus, support_compliance=(0.0, compliance)).compliance
+    press, _, _, force = timing(3)
+    fit = fit_jointly(model(scan(felt[press] * force, force, 3)), TRUE)
+    effect = effect_named("base_sliding")
+    (amplitude,) = effect.amplitudes
+    far = {amplitude.name: 10 * compliance}
+    lost = try_fit(
+        fit.model.with_effect(effect, far, fit.at.state), fit.map, rounds=0, max_evaluations=15
+    )
+    assert lost is not None
+    assert lost.values[f"base_sliding.{amplitude.name}"] < 1e-9
+    score = replace(score_effect(fit, effect, fitted_basis(fit.at)), values=far)
+    found = fit_with(fit, effect, score)
+    assert found is not None
+    assert found.chi2 < lost.chi2 - 0.5 * score.statistic

@@ -23,6 +23,7 @@ from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly
 from identify.measurement_model import MeasurementModel
 from identify.noise import scan_noise
+from identify.optimize_result import InadmissibleError
 from identify.parameter_space import parameter_space
 from identify.proposal import follow
 from identify.readings import Readings
@@ -48,6 +49,7 @@ Say = Callable[[str], None]
 
 GROSS_MAP = 25.0  # chi-square per degree of freedom: five times the noise, as in `scan_problem`
 _ERROR_ROUNDS = 2
+_WEAKER = (1.0, 0.3, 0.1, 0.03)  # parts of the inclusions' weights
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,10 @@ def fit_effects(
     `starts` are values of effects for which the study gives none, `press_error` is the model's.
     """
     model = replace(measurement_model(scan, body, fit), press_error=press_error)
-    start = fit.map
+    start = possible_map(model, fit.map)
+    if start is not fit.map:
+        corrected = model.mechanics.corrected(start, model.mechanics.state())
+        model = replace(model, mechanics=corrected)
     for entry in study.effects:
         effect = named(catalogue_with(own), entry.name)
         say(f"fitting {effect.name}")
@@ -171,6 +176,22 @@ def fit_effects(
         joint = _with_effect(model, start, effect, initial)
         model, start = joint.model, joint.map
     return model, start
+
+
+def possible_map(model: MeasurementModel, found: GaussianMap) -> GaussianMap:
+    """Return the map, or one with weaker inclusions where the model cannot evaluate it.
+
+    Presses that slipped may draw a map to inclusions that are finer than its mesh.
+    """
+    for share in _WEAKER:
+        weaker = tuple(replace(i, weight_pa=share * i.weight_pa) for i in found.inclusions)
+        stiffness = found if share == 1 else GaussianMap(found.background_pa, weaker)
+        try:
+            model.linearise(model.start(stiffness))
+        except InadmissibleError:
+            continue
+        return stiffness
+    return found  # the fit will say what is wrong with it
 
 
 def catalogue_with(own: Sequence[Effect]) -> tuple[Effect, ...]:

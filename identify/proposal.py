@@ -26,12 +26,14 @@ def follow(
     Parameters
     ----------
     rung : the one without the effects
-    start : map to start from
+    start : map to start from, beside the rung's own
     """
     if not law.names:
         return None
     say(f"fitting the map with {', '.join(law.names)}")
-    fit = joint_fit(law.found, rung, start)
+    # A map that was fitted without the effects, or to straightened readings: either may be a trap
+    fits = [joint_fit(law.found, rung, stiffness) for stiffness in (start, rung.fit.map)]
+    fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.bic, default=None)
     if fit is None or fit.bic >= rung.fit.bic:
         return None
     fit = fit_jointly(fit.model, fit.map)

@@ -41,6 +41,11 @@ class Placement:
     distance_m: np.ndarray
     angle_deg: np.ndarray
 
+    @property
+    def onto_another_shape(self) -> bool:
+        """Whether presses were moved by more than the tip: no map of the block fits them all."""
+        return self.projected and bool(self.distance_m.max() > self.scan.contact_radii.min())
+
 
 def place_scan(scan: Scan, study: Study) -> Placement:
     """Move a scan into the frame of the study's body and check that it lies on its surface.

@@ -59,6 +59,11 @@ def presses_sentences(found: Mapping[str, Any] | None) -> list[str]:
             f"noise in {percent(after['noise_share'])} of the presses, "
             f"{percent(before['noise_share'])} before."
         )
+        says += [
+            f"{' or '.join(others)} in place of {name} does as well there."
+            for name, others in found["as_good"].items()
+            if others
+        ]
     else:
         says.append(
             f"{alone}no effect of contact, response or instrument is called for by most of them. "

@@ -47,7 +47,9 @@ from palpmap.thinned import thinned
 
 Say = Callable[[str], None]
 
-GROSS_MAP = 25.0  # chi-square per degree of freedom: five times the noise, as in `scan_problem`
+# Chi-square per degree of freedom from which on a map has an error of its own: five times the
+# noise, as in `scan_problem`, or any where a block stands in for a body of another shape
+GROSS_MAP, _OTHER_SHAPE = 25.0, 1.5
 _ERROR_ROUNDS = 2
 _WEAKER = (1.0, 0.3, 0.1, 0.03)  # parts of the inclusions' weights
 
@@ -140,7 +142,8 @@ def rough_fit(
         return None, fit_study(study, placement, body, callback=on_iteration, rough=True), 0.0
     placed = replace(placement, scan=straight(scan, law.found))
     fit = fit_study(study, placed, body, callback=on_iteration, rough=True, noise=noise)
-    gross = fit.chi2_per_dof > GROSS_MAP
+    limit = _OTHER_SHAPE if placement.onto_another_shape else GROSS_MAP
+    gross = fit.chi2_per_dof > limit
     for _ in range(_ERROR_ROUNDS if gross else 0):
         say("fitting the map, with an error of its own")
         error_m = typical_error_m(fit, placed.scan)

@@ -118,16 +118,25 @@ def test_a_study_whose_scan_is_missing_gives_exit_code_2(tmp_path):
     assert "scan.csv: no such file" in result.stderr
 
 
-def test_the_example_study_fits_the_measured_scan(tmp_path):
-    source = REAL / "arma_two_stiff" / "scan.csv"
+@pytest.mark.parametrize(
+    ("name", "example", "presses", "farthest_m", "steepest_deg"),
+    [
+        ("arma_two_stiff", "arma_two_stiff", 589, (0.003, 0.005), (30, 31)),
+        ("arma_straight_2mm", "arma_straight", 727, (0.011, 0.012), (67, 68)),
+    ],
+)
+def test_the_example_studies_fit_the_measured_scans(
+    name, example, presses, farthest_m, steepest_deg, tmp_path
+):
+    source = REAL / name / "scan.csv"
     if not source.is_file():
         pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
-    shutil.copy(HERE.parent / "examples" / "arma_two_stiff" / "study.toml", tmp_path)
+    shutil.copy(HERE.parent / "examples" / example / "study.toml", tmp_path)
     (tmp_path / "scan.csv").symlink_to(source)
     found = checked(tmp_path / "study.toml")
-    assert found["presses"] == 589
+    assert found["presses"] == presses
     assert found["placement"]["projected"]
-    assert 0.003 < found["placement"]["largest_distance_m"] < 0.005
-    assert 30 < found["placement"]["largest_angle_deg"] < 31
+    assert farthest_m[0] < found["placement"]["largest_distance_m"] < farthest_m[1]
+    assert steepest_deg[0] < found["placement"]["largest_angle_deg"] < steepest_deg[1]
     assert "A block stands in for the body" in " ".join(found["notes"])
     assert "30 mm is assumed" in " ".join(found["notes"])

@@ -80,3 +80,22 @@ def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
         assert law.found.values["spherical_tip"]["share"] == pytest.approx(1, abs=0.15)
     assert law.share > 0.8
     assert law.found.noise_share > 0.8
+
+
+@pytest.mark.slow
+def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effect_of_the_body(
+    tmp_path,
+):
+    source = REAL / "arma_straight_2mm" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    shutil.copy(HERE.parent / "examples" / "arma_straight" / "study.toml", tmp_path)
+    shutil.copy(source, tmp_path)
+    study = load_study(tmp_path / "study.toml")
+    explained, problem, _ = explain_study(study, (), 0, Output(quiet=True))
+    assert problem.placement.onto_another_shape
+    assert explained.verdict == "unexplained"  # a slab is not what was pressed
+    assert explained.added == ()
+    assert explained.ambiguous == (("contact_offset", "touch_threshold"),)
+    assert explained.final.fit.rms_m < 0.9 * explained.ladder[0].fit.rms_m
+    assert explained.final.held_out.rms_m < 0.1 * explained.ladder[0].held_out.rms_m

@@ -64,6 +64,12 @@ def test_a_block_may_stand_in_for_a_curved_body():
     np.testing.assert_allclose(placed.distance_m, [0.004, 0.007], rtol=1e-9)
     np.testing.assert_allclose(placed.angle_deg, [20, 30], rtol=1e-9)
     assert placed.projected
+    assert placed.onto_another_shape  # 7 mm, and the tip has 5
+
+
+def test_presses_that_are_moved_by_less_than_the_tip_stay_on_their_shape():
+    scan = scan_at([[0.04, 0.03, 0.044], [0.06, 0.03, 0.037]], [[0, 0, -1.0]] * 2)
+    assert not place_scan(scan, study(project_points=True)).onto_another_shape
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def enrich(
         stiffness, place, cells[close], field[:, close], profile, 2
     )
     # Single precision: half the memory, an error of 1e-7
-    near = Close(cells[close], exact.astype(np.float32), more)
+    near = Close(cells[close], exact.astype(np.float32, order="C"), np.ascontiguousarray(more))
     if mean_lame > 0:
         # Mean change of volume of each cell, that of the interpolant taken off
         gradients = stiffness.mean_gradients[cells]
@@ -168,7 +168,8 @@ def enrich(
         coupling += np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
         energy += np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
     load = _load(surface, contacts, j, place, nu, weights)
-    return Enrichment(cells, coupling.astype(np.float32), energy, load, near)
+    coupling = coupling.astype(np.float32, order="C")
+    return Enrichment(cells, coupling, np.ascontiguousarray(energy), load, near)
 
 
 def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: int, degree: int):

@@ -7,6 +7,7 @@ weighted with E and added up, or with a field and kept apart.
 from __future__ import annotations
 
 import numba
+import numpy as np
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
@@ -23,23 +24,26 @@ def couple(by_function, energy, numbers, modulus, parts, part_energy):
     part_energy : (m, m, c, q)
     """
     count, cells, samples, nodes, _ = parts.shape
+    flat = parts.reshape(count, cells, samples, 3 * nodes)
     for m in numba.prange(count):
+        for n in range(count):
+            own = 0.0
+            for c in range(cells):
+                for q in range(samples):
+                    own += modulus[c, q] * part_energy[m, n, c, q]
+            energy[m, n] += own
+        local = np.empty(3 * nodes)
         for c in range(cells):
+            local[:] = 0.0
+            for q in range(samples):
+                weight = modulus[c, q]
+                for i in range(3 * nodes):
+                    local[i] += weight * flat[m, c, q, i]
             for i in range(nodes):
                 free = numbers[c, i]
-                if free < 0:
-                    continue
-                x = y = z = 0.0
-                for q in range(samples):
-                    x += modulus[c, q] * parts[m, c, q, i, 0]
-                    y += modulus[c, q] * parts[m, c, q, i, 1]
-                    z += modulus[c, q] * parts[m, c, q, i, 2]
-                by_function[m, 3 * free] += x
-                by_function[m, 3 * free + 1] += y
-                by_function[m, 3 * free + 2] += z
-            for n in range(count):
-                for q in range(samples):
-                    energy[m, n] += modulus[c, q] * part_energy[m, n, c, q]
+                if free >= 0:
+                    for a in range(3):
+                        by_function[m, 3 * free + a] += local[3 * i + a]
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
@@ -55,15 +59,19 @@ def add_energies(samples, cells, nodes, field, amplitude, parts, part_energy):
     amplitude : (m,) of the near-field functions
     parts, part_energy : as in `couple`
     """
-    count = len(amplitude)
+    count, size, shape = len(amplitude), 3 * nodes.shape[1], parts.shape
+    flat = parts.reshape(shape[0], shape[1], shape[2], size)
     for c in numba.prange(len(cells)):
-        for q in range(parts.shape[2]):
+        local = np.empty(size)
+        for i in range(nodes.shape[1]):
+            for a in range(3):
+                local[3 * i + a] = field[nodes[c, i], a]
+        for q in range(shape[2]):
             value = 0.0
             for m in range(count):
                 mixed = 0.0
-                for i in range(nodes.shape[1]):
-                    for a in range(3):
-                        mixed += parts[m, c, q, i, a] * field[nodes[c, i], a]
+                for i in range(size):
+                    mixed += flat[m, c, q, i] * local[i]
                 own = 0.0
                 for n in range(count):
                     own += amplitude[n] * part_energy[m, n, c, q]

@@ -81,12 +81,11 @@ class Response:
             np.add.at(result, (np.arange(len(result))[:, None], samples), near)
             for j, field in enumerate(nodal):
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
-        return np.hstack([result, -self._close_energies.reshape(len(nodal), -1)])
+        return np.hstack([result, -self._close_energies(nodal).reshape(len(nodal), -1)])
 
-    @cached_property
-    def _close_energies(self) -> np.ndarray:
-        """Twice the energy at the near fields' own samples for E = 1, (j, c, s)."""
-        nodal, mesh = self._body.stiffness.prolong(self._free), self._model.mesh
+    def _close_energies(self, nodal: np.ndarray) -> np.ndarray:
+        """Twice the energy of fields at the near fields' own samples for E = 1, (j, c, s)."""
+        mesh = self._model.mesh
         result = np.zeros((len(nodal), *self._material.close.shape))
         for j, part in enumerate(self._model.enrichments):
             cells, *near = part.close
@@ -104,7 +103,8 @@ class Response:
         stiffness, material = self._body.stiffness, self._material
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self._model.close_cells]
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
-        bent = np.abs(self._close_energies * (material.close - linear))
+        close = self._close_energies(stiffness.prolong(self._free))
+        bent = np.abs(close * (material.close - linear))
         return bent.sum(axis=(1, 2)) / self.compliance
 
     @cached_property

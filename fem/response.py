@@ -81,6 +81,8 @@ class Response:
             np.add.at(result, (np.arange(len(result))[:, None], samples), near)
             for j, field in enumerate(nodal):
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
+        if not self._model.enrichments:
+            return result
         return np.hstack([result, -self._close_energies(nodal).reshape(len(nodal), -1)])
 
     def _close_energies(self, nodal: np.ndarray) -> np.ndarray:

@@ -90,30 +90,39 @@ def slopes(r: float, z: float, a: float, profile: int):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def displacement(r: float, z: float, a: float, nu: float, profile: int):
-    """u_z and u_r at one point, unit force and E = 1; finite on the rim too."""
-    v_z, v_r, psi_r, _, _ = slopes(r, z, a, profile)
-    if z == 0:  # z V_z and z V_r vanish on the surface, where V_z may be infinite
-        v_z = v_r = 0.0
-    k = (1 + nu) / (2 * np.pi)
-    v = potential(r, z, a, profile)
-    return k * (2 * (1 - nu) * v - z * v_z), -k * r * ((1 - 2 * nu) * psi_r + z * v_r)
+def field(r: float, z: float, a: float, nu: float, profile: int):
+    """u_z, u_r and du_z/dz, du_z/dr, du_r/dz, du_r/dr, u_r/r at one point, unit force and E = 1.
 
-
-@numba.njit(cache=True, error_model="numpy")
-def gradient(r: float, z: float, a: float, nu: float, profile: int):
-    """du_z/dz, du_z/dr, du_r/dz, du_r/dr, u_r/r at one point, unit force and E = 1."""
+    u_z and u_r are finite on the rim too.
+    """
     v_z, v_r, psi_r, v_zz, v_rz = slopes(r, z, a, profile)
+    v = potential(r, z, a, profile)
     k = (1 + nu) / (2 * np.pi)
     c = 1 - 2 * nu
+    # z V_z and z V_r vanish on the surface, where V_z may be infinite
+    w_z, w_r = (z * v_z, z * v_r) if z != 0 else (0.0, 0.0)
     tilt = k * r * (2 * (1 - nu) * v_r - z * v_rz)
     return (
+        k * (2 * (1 - nu) * v - w_z),
+        -k * r * (c * psi_r + w_r),
         k * (c * v_z - z * v_zz),
         tilt,
         -2 * k * z * r * v_rz - tilt,
         k * (c * (v_z + psi_r) + z * (v_zz + v_r)),
         -k * (c * psi_r + z * v_r),
     )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def displacement(r: float, z: float, a: float, nu: float, profile: int):
+    """u_z and u_r at one point, unit force and E = 1; finite on the rim too."""
+    return field(r, z, a, nu, profile)[:2]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def gradient(r: float, z: float, a: float, nu: float, profile: int):
+    """du_z/dz, du_z/dr, du_r/dz, du_r/dr, u_r/r at one point, unit force and E = 1."""
+    return field(r, z, a, nu, profile)[2:]
 
 
 @numba.njit(cache=True, error_model="numpy")

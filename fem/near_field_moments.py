@@ -7,6 +7,7 @@ below the paraboloid that follows the surface (`fem.contact_shape`); see `fem.ne
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import combinations_with_replacement
 
 import numba
@@ -18,6 +19,8 @@ from fem.contact_shape import depth_below, height, slope
 from fem.quadrature import TET_RULES
 
 FUNCTIONS = 4  # v times 1, x, y, z
+_STRAINS = 6 * FUNCTIONS
+_BATCH = 60  # quadrature points whose moments are summed as one product of matrices
 # Radius of the polar quadrature around the rim: this many tip radii, but no more than this part of
 # the least height of the cells there. Its points are dealt out to the cells that hold them, which
 # integrates over each of them only if they are larger than the tube.
@@ -70,10 +73,8 @@ def moments(
     density : (c, m, m, k) twice the energy density of each pair, times `monomials(degree)`, without
         that of the cells' mean dilatation (see `fem.assembly.split_lame`)
     """
-    strain, density, _ = _integrate(vertices, shape, radius, nu, profile, np.zeros((0, 6)), degree)
-    upper = np.triu_indices(FUNCTIONS, 1)
-    density[:, *upper] = density[:, *upper[::-1]]  # only the lower triangle was summed
-    return strain, density
+    strain, density = _integrate(vertices, shape, radius, nu, profile, degree)
+    return strain, _both_ways(density, FUNCTIONS)
 
 
 def pair_moments(
@@ -91,29 +92,35 @@ def pair_moments(
     strain : (c, m, s, 10) times lambda_a lambda_b
     pairs : (c, m, s, m, s, 4) products, times lambda_a
     """
-    strain, _, pairs = _integrate(vertices, shape, radius, nu, profile, projection)
-    size = pairs.shape[1]
-    upper = np.triu_indices(size, 1)
-    pairs[:, *upper] = pairs[:, *upper[::-1]]
+    strain, pairs = _integrate(vertices, shape, radius, nu, profile, 1, projection)
     half = (FUNCTIONS, len(projection))
+    pairs = _both_ways(pairs, FUNCTIONS * len(projection))
     return np.einsum("cmik,si->cmsk", strain, projection), pairs.reshape(-1, *half, *half, 4)
 
 
-def _integrate(vertices, shape, radius, nu, profile, projection, degree=1):
-    """Moments of `moments`, or with a projection those of `pair_moments`."""
-    c, size = len(vertices), FUNCTIONS * len(projection)
-    strain = np.zeros((c, len(monomials(degree + 1)), 6 * FUNCTIONS))
-    density = np.zeros((c, FUNCTIONS, FUNCTIONS, len(monomials(degree))))
-    pairs = np.zeros((c, size, size, 4))
+def _both_ways(pairs: np.ndarray, size: int) -> np.ndarray:
+    """Products (c, size, size, k) of those with first >= second, (c, size (size + 1) / 2, k)."""
+    result = np.empty((len(pairs), size, size, pairs.shape[2]))
+    first, second = np.tril_indices(size)
+    result[:, first, second] = result[:, second, first] = pairs
+    return result
+
+
+def _integrate(vertices, shape, radius, nu, profile, degree, projection=None):
+    """Strain moments (c, m, 6, k) and those of products: energies, or of projected strains."""
     lam, mu, mean_lame = split_lame(nu)
+    size = FUNCTIONS * (1 if projection is None else len(projection))
+    strain = np.zeros((len(vertices), len(monomials(degree + 1)), 6 * FUNCTIONS))
+    products = np.zeros((len(vertices), size * (size + 1) // 2, len(monomials(degree))))
+    projection = np.zeros((0, 6)) if projection is None else np.ascontiguousarray(projection)
     leaf, tube_points = _FINE if mean_lame > 0 else _COARSE
-    arguments = (shape, radius, nu, profile, lam, mu, projection, pairs, degree)
+    arguments = (strain, products, shape, radius, nu, profile, lam, mu, projection)
     tube, spread = _tube_radius(vertices, radius), _TUBE * radius
     quarter = math.ceil(tube_points[0] * spread / (4 * tube))  # quarter turns change nothing
     tube_points = (4 * quarter, *tube_points[1:])
     reach = _rim_reach(vertices, radius)
-    _integrate_cells(vertices, *TET_RULES[5], leaf, tube, strain, density, *arguments)
-    result = strain.reshape(c, -1, FUNCTIONS, 6).transpose(0, 2, 3, 1), density, pairs
+    _integrate_cells(vertices, *TET_RULES[5], leaf, tube, *arguments)
+    result = strain.reshape(len(vertices), -1, FUNCTIONS, 6).transpose(0, 2, 3, 1), products
     if not shape.any() and not (reach < 2 * tube).any():
         return result
     points, weights = _tube_points(radius, tube, tube_points)
@@ -121,9 +128,10 @@ def _integrate(vertices, shape, radius, nu, profile, projection, degree=1):
     off = np.abs(points[:, 2]).max() if shape.any() else tube
     close = np.flatnonzero(reach < max(off, tube) + tube)
     owner, barycentric = _locate(points, vertices[close])
-    inside = owner >= 0
-    _integrate_points(points[inside], weights[inside], close[owner[inside]], barycentric[inside],
-                      strain, density, *arguments)  # fmt: skip
+    order = np.argsort(owner, kind="stable")
+    order = order[owner[order] >= 0]
+    _integrate_points(points[order], weights[order], close[owner[order]], barycentric[order],
+                      *arguments)  # fmt: skip
     return result
 
 
@@ -146,14 +154,17 @@ def _tube_radius(vertices: np.ndarray, radius: float) -> float:
     return min(_TUBE * radius, max(_TUBE_CELLS * height, _THINNEST * radius))
 
 
+_gauss = cache(np.polynomial.legendre.leggauss)
+
+
 def _tube_points(
     radius: float, tube: float, counts: tuple[int, int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
     around, outwards, across = counts
     angle = 2 * np.pi * (np.arange(around) + 0.5) / around
-    x, wx = np.polynomial.legendre.leggauss(outwards)
+    x, wx = _gauss(outwards)
     rho, w_rho = tube * (x + 1) / 2, tube * wx / 2
-    y, wy = np.polynomial.legendre.leggauss(across)
+    y, wy = _gauss(across)
     phi, w_phi = np.pi * (y + 1) / 2, np.pi * wy / 2
     angle, rho, phi = np.meshgrid(angle, rho, phi, indexing="ij")
     r = radius + rho * np.cos(phi)
@@ -206,17 +217,16 @@ def _field(x, y, z, radius, nu, profile):
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _add(position, weight, barycentric, strain, density, shape, radius, nu, profile, lam, mu,
-         projection, pairs, degree, eps):  # fmt: skip
-    """Add one quadrature point to a cell's moments; eps (m, 6) is working space."""
+def _strains(eps, position, shape, radius, nu, profile):
+    """Strains of the functions at a point, (6 m,): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each."""
     x, y = position[0], position[1]
     z = depth_below(shape, x, y, position[2], radius)
     r = np.sqrt(x * x + y * y)
-    zz, zr, rz, rr, tt = half_space.gradient(r, z, radius, nu, profile)
+    u_z, u_r, zz, zr, rz, rr, tt = half_space.field(r, z, radius, nu, profile)
     cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
-    u_x, u_y, u_z = _field(x, y, z, radius, nu, profile)
+    u_x, u_y = u_r * cx, u_r * cy
     h_x, h_y = slope(shape, x, y)
-    for m in range(eps.shape[0]):
+    for m in range(FUNCTIONS):
         f = 1.0 if m == 0 else (x, y, z)[m - 1] / radius
         f_x = 1 / radius if m == 1 else 0.0
         f_y = 1 / radius if m == 2 else 0.0
@@ -224,78 +234,112 @@ def _add(position, weight, barycentric, strain, density, shape, radius, nu, prof
         # Derivatives by x and y at constant depth below the paraboloid, and by that depth
         xz, yz, zz_ = f * rz * cx + f_z * u_x, f * rz * cy + f_z * u_y, f * zz + f_z * u_z
         off = f * (rr - tt) * cx * cy
-        eps[m, 0] = f * (rr * cx * cx + tt * cy * cy) + f_x * u_x - h_x * xz
-        eps[m, 1] = f * (rr * cy * cy + tt * cx * cx) + f_y * u_y - h_y * yz
-        eps[m, 2] = zz_
-        eps[m, 3] = off + 0.5 * (f_y * u_x + f_x * u_y - h_y * xz - h_x * yz)
-        eps[m, 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
-        eps[m, 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
-    flat = eps.reshape(-1)
-    k = 0  # in the order of `monomials`
-    for a in range(4):
-        for b in range(a, 4):
-            s = weight * barycentric[a] * barycentric[b]
-            if degree == 1:
-                for i in range(flat.size):
-                    strain[k, i] += s * flat[i]
-                k += 1
-                continue
-            for c in range(b, 4):
-                t = s * barycentric[c]
-                for i in range(flat.size):
-                    strain[k, i] += t * flat[i]
-                k += 1
-    if len(projection) > 0:
-        _add_pairs(weight, barycentric, eps, projection, pairs)
-        return
-    for m in range(eps.shape[0]):
-        trace = lam * (eps[m, 0] + eps[m, 1] + eps[m, 2])
-        for n in range(m + 1):
-            value = trace * (eps[n, 0] + eps[n, 1] + eps[n, 2])
-            value += 2 * mu * (
-                eps[m, 0] * eps[n, 0] + eps[m, 1] * eps[n, 1] + eps[m, 2] * eps[n, 2]
-            ) + 4 * mu * (eps[m, 3] * eps[n, 3] + eps[m, 4] * eps[n, 4] + eps[m, 5] * eps[n, 5])
-            value *= weight
-            k = 0
-            for a in range(4):
-                if degree == 1:
-                    density[m, n, a] += value * barycentric[a]
-                    continue
-                for b in range(a, 4):
-                    density[m, n, k] += value * barycentric[a] * barycentric[b]
-                    k += 1
+        eps[6 * m] = f * (rr * cx * cx + tt * cy * cy) + f_x * u_x - h_x * xz
+        eps[6 * m + 1] = f * (rr * cy * cy + tt * cx * cx) + f_y * u_y - h_y * yz
+        eps[6 * m + 2] = zz_
+        eps[6 * m + 3] = off + 0.5 * (f_y * u_x + f_x * u_y - h_y * xz - h_x * yz)
+        eps[6 * m + 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
+        eps[6 * m + 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
 
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _add_pairs(weight, barycentric, eps, projection, pairs):
+def _put(batch, k, position, weight, barycentric, shape, radius, nu, profile, lam, mu, projection):
+    """Evaluate a quadrature point into row k of a batch (see `_batch`)."""
+    strains, products, lower, higher = batch
+    eps, low, high = strains[k], lower[k], higher[k]
+    _strains(eps, position, shape, radius, nu, profile)
+    degree = 1 if lower.shape[1] == 4 else 2
+    i = j = 0  # in the order of `monomials`
+    for a in range(4):
+        s = weight * barycentric[a]
+        if degree == 1:
+            low[i] = s
+            i += 1
+        for b in range(a, 4):
+            t = s * barycentric[b]
+            if degree == 1:
+                high[j] = t
+                j += 1
+                continue
+            low[i] = t
+            i += 1
+            for d in range(b, 4):
+                high[j] = t * barycentric[d]
+                j += 1
+    if len(projection) > 0:
+        _project(eps, projection, products[k])
+    else:
+        _energies(eps, lam, mu, products[k])
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _energies(eps, lam, mu, products):
+    """Twice the energy density of each pair of functions of strains eps (6 m,)."""
+    pair = 0
+    for m in range(FUNCTIONS):
+        i = 6 * m
+        trace = lam * (eps[i] + eps[i + 1] + eps[i + 2])
+        xx, yy = trace + 2 * mu * eps[i], trace + 2 * mu * eps[i + 1]
+        zz = trace + 2 * mu * eps[i + 2]
+        xy, xz, yz = 4 * mu * eps[i + 3], 4 * mu * eps[i + 4], 4 * mu * eps[i + 5]
+        for n in range(m + 1):
+            j = 6 * n
+            straight = xx * eps[j] + yy * eps[j + 1] + zz * eps[j + 2]
+            products[pair] = straight + xy * eps[j + 3] + xz * eps[j + 4] + yz * eps[j + 5]
+            pair += 1
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _project(eps, projection, products):
+    """Products of each pair of the projected strains (s, 6) of the functions."""
     kinds = len(projection)
-    for k in range(len(pairs)):
-        first = 0.0
+    parts = np.zeros(kinds * FUNCTIONS)
+    pair = 0
+    for m in range(len(parts)):
         for i in range(6):
-            first += projection[k % kinds, i] * eps[k // kinds, i]
-        for n in range(k + 1):
-            value = 0.0
-            for i in range(6):
-                value += projection[n % kinds, i] * eps[n // kinds, i]
-            value *= weight * first
-            for a in range(4):
-                pairs[k, n, a] += value * barycentric[a]
+            parts[m] += projection[m % kinds, i] * eps[6 * (m // kinds) + i]
+        for n in range(m + 1):
+            products[pair] = parts[m] * parts[n]
+            pair += 1
+
+
+@numba.njit(cache=True)
+def _batch(pairs, low, high):
+    """Rows for quadrature points: strains, their products, and the two sets of monomials."""
+    return (
+        np.empty((_BATCH, _STRAINS)),
+        np.empty((_BATCH, pairs)),
+        np.empty((_BATCH, low)),
+        np.empty((_BATCH, high)),
+    )
+
+
+@numba.njit(cache=True)
+def _add(batch, count, strain, products):
+    """Add the first `count` points of a batch to a cell's moments (k, 6 m) and (pairs, k)."""
+    strains, parts, lower, higher = batch
+    strain += np.dot(higher[:count].T, strains[:count])
+    products += np.dot(parts[:count].T, lower[:count])
 
 
 @numba.njit(cache=True, nogil=True)
-def _integrate_points(points, weights, owner, barycentric, strain, density, shape, radius, nu,
-                      profile, lam, mu, projection, pairs, degree):  # fmt: skip
-    eps = np.empty((density.shape[1], 6))
+def _integrate_points(points, weights, owner, barycentric, strain, products, shape, radius, nu,
+                      profile, lam, mu, projection):  # fmt: skip
+    """Add points that are sorted by their cells."""
+    batch, count = _batch(products.shape[1], products.shape[2], strain.shape[1]), 0
     for p in range(len(points)):
-        c = owner[p]
-        _add(points[p], weights[p], barycentric[p], strain[c], density[c], shape, radius, nu,
-             profile, lam, mu, projection, pairs[c], degree, eps)  # fmt: skip
+        _put(batch, count, points[p], weights[p], barycentric[p], shape, radius, nu, profile,
+             lam, mu, projection)  # fmt: skip
+        count += 1
+        if count == _BATCH or p + 1 == len(points) or owner[p + 1] != owner[p]:
+            _add(batch, count, strain[owner[p]], products[owner[p]])
+            count = 0
 
 
-@numba.njit(cache=True, nogil=True)
-def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, density, shape,
-                     radius, nu, profile, lam, mu, projection, pairs, degree):  # fmt: skip
-    eps = np.empty((density.shape[1], 6))
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, products, shape,
+                     radius, nu, profile, lam, mu, projection):  # fmt: skip
+    batch, count = _batch(products.shape[1], products.shape[2], strain.shape[1]), 0
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
     corners = np.empty((10, 4))
@@ -358,8 +402,15 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, de
                 w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
                     w *= size * rule_weights[q]
-                    _add(position, w, barycentric, strain[c], density[c], shape, radius, nu,
-                         profile, lam, mu, projection, pairs[c], degree, eps)  # fmt: skip
+                    _put(batch, count, position, w, barycentric, shape, radius, nu, profile,
+                         lam, mu, projection)  # fmt: skip
+                    count += 1
+                    if count == _BATCH:
+                        _add(batch, count, strain[c], products[c])
+                        count = 0
+        if count > 0:
+            _add(batch, count, strain[c], products[c])
+            count = 0
 
 
 @numba.njit(cache=True, error_model="numpy")

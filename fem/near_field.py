@@ -36,7 +36,8 @@ from fem.assembly import Stiffness, split_lame
 from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
 from fem.contact_shape import contact_shape
 from fem.mesh import TET_EDGES, Mesh
-from fem.near_field_moments import functions, moments, monomials
+from fem.near_field_moments import moments, monomials
+from fem.near_field_points import functions
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters

@@ -1,7 +1,6 @@
 """Strains and energies of a press's near-field functions, integrated over cells.
 
-The functions are v, x v, y v, z v with v the half-space's field (`fem.half_space`), z the depth
-below the paraboloid that follows the surface (`fem.contact_shape`); see `fem.near_field`.
+The functions are those of `fem.near_field_points`; what the integrals are for: `fem.near_field`.
 """
 
 from __future__ import annotations
@@ -13,14 +12,11 @@ from itertools import combinations_with_replacement
 import numba
 import numpy as np
 
-from fem import half_space
 from fem.assembly import split_lame
-from fem.contact_shape import depth_below, height, slope
+from fem.contact_shape import height
+from fem.near_field_points import BATCH, FUNCTIONS, add_batch, batch_of_points, put_point
 from fem.quadrature import TET_RULES
 
-FUNCTIONS = 4  # v times 1, x, y, z
-_STRAINS = 6 * FUNCTIONS
-_BATCH = 60  # quadrature points whose moments are summed as one product of matrices
 # Radius of the polar quadrature around the rim: this many tip radii, but no more than this part of
 # the least height of the cells there. Its points are dealt out to the cells that hold them, which
 # integrates over each of them only if they are larger than the tube.
@@ -37,22 +33,6 @@ _FINE = (1.4, (128, 8, 16))
 def monomials(degree: int) -> np.ndarray:
     """Barycentric coordinates whose products span the polynomials of a degree, (k, degree)."""
     return np.array(list(combinations_with_replacement(range(4), degree)))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def functions(points, shape, radius, nu, profile):
-    """Values of the functions at points (p, 3): (p, m, 3)."""
-    values = np.empty((len(points), FUNCTIONS, 3))
-    for p in range(len(points)):
-        x, y = points[p, 0], points[p, 1]
-        depth = depth_below(shape, x, y, points[p, 2], radius)
-        u_x, u_y, u_z = _field(x, y, depth, radius, nu, profile)
-        for m in range(FUNCTIONS):
-            factor = 1.0 if m == 0 else (x, y, depth)[m - 1] / radius
-            values[p, m, 0] = factor * u_x
-            values[p, m, 1] = factor * u_y
-            values[p, m, 2] = factor * u_z
-    return values
 
 
 def moments(
@@ -208,138 +188,24 @@ def _bump(s):
     return 1 - t**3 * (10 - 15 * t + 6 * t**2)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _field(x, y, z, radius, nu, profile):
-    r = np.sqrt(x * x + y * y)
-    u_z, u_r = half_space.displacement(r, z, radius, nu, profile)
-    scale = u_r / r if r > 0 else 0.0
-    return scale * x, scale * y, u_z
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _strains(eps, position, shape, radius, nu, profile):
-    """Strains of the functions at a point, (6 m,): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each."""
-    x, y = position[0], position[1]
-    z = depth_below(shape, x, y, position[2], radius)
-    r = np.sqrt(x * x + y * y)
-    u_z, u_r, zz, zr, rz, rr, tt = half_space.field(r, z, radius, nu, profile)
-    cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
-    u_x, u_y = u_r * cx, u_r * cy
-    h_x, h_y = slope(shape, x, y)
-    for m in range(FUNCTIONS):
-        f = 1.0 if m == 0 else (x, y, z)[m - 1] / radius
-        f_x = 1 / radius if m == 1 else 0.0
-        f_y = 1 / radius if m == 2 else 0.0
-        f_z = 1 / radius if m == 3 else 0.0
-        # Derivatives by x and y at constant depth below the paraboloid, and by that depth
-        xz, yz, zz_ = f * rz * cx + f_z * u_x, f * rz * cy + f_z * u_y, f * zz + f_z * u_z
-        off = f * (rr - tt) * cx * cy
-        eps[6 * m] = f * (rr * cx * cx + tt * cy * cy) + f_x * u_x - h_x * xz
-        eps[6 * m + 1] = f * (rr * cy * cy + tt * cx * cx) + f_y * u_y - h_y * yz
-        eps[6 * m + 2] = zz_
-        eps[6 * m + 3] = off + 0.5 * (f_y * u_x + f_x * u_y - h_y * xz - h_x * yz)
-        eps[6 * m + 4] = 0.5 * (f * zr * cx + f_x * u_z - h_x * zz_ + xz)
-        eps[6 * m + 5] = 0.5 * (f * zr * cy + f_y * u_z - h_y * zz_ + yz)
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _put(batch, k, position, weight, barycentric, shape, radius, nu, profile, lam, mu, projection):
-    """Evaluate a quadrature point into row k of a batch (see `_batch`)."""
-    strains, products, lower, higher = batch
-    eps, low, high = strains[k], lower[k], higher[k]
-    _strains(eps, position, shape, radius, nu, profile)
-    degree = 1 if lower.shape[1] == 4 else 2
-    i = j = 0  # in the order of `monomials`
-    for a in range(4):
-        s = weight * barycentric[a]
-        if degree == 1:
-            low[i] = s
-            i += 1
-        for b in range(a, 4):
-            t = s * barycentric[b]
-            if degree == 1:
-                high[j] = t
-                j += 1
-                continue
-            low[i] = t
-            i += 1
-            for d in range(b, 4):
-                high[j] = t * barycentric[d]
-                j += 1
-    if len(projection) > 0:
-        _project(eps, projection, products[k])
-    else:
-        _energies(eps, lam, mu, products[k])
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _energies(eps, lam, mu, products):
-    """Twice the energy density of each pair of functions of strains eps (6 m,)."""
-    pair = 0
-    for m in range(FUNCTIONS):
-        i = 6 * m
-        trace = lam * (eps[i] + eps[i + 1] + eps[i + 2])
-        xx, yy = trace + 2 * mu * eps[i], trace + 2 * mu * eps[i + 1]
-        zz = trace + 2 * mu * eps[i + 2]
-        xy, xz, yz = 4 * mu * eps[i + 3], 4 * mu * eps[i + 4], 4 * mu * eps[i + 5]
-        for n in range(m + 1):
-            j = 6 * n
-            straight = xx * eps[j] + yy * eps[j + 1] + zz * eps[j + 2]
-            products[pair] = straight + xy * eps[j + 3] + xz * eps[j + 4] + yz * eps[j + 5]
-            pair += 1
-
-
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
-def _project(eps, projection, products):
-    """Products of each pair of the projected strains (s, 6) of the functions."""
-    kinds = len(projection)
-    parts = np.zeros(kinds * FUNCTIONS)
-    pair = 0
-    for m in range(len(parts)):
-        for i in range(6):
-            parts[m] += projection[m % kinds, i] * eps[6 * (m // kinds) + i]
-        for n in range(m + 1):
-            products[pair] = parts[m] * parts[n]
-            pair += 1
-
-
-@numba.njit(cache=True)
-def _batch(pairs, low, high):
-    """Rows for quadrature points: strains, their products, and the two sets of monomials."""
-    return (
-        np.empty((_BATCH, _STRAINS)),
-        np.empty((_BATCH, pairs)),
-        np.empty((_BATCH, low)),
-        np.empty((_BATCH, high)),
-    )
-
-
-@numba.njit(cache=True)
-def _add(batch, count, strain, products):
-    """Add the first `count` points of a batch to a cell's moments (k, 6 m) and (pairs, k)."""
-    strains, parts, lower, higher = batch
-    strain += np.dot(higher[:count].T, strains[:count])
-    products += np.dot(parts[:count].T, lower[:count])
-
-
 @numba.njit(cache=True, nogil=True)
 def _integrate_points(points, weights, owner, barycentric, strain, products, shape, radius, nu,
                       profile, lam, mu, projection):  # fmt: skip
     """Add points that are sorted by their cells."""
-    batch, count = _batch(products.shape[1], products.shape[2], strain.shape[1]), 0
+    batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
     for p in range(len(points)):
-        _put(batch, count, points[p], weights[p], barycentric[p], shape, radius, nu, profile,
+        put_point(batch, count, points[p], weights[p], barycentric[p], shape, radius, nu, profile,
              lam, mu, projection)  # fmt: skip
         count += 1
-        if count == _BATCH or p + 1 == len(points) or owner[p + 1] != owner[p]:
-            _add(batch, count, strain[owner[p]], products[owner[p]])
+        if count == BATCH or p + 1 == len(points) or owner[p + 1] != owner[p]:
+            add_batch(batch, count, strain[owner[p]], products[owner[p]])
             count = 0
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, products, shape,
                      radius, nu, profile, lam, mu, projection):  # fmt: skip
-    batch, count = _batch(products.shape[1], products.shape[2], strain.shape[1]), 0
+    batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
     corners = np.empty((10, 4))
@@ -402,14 +268,14 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, pr
                 w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
                     w *= size * rule_weights[q]
-                    _put(batch, count, position, w, barycentric, shape, radius, nu, profile,
+                    put_point(batch, count, position, w, barycentric, shape, radius, nu, profile,
                          lam, mu, projection)  # fmt: skip
                     count += 1
-                    if count == _BATCH:
-                        _add(batch, count, strain[c], products[c])
+                    if count == BATCH:
+                        add_batch(batch, count, strain[c], products[c])
                         count = 0
         if count > 0:
-            _add(batch, count, strain[c], products[c])
+            add_batch(batch, count, strain[c], products[c])
             count = 0
 
 

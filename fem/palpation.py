@@ -25,7 +25,7 @@ from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
 from fem.near_field import CLOSE_SAMPLES, Close, Enrichment, enrich
-from fem.near_field_moments import FUNCTIONS
+from fem.near_field_points import FUNCTIONS
 from fem.near_field_sums import couple, scatter
 from fem.response import Response
 from fem.skin import Skin, SkinnedSurface

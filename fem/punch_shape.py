@@ -26,7 +26,7 @@ from fem.contact import PressedSurface, contact_frame, disc_quadrature
 from fem.contact_shape import contact_shape
 from fem.errors import MeshError
 from fem.half_space import FLAT
-from fem.near_field_moments import functions
+from fem.near_field_points import functions
 from fem.palpation import PalpationModel, Response
 
 

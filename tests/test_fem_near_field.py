@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fem import half_space, near_field_moments
+from fem import half_space, near_field_points
 from fem.assembly import lame
 from fem.block import block_mesh
 from fem.contact import Contacts
@@ -164,7 +164,7 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
         v = np.array([u_r * x[0] / r, u_r * x[1] / r, u_z])
         factors = [1, x[0] / a, x[1] / a, depth / a]
         np.testing.assert_allclose(
-            near_field_moments.functions(x[None], shape, a, nu, profile)[0], np.outer(factors, v)
+            near_field_points.functions(x[None], shape, a, nu, profile)[0], np.outer(factors, v)
         )
         return np.outer(factors, v)
 
@@ -172,11 +172,11 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
     for x in [(0.4, 0.9, 0.5), (-1.7, 0.6, 0.8), *above]:
         strain, density = np.zeros((10, 4 * 6)), np.zeros((10, 4))
         corner = np.array([1.0, 0, 0, 0])
-        batch = near_field_moments._batch(10, 4, 10)
-        near_field_moments._put(
+        batch = near_field_points.batch_of_points(10, 4, 10)
+        near_field_points.put_point(
             batch, 0, np.array(x), 1.0, corner, shape, a, nu, profile, lam, mu, np.zeros((0, 6))
         )
-        near_field_moments._add(batch, 1, strain, density)
+        near_field_points.add_batch(batch, 1, strain, density)
         steps = 1e-4 * np.eye(3)
         slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4
         gradient = slope.transpose(1, 2, 0)

@@ -193,9 +193,30 @@ def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
         raise InputError(
             "--dask needs dask.distributed, which is not installed: pip install 'palpmap[dask]'"
         ) from error
-    with Client(address) as client:
-        for future in as_completed(client.map(play, games, pure=False)):
-            yield future.result()
+    try:
+        client = Client(address)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--dask {address}: no scheduler answers there, expected an address as "
+            f"`dask scheduler` prints it, like tcp://host:8786 ({error})"
+        ) from error
+    with client:
+        playing = {client.submit(play, game, pure=False): game for game in games}
+        for future in as_completed(playing):
+            error = future.exception()  # of a worker that was lost: `play` itself raises none
+            yield _failed(playing[future], error) if error else future.result()
+
+
+def _begun(game: Game) -> dict[str, Any]:
+    return {
+        "number": game.number,
+        "trial": asdict(game.trial),
+        "hidden": list(game.trial.effects),
+    }
+
+
+def _failed(game: Game, error: BaseException) -> dict[str, Any]:
+    return {**_begun(game), "error": f"{type(error).__name__}: {error}"}
 
 
 def play(
@@ -211,11 +232,7 @@ def play(
     folder = Path(game.folder)
     folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
-    line: dict[str, Any] = {
-        "number": game.number,
-        "trial": asdict(game.trial),
-        "hidden": list(game.trial.effects),
-    }
+    line = _begun(game)
     try:
         make_trial(folder, game.trial, per_side)
         made = time.perf_counter()
@@ -233,7 +250,7 @@ def play(
             "explained_s": time.perf_counter() - made,
         }
     except Exception as error:  # a trial that fails is counted, the others go on
-        line["error"] = f"{type(error).__name__}: {error}"
+        line |= _failed(game, error)
     return line
 
 

@@ -329,8 +329,36 @@ def wait_until(true: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.1)
 
 
-def test_dask_is_asked_for_in_one_sentence_where_it_is_missing():
-    if "distributed" in sys.modules or __import__("importlib.util").util.find_spec("distributed"):
-        pytest.skip("dask.distributed is installed")
+def test_dask_is_asked_for_in_one_sentence_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask.distributed", None)
     with pytest.raises(InputError, match=r"pip install 'palpmap\[dask\]'"):
         next(tournament.play_dask([], "tcp://localhost:1"))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere://x"])
+def test_a_dask_address_at_which_nobody_answers_is_said(address):
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
+        pytest.raises(InputError, match=f"--dask {address}: no scheduler answers there"),
+    ):
+        next(tournament.play_dask([], address))
+
+
+def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    (tmp_path / "file").touch()
+    lost = tournament.Game(
+        0, str(tmp_path / "file" / "0000"), Trial(3, ("force_bias",), (0.05,), 1)
+    )
+    absurd = tournament.Game(1, str(tmp_path / "0001"), Trial(4, ("no_such_effect",), (0.05,), 1))
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+    )
+    with cluster:
+        lines = list(tournament.play_dask([lost, absurd], cluster.scheduler_address))
+    errors = {line["number"]: line["error"] for line in lines}
+    assert errors[0].startswith("NotADirectoryError: ")  # outside of what `play` catches
+    assert "no_such_effect" in errors[1]
+    assert (tmp_path / "0001").is_dir()  # a worker made it

@@ -115,7 +115,8 @@ def record_explanation(
     views = _views(finding, explained)
     span = _span([*views, *_true_views(finding)])
     true = {} if finding.truth is None else matched(finding.fit.map, finding.truth)
-    style_parameters(file, list(explained.final.fit.values), list(true))
+    names = list(explained.final.fit.values)
+    style_parameters(file, names, list(true))
     for view in _true_views(finding):
         log_map(file.static, parts.TRUE_MAP, view, span)
         log_outlines(file.static, parts.TRUE_MAP, true, view, style.TRUE)
@@ -136,7 +137,8 @@ def record_explanation(
     text = about_text(finding.name, explained, record)
     file.static(parts.ABOUT, rr.TextDocument(text, media_type="text/markdown"))
     known = finding.truth is not None
-    file.show(explain_layout(stage, painted.limit_um, painted.largest_rms, list(figures), known))
+    ends = painted.limit_um, painted.largest_rms
+    file.show(explain_layout(stage, *ends, list(figures), names, known))
     file.close()
 
 

@@ -17,7 +17,12 @@ _DARK = (24, 26, 30)
 
 
 def explain_layout(
-    stage: Stage, limit_um: float, largest_rms: float, figures: Sequence[str], known: bool
+    stage: Stage,
+    limit_um: float,
+    largest_rms: float,
+    figures: Sequence[str],
+    parameters: Sequence[str],
+    known: bool,
 ) -> rrb.Blueprint:
     """Lay out the residual before and now, the error, the maps, and the words.
 
@@ -26,6 +31,7 @@ def explain_layout(
     limit_um : mean residual at the ends of its colour scale
     largest_rms : rms at the bright end of its colour scale, in units of the noise
     figures : names of the figures, each shown in a tab
+    parameters : names of the parameters, each plotted beside those of its unit
     known : whether there is a true map
     """
     limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
@@ -63,13 +69,14 @@ def explain_layout(
         name="Events",
         columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
     )
+    plots = [(parts.MODULI, "Parameters: kPa"), (parts.LENGTHS, "Parameters: mm")]
+    if any(parts.parameter_entity(name)[0].startswith(parts.OTHERS) for name in parameters):
+        plots.append((parts.OTHERS, "Of the effects"))
     right = rrb.Vertical(
         rrb.Tabs(*tabs, active_tab=0) if tabs else events,
         rrb.Horizontal(
             plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um")),
-            plot_view(parts.MODULI, "Parameters: kPa"),
-            plot_view(parts.LENGTHS, "Parameters: mm"),
-            plot_view(parts.OTHERS, "Of the effects"),
+            *(plot_view(origin, name) for origin, name in plots),
         ),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=CANDIDATES, name="Candidates at this step"),

@@ -36,6 +36,7 @@ from fem.assembly import Stiffness, split_lame
 from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
 from fem.contact_shape import contact_shape
 from fem.mesh import TET_EDGES, Mesh
+from fem.near_field_cells import exact, interpolant
 from fem.near_field_moments import moments, monomials
 from fem.near_field_points import functions
 
@@ -138,39 +139,32 @@ def enrich(
     field = nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
     # What the interpolant takes off, by the stiffness matrix's own quadrature
     gradients = stiffness.gradients[cells] @ frame.T
-    at_points = np.einsum("ivb,qb,cvt->cqit", linear_derivatives(mesh.order), stiffness.rule[0],
-                          gradients, optimize=True)  # fmt: skip
-    slope = np.einsum("mcis,cqit->mcqst", field, at_points, optimize=True)
     lam, mu, mean_lame = split_lame(nu)
-    trace = np.einsum("mcqss->mcq", slope)
-    tensor = mu * (slope + slope.swapaxes(-1, -2)) + lam * trace[..., None, None] * np.eye(3)
-    tensor *= (stiffness.volumes[cells, None] * stiffness.rule[1])[..., None, None]
-    own = np.einsum("mcqst,cqit->mcqis", tensor, at_points, optimize=True)
-    energy = np.einsum("mcqis,lcis->mlcq", own, field, optimize=True)
-    coupling = -own @ frame
+    volumes = stiffness.volumes[cells, None] * stiffness.rule[1]
+    coupling, energy = interpolant(field, linear_derivatives(mesh.order), stiffness.rule[0],
+                                   gradients, frame, volumes, lam, mu)  # fmt: skip
     # The exact functions, with samples of their own where they vary most
     is_close = _cells_close(mesh.cells[cells], place)
     far, close = np.flatnonzero(~is_close), np.flatnonzero(is_close)
     volume = np.empty(field.shape[:2])  # (m, c) change of each cell's volume
-    exact, more, volume[:, far] = _exact(stiffness, place, cells[far], field[:, far], profile, 1)
-    coupling[:, far] += exact
+    own, more, volume[:, far] = _exact(stiffness, place, cells[far], field[:, far], profile, 1)
+    coupling[:, far] += own
     energy[:, :, far] += more
-    exact, more, volume[:, close] = _exact(
+    own, more, volume[:, close] = _exact(
         stiffness, place, cells[close], field[:, close], profile, 2
     )
     # Single precision: half the memory, an error of 1e-7
-    near = Close(cells[close], exact.astype(np.float32, order="C"), np.ascontiguousarray(more))
+    near = Close(cells[close], own.astype(np.float32), np.ascontiguousarray(more))
     if mean_lame > 0:
         # Mean change of volume of each cell, that of the interpolant taken off
         gradients = stiffness.mean_gradients[cells]
         dilatation = volume / stiffness.volumes[cells]
         dilatation -= np.einsum("mcis,cis->mc", field, gradients @ frame.T)
-        share = mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
+        share = mean_lame * volumes
         coupling += np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
         energy += np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
     load = _load(surface, contacts, j, place, nu, weights)
-    coupling = coupling.astype(np.float32, order="C")
-    return Enrichment(cells, coupling, np.ascontiguousarray(energy), load, near)
+    return Enrichment(cells, coupling.astype(np.float32), energy, load, near)
 
 
 def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: int, degree: int):
@@ -187,16 +181,15 @@ def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: in
     strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
     basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
     # From moments to those against the shape functions and modulus samples
-    stress = _stress(strain, nu)[..., _raised(degree)]  # (c, m, 3, 3, a, 4)
     gradients = stiffness.gradients[cells] @ place.frame.T
-    exact = np.einsum("qa,ivb,cmstab,cvt->mcqis", basis, linear_derivatives(order), stress,
-                      gradients, optimize=True)  # fmt: skip
-    cross = np.einsum("mcqis,lcis->mlcq", exact, field, optimize=True)
+    coupling, cross = exact(_stress(strain, nu), _raised(degree), basis,
+                            linear_derivatives(order), gradients, place.frame,
+                            np.ascontiguousarray(field))  # fmt: skip
     energy = np.einsum("qa,cmla->mlcq", basis, density) - cross - cross.swapaxes(0, 1)
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
     volume = np.einsum("cmsk,k->mc", strain[:, :, :3], often)
-    return exact @ place.frame, energy, volume
+    return coupling, energy, volume
 
 
 def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
@@ -206,10 +199,10 @@ def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, 
     disc, pressure = disc_quadrature(profile)
     disc = disc * radius
     depth = surface.under(contacts.points_m[j], frame, disc, radius).depth
-    exact = functions(np.column_stack([disc, depth]), shape, radius, nu, profile)
+    there = functions(np.column_stack([disc, depth]), shape, radius, nu, profile)
     touched = np.flatnonzero(weights.any(axis=1))
     nodal = nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
-    load = np.einsum("p,pm->m", pressure, exact[:, :, 2])
+    load = np.einsum("p,pm->m", pressure, there[:, :, 2])
     return load - np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
 
 

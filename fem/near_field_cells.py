@@ -1,0 +1,124 @@
+"""What near-field functions contribute to a stiffness matrix's rows, cell by cell.
+
+Compiled forms of sums over the nodes of each cell; see `fem.near_field.Enrichment` for what they
+are the parts of. Vectors come in the frame of the contact and leave in that of the body.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def interpolant(field, derivatives, points, gradients, frame, weights, lam, mu):
+    """Less k, and a, of the functions' interpolants, by the stiffness matrix's own quadrature.
+
+    Parameters
+    ----------
+    field : (m, c, nodes, 3) functions at the nodes
+    derivatives : (nodes, 4, 4) of `fem.near_field.linear_derivatives`
+    points : (q, 4) barycentric
+    gradients : (c, 4, 3) of the barycentric coordinates
+    frame : (3, 3) rows are the axes of the contact
+    weights : (c, q) m^3
+    lam, mu : for E = 1
+
+    Returns
+    -------
+    coupling : (m, c, q, nodes, 3)
+    energy : (m, m, c, q)
+    """
+    count, cells, nodes, _ = field.shape
+    samples = len(points)
+    coupling = np.empty((count, cells, samples, nodes, 3))
+    energy = np.empty((count, count, cells, samples))
+    g, slope, own = np.empty((nodes, 3)), np.empty((3, 3)), np.empty((nodes, 3))
+    for c in range(cells):
+        for q in range(samples):
+            _shape_gradients(g, derivatives, points[q], gradients[c])
+            for m in range(count):
+                slope[:] = 0.0
+                for i in range(nodes):
+                    for s in range(3):
+                        for t in range(3):
+                            slope[s, t] += field[m, c, i, s] * g[i, t]
+                trace = lam * (slope[0, 0] + slope[1, 1] + slope[2, 2])
+                for i in range(nodes):
+                    for s in range(3):
+                        value = trace * g[i, s]
+                        for t in range(3):
+                            value += mu * (slope[s, t] + slope[t, s]) * g[i, t]
+                        own[i, s] = weights[c, q] * value
+                _store(coupling, energy, m, c, q, own, frame, field, -1.0)
+    return coupling, energy
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def exact(stress, raised, basis, derivatives, gradients, frame, field):
+    """Rows k of the exact functions, and their products with the interpolants.
+
+    Parameters
+    ----------
+    stress : (c, m, 3, 3, k) moments times the monomials of a degree + 1
+    raised : (a, 4) monomial of that degree times a barycentric coordinate, among the k
+    basis : (q, a) of the modulus samples by monomials
+    derivatives, gradients, frame, field : as in `interpolant`
+
+    Returns
+    -------
+    coupling : (m, c, q, nodes, 3)
+    cross : (m, m, c, q), function by interpolant
+    """
+    count, cells, nodes, _ = field.shape
+    samples, terms = basis.shape
+    coupling = np.empty((count, cells, samples, nodes, 3))
+    cross = np.empty((count, count, cells, samples))
+    g, own = np.empty((4, nodes, 3)), np.empty((nodes, 3))
+    part, unit = np.empty((3, 3)), np.eye(4)
+    for c in range(cells):
+        for b in range(4):
+            _shape_gradients(g[b], derivatives, unit[b], gradients[c])
+        for m in range(count):
+            for q in range(samples):
+                own[:] = 0.0
+                for b in range(4):
+                    part[:] = 0.0
+                    for a in range(terms):
+                        for s in range(3):
+                            for t in range(3):
+                                part[s, t] += basis[q, a] * stress[c, m, s, t, raised[a, b]]
+                    for i in range(nodes):
+                        for s in range(3):
+                            for t in range(3):
+                                own[i, s] += part[s, t] * g[b, i, t]
+                _store(coupling, cross, m, c, q, own, frame, field, 1.0)
+    return coupling, cross
+
+
+@numba.njit(cache=True, fastmath=True)
+def _shape_gradients(g, derivatives, point, gradients):
+    """Gradients (nodes, 3) of a cell's shape functions at a barycentric point (4,)."""
+    for i in range(len(g)):
+        for t in range(3):
+            g[i, t] = 0.0
+            for v in range(4):
+                for b in range(4):
+                    g[i, t] += derivatives[i, v, b] * point[b] * gradients[v, t]
+
+
+@numba.njit(cache=True, fastmath=True)
+def _store(coupling, products, m, c, q, own, frame, field, sign):
+    """Store sign times own (nodes, 3) in the body's frame, and its products with each field."""
+    for i in range(len(own)):
+        for x in range(3):
+            value = 0.0
+            for s in range(3):
+                value += own[i, s] * frame[s, x]
+            coupling[m, c, q, i, x] = sign * value
+    for n in range(len(field)):
+        value = 0.0
+        for i in range(len(own)):
+            for s in range(3):
+                value += own[i, s] * field[n, c, i, s]
+        products[m, n, c, q] = value

@@ -34,6 +34,20 @@ def explain_layout(
     parameters : names of the parameters, each plotted beside those of its unit
     known : whether there is a true map
     """
+    left = _pictures(stage, limit_um, largest_rms, known)
+    right = _curves_and_words(figures, parameters)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1.25]),
+        rrb.TimePanel(timeline=parts.ITERATION, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) -> rrb.Vertical:
+    """The residual before and now, its size, the maps and the body."""
     limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
     residual = f"residual, red +{limit}, blue -{limit} um"
     size = f"size, dark 1, bright {most} x noise"
@@ -49,7 +63,7 @@ def explain_layout(
     maps = [map_view(parts.FOUND_MAP, "Found: Young's modulus", stage)]
     if known:
         maps.append(map_view(parts.TRUE_MAP, "Truth: Young's modulus", stage))
-    left = rrb.Vertical(
+    return rrb.Vertical(
         rrb.Horizontal(
             from_above(BEFORE, f"Before: {residual}", stage),
             from_above(parts.RESIDUAL_MAP, f"Now: {residual}", stage),
@@ -60,6 +74,10 @@ def explain_layout(
         ),
         rrb.Horizontal(*maps, body),
     )
+
+
+def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.Vertical:
+    """The report's figures, error and parameters by step, candidates and text."""
     tabs = [
         rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
         for name in figures
@@ -72,7 +90,7 @@ def explain_layout(
     plots = [(parts.MODULI, "Parameters: kPa"), (parts.LENGTHS, "Parameters: mm")]
     if any(parts.parameter_entity(name)[0].startswith(parts.OTHERS) for name in parameters):
         plots.append((parts.OTHERS, "Of the effects"))
-    right = rrb.Vertical(
+    return rrb.Vertical(
         rrb.Tabs(*tabs, active_tab=0) if tabs else events,
         rrb.Horizontal(
             plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um")),
@@ -85,12 +103,4 @@ def explain_layout(
             ),
         ),
         row_shares=[2.0, 1.1, 1.5],
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[1, 1.25]),
-        rrb.TimePanel(timeline=parts.ITERATION, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
     )

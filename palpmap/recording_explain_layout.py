@@ -47,7 +47,7 @@ def explain_layout(
 
 
 def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) -> rrb.Vertical:
-    """The residual before and now, its size, the maps and the body."""
+    """Lay out the residual before and now, its size, the maps and the body."""
     limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
     residual = f"residual, red +{limit}, blue -{limit} um"
     size = f"size, dark 1, bright {most} x noise"
@@ -77,7 +77,7 @@ def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) ->
 
 
 def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.Vertical:
-    """The report's figures, error and parameters by step, candidates and text."""
+    """Lay out figures, error and parameters by step, candidates and text."""
     tabs = [
         rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
         for name in figures

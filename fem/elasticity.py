@@ -21,6 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from fem.assembly import Stiffness
@@ -133,6 +134,7 @@ class FibrePlane:
         self.stiffness, self.plane = stiffness, plane
         self._derivatives = linear_derivatives(stiffness.mesh.order)
         self._samples = stiffness.rule[0]
+        self._gradients = stiffness.gradients @ plane.T  # (e, 4, 2)
         self.parts: list[PlanePart] = []
         if near_field:
             surface = PressedSurface(stiffness.mesh)
@@ -160,28 +162,16 @@ class FibrePlane:
         nodal : (n, 3) finite element part of the field
         amplitude : (m,) of the near-field functions
         """
-        cells = np.arange(len(self.stiffness.volumes))
-        strain = self._vertex_strains(nodal, cells)
-        at_samples = np.einsum("csb,qb->scq", strain, self._samples)
-        i, k = PAIRS.T
-        weights = self.stiffness.volumes[:, None] * self.stiffness.rule[1]
-        result = weights * at_samples[i] * at_samples[k]
+        stiffness = self.stiffness
+        weights = stiffness.volumes[:, None] * stiffness.rule[1]
+        result = np.empty((*weights.shape, len(PAIRS)))
+        strain = np.empty((len(weights), 3, 4))
+        _strain_products(result, strain, nodal @ self.plane.T, stiffness.mesh.cells,
+                         self._derivatives, self._gradients, self._samples, weights)  # fmt: skip
         if self.parts:
             part = self.parts[j]
-            mixed = np.einsum("m,mscqb,ctb->stcq", amplitude, part.mixed, strain[part.cells],
-                              optimize=True)  # fmt: skip
-            own = np.einsum("m,l,msltcq->stcq", amplitude, amplitude, part.products, optimize=True)
-            total = mixed + mixed.swapaxes(0, 1) + own
-            result[:, part.cells] += total[i, k]
-        return result.reshape(6, -1).T
-
-    def _vertex_strains(self, nodal: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """In-plane strains (c, 3, 4) at the vertices of cells, between which they are linear."""
-        mesh = self.stiffness.mesh
-        gradients = self.stiffness.gradients[cells] @ self.plane.T  # (c, 4, 2)
-        field = nodal[mesh.cells[cells]] @ self.plane.T  # (c, i, 2)
-        slope = np.einsum("ivb,cia,cvd->cadb", self._derivatives, field, gradients, optimize=True)
-        return np.stack([slope[:, 0, 0], slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0]], axis=1)
+            _add_near_products(result, strain, part.cells, amplitude, part.mixed, part.products)
+        return result.reshape(-1, len(PAIRS))
 
     def near(
         self, j: int, direction: np.ndarray, by_cell: np.ndarray
@@ -196,6 +186,66 @@ class FibrePlane:
         coupling = np.einsum("cq,s,mscqb,ivb,cv,a->cmia", local, projection, part.mixed,
                              self._derivatives, along, direction, optimize=True)  # fmt: skip
         return coupling, energy
+
+
+@numba.njit(cache=True, fastmath=True, parallel=True)
+def _strain_products(out, strain, u, cells, derivatives, gradients, samples, weights):
+    """Products out (e, q, 6) of in-plane strains, times the weights (e, q), and the strains.
+
+    Parameters
+    ----------
+    strain : (e, 3, 4) at the vertices of each cell, between which they are linear; is filled
+    u : (n, 2) in-plane displacement
+    derivatives : (nodes, 4, 4) of `linear_derivatives`
+    gradients : (e, 4, 2) in-plane, of the barycentric coordinates
+    samples : (q, 4) barycentric
+    """
+    for e in numba.prange(len(cells)):
+        slope = np.zeros((2, 2, 4))
+        at = np.empty(3)
+        for v in range(4):
+            for b in range(4):
+                x = y = 0.0
+                for i in range(cells.shape[1]):
+                    x += derivatives[i, v, b] * u[cells[e, i], 0]
+                    y += derivatives[i, v, b] * u[cells[e, i], 1]
+                for d in range(2):
+                    slope[0, d, b] += x * gradients[e, v, d]
+                    slope[1, d, b] += y * gradients[e, v, d]
+        for b in range(4):
+            strain[e, 0, b], strain[e, 1, b] = slope[0, 0, b], slope[1, 1, b]
+            strain[e, 2, b] = slope[0, 1, b] + slope[1, 0, b]
+        for q in range(len(samples)):
+            for s in range(3):
+                at[s] = 0.0
+                for b in range(4):
+                    at[s] += strain[e, s, b] * samples[q, b]
+            for pair in range(len(PAIRS)):
+                out[e, q, pair] = weights[e, q] * at[PAIRS[pair, 0]] * at[PAIRS[pair, 1]]
+
+
+@numba.njit(cache=True, fastmath=True, parallel=True)
+def _add_near_products(out, strain, cells, amplitude, mixed, products):
+    """Add what a press's near field has of `_strain_products`; see `PlanePart`."""
+    count = len(amplitude)
+    for k in numba.prange(len(cells)):
+        along = np.empty((3, 4))
+        for q in range(out.shape[1]):
+            for s in range(3):
+                for b in range(4):
+                    along[s, b] = 0.0
+                    for m in range(count):
+                        along[s, b] += amplitude[m] * mixed[m, s, k, q, b]
+            for pair in range(len(PAIRS)):
+                s, t = PAIRS[pair]
+                value = 0.0
+                for b in range(4):
+                    value += along[s, b] * strain[cells[k], t, b]
+                    value += along[t, b] * strain[cells[k], s, b]
+                for m in range(count):
+                    for n in range(count):
+                        value += amplitude[m] * amplitude[n] * products[m, s, n, t, k, q]
+                out[cells[k], q, pair] += value
 
 
 def _plane_part(

@@ -27,6 +27,8 @@ MARGIN = 10.0
 MOST_EFFECTS = 4
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
+_IMITATED = 0.05  # visible share of an effect's pattern below which the map imitates all of it
+MODEL_ERROR = "mesh_error"  # what an effect that the map imitates cannot be told from
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
@@ -37,14 +39,16 @@ class Addition:
     """An effect that was added, the rivals that it was compared with (best first).
 
     `borne_out` : the presses by themselves call for it, and most are explained, whatever the map.
+    `beside` : effects that a slight error of the model passes for, or that it may pass for.
     """
 
     name: str
     rivals: tuple[Rival, ...]
     borne_out: bool = False
+    beside: tuple[str, ...] = ()
 
     @property
-    def group(self) -> tuple[str, ...]:
+    def equals(self) -> tuple[str, ...]:
         """The effect and all rivals that explain the scan as well, to within `MARGIN`.
 
         A rival of which the effect is a special case can always do nearly as well: it is none.
@@ -52,6 +56,13 @@ class Addition:
         best = self.rivals[0].criterion
         near = [rival for rival in self.rivals if rival.criterion < best + MARGIN]
         return tuple(rival.name for rival in near if self.name not in rival.contains)
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """What the scan cannot tell apart: the `equals`, and what an error of the model is like."""
+        if len(self.equals) > 1 and self.name != MODEL_ERROR:
+            return self.equals
+        return (*self.equals, *(name for name in self.beside if name not in self.equals))
 
 
 @dataclass(frozen=True)
@@ -167,7 +178,7 @@ def climb(
         if not rivals:
             break
         winner = rivals[0]
-        additions.append(Addition(winner.name, rivals))
+        additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))
         say(f"refitting with {winner.name}")
         fit = fit_jointly(winner.fit.model, winner.fit.map)
         fit, lost = _drop(fit, [a.name for a in additions[:-1]], say)
@@ -177,6 +188,20 @@ def climb(
         rise(ladder[-1])
     verdict = "unexplained" if model.press_error else _verdict(ladder, additions)
     return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
+
+
+def _beside(rung: Rung, name: str) -> tuple[str, ...]:
+    """Name what cannot be told from an effect because the map imitates one of them all but wholly.
+
+    What is left of such an effect is so little that it must be large to explain anything, with the
+    map far off on the other side; then a slight error of the model, or another form of the map,
+    passes for it. If the model's own error is what fits best, it may be any of these effects.
+    """
+    scores = [score for score in rung.diagnosis.scores if score.untestable is None]
+    imitated = [score.name for score in scores if score.visible < _IMITATED]
+    if name == MODEL_ERROR:
+        return tuple(imitated)
+    return (MODEL_ERROR,) * (name in imitated)
 
 
 def _drop(
@@ -208,7 +233,7 @@ def is_more_missing(ladder: Sequence[Rung], additions: Sequence[Addition]) -> bo
     if strongest == 0 or not additions or not now.comparison.is_noise:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
-    return len(additions[-1].group) == 1 and strongest > _TRACE * explained
+    return len(additions[-1].equals) == 1 and strongest > _TRACE * explained
 
 
 def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition]) -> Verdict:

@@ -51,7 +51,7 @@ def rival_table(addition: Addition) -> str:
             rival.name,
             f"{rival.chi2:.0f}",
             "best" if rival.criterion == best else f"+{rival.criterion - best:.0f}",
-            "as good" if rival.name in addition.group[1:] else "",
+            "as good" if rival.name in addition.equals[1:] else "",
         )
         for rival in addition.rivals
     ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from identify.effects.words import percent
-from identify.explain import Explanation
+from identify.explain import MODEL_ERROR, Explanation
 from identify.residual_statement import length
 from palpmap.explain_evidence import added_names, kept
 from palpmap.problem import Problem, named
@@ -113,6 +113,13 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
     addition = kept(explained, name)
     if addition is None:
         return [f"{name} lost its place later: beside what was added after it, it is not needed."]
+    if len(addition.group) > len(addition.equals):
+        return [
+            f"{listed(addition.group)} cannot be told apart: what the map leaves of "
+            f"{listed([n for n in addition.group if n != MODEL_ERROR])} is so little that a slight "
+            "error of the model, or another form of the map, looks the same. Do not take a name, "
+            "or its numbers, for found: scan with tips of two radii, or rule it out by itself."
+        ]
     if len(addition.group) > 1:
         others = " or ".join(other for other in addition.group if other != name)
         return [

@@ -22,11 +22,11 @@ def propose(
     explained: Explanation, problem: Problem, say: Say = lambda text: None
 ) -> tuple[Proposal, ...]:
     """Return the scans that tell the last ambiguous group apart, best first."""
-    ambiguous = [a for a in explained.additions if len(a.group) > 1]
+    ambiguous = [a for a in explained.additions if len(a.equals) > 1]
     if not ambiguous:
         return ()
     group = ambiguous[-1]
-    rivals = [(r.name, r.fit) for r in group.rivals if r.name in group.group]
+    rivals = [(r.name, r.fit) for r in group.rivals if r.name in group.equals]
     readings = problem.model.readings
     in_time = any("time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in rivals)
     timed = in_time and readings.time_s is not None

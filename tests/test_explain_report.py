@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from identify import explain
 from identify.comparison import read_comparison
 from identify.explain import Addition
 from identify.joint_record import estimates
@@ -18,7 +19,8 @@ from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
-from palpmap.explain_words import verdict_detail
+from palpmap.explain_words import _name_notes, verdict_detail
+from palpmap.next_scan import propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
@@ -69,6 +71,31 @@ def grouped(explained, *others):
     best = explained.additions[0].rivals[0]
     rivals = (best, *(Rival(name, best.chi2, best.criterion + 1, best.fit) for name in others))
     return replace(explained, verdict="ambiguous", additions=(Addition(best.name, rivals),))
+
+
+def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model(told):
+    rung = told.explained.ladder[0]
+
+    def seen(**visible):
+        scores = tuple(replace(s, visible=visible.get(s.name, 0.5)) for s in rung.diagnosis.scores)
+        return replace(rung, diagnosis=replace(rung.diagnosis, scores=scores))
+
+    low = seen(tool_compliance=0.03, skin_layer=0.04)
+    assert explain._beside(low, "tool_compliance") == ("mesh_error",)
+    assert explain._beside(low, "mesh_error") == ("skin_layer", "tool_compliance")
+    assert explain._beside(low, "viscoelasticity") == ()
+    best = told.explained.additions[0].rivals[0]
+    alone = Addition("tool_compliance", (replace(best, name="tool_compliance"),), False,
+                     ("mesh_error",))  # fmt: skip
+    assert alone.equals == ("tool_compliance",)
+    assert alone.group == ("tool_compliance", "mesh_error")
+    explained = replace(told.explained, additions=(alone,))
+    assert explained.added == ()
+    assert explained.ambiguous == (("tool_compliance", "mesh_error"),)
+    assert propose(explained, told.problem) == ()
+    text = " ".join(_name_notes(explained, "tool_compliance"))
+    assert "tool_compliance and mesh_error cannot be told apart" in text
+    assert "what the map leaves of tool_compliance is so little" in text
 
 
 def test_the_loop_explains_the_case(explained_case):

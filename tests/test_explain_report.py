@@ -80,9 +80,9 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
         scores = tuple(replace(s, visible=visible.get(s.name, 0.5)) for s in rung.diagnosis.scores)
         return replace(rung, diagnosis=replace(rung.diagnosis, scores=scores))
 
-    low = seen(tool_compliance=0.03, skin_layer=0.04)
-    assert explain._beside(low, "tool_compliance") == ("mesh_error",)
-    assert explain._beside(low, "mesh_error") == ("skin_layer", "tool_compliance")
+    low = seen(hysteresis=0.03, contact_offset=0.04)
+    assert explain._beside(low, "hysteresis") == ("mesh_error",)
+    assert set(explain._beside(low, "mesh_error")) == {"hysteresis", "contact_offset"}
     assert explain._beside(low, "viscoelasticity") == ()
     best = told.explained.additions[0].rivals[0]
     alone = Addition("tool_compliance", (replace(best, name="tool_compliance"),), False,

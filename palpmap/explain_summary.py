@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 
 _WIDTH = 30
 
+_FITTED = {
+    "unexplained": "fitted, but not all is explained",
+    "ambiguous": "fitted with one of what cannot be told apart",
+}
+
 
 def rung_line(rung: Rung) -> str:
     """Return one line: the effects, the error and its bar, chi-square per degree of freedom."""
@@ -85,8 +90,9 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     from rich import box
     from rich.table import Table
 
-    title = "fitted, but not all is explained" if record["verdict"] == "unexplained" else "found"
-    table = Table(box=box.SIMPLE, title=title, title_justify="left")
+    table = Table(
+        box=box.SIMPLE, title=_FITTED.get(record["verdict"], "found"), title_justify="left"
+    )
     table.add_column("parameter")
     table.add_column("value", justify="right")
     table.add_column("standard error", justify="right")

@@ -53,44 +53,28 @@ def layout(
     residual_limit_um : residual at the ends of the colour scale, in um
     figures : names of the figures, each shown in a tab of its own
     """
-    left = [_scenes("robot" in present, stage)]
+    whole = _scan_side(present, stage, figures)
+    right = _result_side(present, stage, residual_limit_um)
+    if right is not None:
+        whole = rrb.Horizontal(whole, right, column_shares=[1.25, 1])
+    return rrb.Blueprint(
+        whole,
+        rrb.TimePanel(timeline=parts.SIM_TIME, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _scan_side(present: Collection[str], stage: Stage, figures: Sequence[str]) -> rrb.Container:
+    """Lay out the scenes, force and travel, the text, figures and events."""
+    rows = [_scenes("robot" in present, stage)]
     if "robot" in present:
-        left.append(
+        rows.append(
             rrb.Horizontal(
                 plot_view(parts.FORCE, "Contact force, N"),
                 plot_view(parts.TRAVEL, "Travel of the tip since touch, mm"),
-            )
-        )
-    right = []
-    maps = [
-        map_view(entity, name, stage)
-        for part, entity, name in (
-            ("truth", parts.TRUE_MAP, "Truth: Young's modulus"),
-            ("fit", parts.FOUND_MAP, "Found: Young's modulus"),
-        )
-        if part in present
-    ]
-    if maps:
-        right.append(rrb.Horizontal(*maps))
-    presses = []
-    if "presses" in present or "comparison" in present:
-        presses.append(
-            plot_view(
-                "presses", "Each press: measured and modelled, mm", ["measured_mm", "modelled_mm"]
-            )
-        )
-    if "comparison" in present:
-        limit = f"{residual_limit_um:.3g}"
-        name = f"Residual: red +{limit}, blue -{limit} um"
-        presses.append(from_above(parts.RESIDUAL_MAP, name, stage))
-    if presses:
-        right.append(rrb.Horizontal(*presses))
-    if "fit" in present:
-        right.append(
-            rrb.Horizontal(
-                plot_view(parts.MODULI, "Parameters: kPa", whole=False),
-                plot_view(parts.LENGTHS, "Parameters: mm", whole=False),
-                plot_view(parts.MISFIT, "Misfit: log10", whole=False),
             )
         )
     events: rrb.View | rrb.Tabs = rrb.TextLogView(
@@ -105,21 +89,50 @@ def layout(
         ]
         events = rrb.Tabs(*tabs, events, active_tab=0)
     about = rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen")
-    left.append(rrb.Horizontal(about, events, column_shares=[1, 1.6]))
-    whole = rrb.Vertical(*left, row_shares=[3.0, 1.0, 1.5] if len(left) == 3 else [3, 1.2])
-    if right:
-        shares = [2.3] * bool(maps) + [1.3] * bool(presses) + [1.1] * ("fit" in present)
-        whole = rrb.Horizontal(
-            whole, rrb.Vertical(*right, row_shares=shares), column_shares=[1.25, 1]
+    rows.append(rrb.Horizontal(about, events, column_shares=[1, 1.6]))
+    return rrb.Vertical(*rows, row_shares=[3.0, 1.0, 1.5] if len(rows) == 3 else [3, 1.2])
+
+
+def _result_side(
+    present: Collection[str], stage: Stage, residual_limit_um: float
+) -> rrb.Container | None:
+    """Lay out the maps, the presses and the fit; None where there is nothing of them."""
+    rows, shares = [], []
+    maps = [
+        map_view(entity, name, stage)
+        for part, entity, name in (
+            ("truth", parts.TRUE_MAP, "Truth: Young's modulus"),
+            ("fit", parts.FOUND_MAP, "Found: Young's modulus"),
         )
-    return rrb.Blueprint(
-        whole,
-        rrb.TimePanel(timeline=parts.SIM_TIME, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
-    )
+        if part in present
+    ]
+    if maps:
+        rows.append(rrb.Horizontal(*maps))
+        shares.append(2.3)
+    presses = []
+    if "presses" in present or "comparison" in present:
+        presses.append(
+            plot_view(
+                "presses", "Each press: measured and modelled, mm", ["measured_mm", "modelled_mm"]
+            )
+        )
+    if "comparison" in present:
+        limit = f"{residual_limit_um:.3g}"
+        name = f"Residual: red +{limit}, blue -{limit} um"
+        presses.append(from_above(parts.RESIDUAL_MAP, name, stage))
+    if presses:
+        rows.append(rrb.Horizontal(*presses))
+        shares.append(1.3)
+    if "fit" in present:
+        rows.append(
+            rrb.Horizontal(
+                plot_view(parts.MODULI, "Parameters: kPa", whole=False),
+                plot_view(parts.LENGTHS, "Parameters: mm", whole=False),
+                plot_view(parts.MISFIT, "Misfit: log10", whole=False),
+            )
+        )
+        shares.append(1.1)
+    return rrb.Vertical(*rows, row_shares=shares) if rows else None
 
 
 def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:

@@ -203,7 +203,7 @@ def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
     with client:
         playing = {client.submit(play, game, pure=False): game for game in games}
         for future in as_completed(playing):
-            error = future.exception()  # of a worker that was lost: `play` itself raises none
+            error = future.exception()  # a worker was lost, or the folder cannot be made
             yield _failed(playing[future], error) if error else future.result()
 
 

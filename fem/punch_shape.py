@@ -19,6 +19,9 @@ of 10 mm radius, 14 mm deep and six times as stiff as its surroundings.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from fem.assembly import shape_functions
@@ -29,12 +32,27 @@ from fem.half_space import FLAT
 from fem.near_field_points import functions
 from fem.palpation import PalpationModel, Response
 
+_OWN = np.array([0.1, 1 / 12, 1 / 12])  # energies A_kk in units of k/a
 
-def shape_gain(model: PalpationModel, response: Response, modulus_pa: np.ndarray) -> np.ndarray:
+
+class _Reading(NamedTuple):
+    """What reads the three A_k off a press's field: nodes (n,), weights (3, n, 3) of their
+    displacements, weights (3, m) of the near field's amplitudes."""
+
+    nodes: np.ndarray
+    nodal: np.ndarray
+    near: np.ndarray
+
+
+_READINGS: WeakKeyDictionary[PalpationModel, list[_Reading]] = WeakKeyDictionary()
+
+
+def shape_gain(response: Response, modulus_pa: np.ndarray) -> np.ndarray:
     """Compliance that the better pressure takes off, (j,) m/N, not negative.
 
     Parameters
     ----------
+    response : of flat tips
     modulus_pa : (j,) Young's modulus at the contact points, Pa
 
     Raises
@@ -42,39 +60,60 @@ def shape_gain(model: PalpationModel, response: Response, modulus_pa: np.ndarray
     MeshError
         Contacts that are not flat tips.
     """
+    model = response.model
     contacts, nu = model.contacts, model.stiffness.poisson_ratio
     if contacts.profile != "flat":
         raise MeshError(f"only a flat tip has a shape to correct, got '{contacts.profile}'")
-    surface = PressedSurface(model.mesh)
+    if model not in _READINGS:
+        surface = PressedSurface(model.mesh)
+        _READINGS[model] = [_reading(model, surface, j) for j in range(len(contacts))]
+    read = np.array(
+        [
+            np.einsum("kns,ns->k", nodal, response.displacement(j)[nodes])
+            + near @ response.amplitude[j]
+            for j, (nodes, nodal, near) in enumerate(_READINGS[model])
+        ]
+    )
+    modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(contacts))
+    return np.sum(read**2 / _OWN, axis=1) * modulus * contacts.radius_m / (1 - nu**2)
+
+
+def travel_under(response: Response, j: int, disc: np.ndarray) -> np.ndarray:
+    """Displacement along press j at points (p, 2) of its tip's unit disc under 1 N, (p,) m/N."""
+    model = response.model
+    nodes, nodal, near = _under(model, PressedSurface(model.mesh), j, disc)
+    return nodal @ (response.displacement(j)[nodes] @ model.contacts.directions[j]) + (
+        near @ response.amplitude[j]
+    )
+
+
+def _reading(model: PalpationModel, surface: PressedSurface, j: int) -> _Reading:
     disc, flat = disc_quadrature(FLAT)
     # s^2 = 1 - r^2: the Hertz pressure is 3 s^2 times the flat one
     even = flat * (2 - 3 * (disc**2).sum(axis=1))
     shapes = np.stack([even, flat * disc[:, 0], flat * disc[:, 1]])
-    own = np.array([0.1, 1 / 12, 1 / 12])
-    modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(contacts))
-    gain = np.empty(len(contacts))
-    for j in range(len(contacts)):
-        radius = float(contacts.radius_m[j])
-        readings = shapes @ _sinking(model, response, surface, j, disc * radius)
-        gain[j] = np.sum(readings**2 / own) * modulus[j] * radius / (1 - nu**2)
-    return gain
+    nodes, nodal, near = _under(model, surface, j, disc)
+    along = model.contacts.directions[j]
+    return _Reading(nodes, (shapes @ nodal)[:, :, None] * along, shapes @ near)
 
 
-def _sinking(model, response: Response, surface: PressedSurface, j: int, disc) -> np.ndarray:
-    """Displacement along the press at points (p, 2) of its disc under 1 N, near field included."""
+def _under(
+    model: PalpationModel, surface: PressedSurface, j: int, disc: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What gives the travel at points of the disc: nodes (n,), weights (p, n) of their travel,
+    weights (p, m) of the near field's amplitudes."""
     contacts, mesh = model.contacts, model.mesh
     centre, radius = contacts.points_m[j], float(contacts.radius_m[j])
     frame = contact_frame(contacts.directions[j])
-    under = surface.under(centre, frame, disc, radius)
-    faces = surface.faces[under.face]
-    values = response.displacement(j)[faces] @ frame[2]  # (p, nodes)
-    exact = 0.0
-    if len(model.enrichments):
-        alpha, nu = response._amplitude[j], model.stiffness.poisson_ratio
-        shape = contact_shape(surface, centre, frame, radius)
-        local = (mesh.nodes[faces.ravel()] - centre) @ frame.T
-        nodal = functions(local, shape, radius, nu, FLAT)[:, :, 2] @ alpha
-        values = values - nodal.reshape(faces.shape)
-        pressed = np.column_stack([disc, under.depth])
-        exact = functions(pressed, shape, radius, nu, FLAT)[:, :, 2] @ alpha
-    return np.einsum("pn,pn->p", shape_functions(under.barycentric, mesh.order), values) + exact
+    under = surface.under(centre, frame, disc * radius, radius)
+    nodes, place = np.unique(surface.faces[under.face], return_inverse=True)
+    nodal = np.zeros((len(disc), len(nodes)))
+    values = shape_functions(under.barycentric, mesh.order)
+    np.add.at(nodal, (np.arange(len(disc))[:, None], place.reshape(values.shape)), values)
+    if not len(model.enrichments):
+        return nodes, nodal, np.zeros((len(disc), 0))
+    nu, shape = model.stiffness.poisson_ratio, contact_shape(surface, centre, frame, radius)
+    local = (mesh.nodes[nodes] - centre) @ frame.T
+    pressed = np.column_stack([disc * radius, under.depth])
+    near = functions(pressed, shape, radius, nu, FLAT)[:, :, 2]
+    return nodes, nodal, near - nodal @ functions(local, shape, radius, nu, FLAT)[:, :, 2]

@@ -31,14 +31,16 @@ class Response:
     Attributes
     ----------
     compliance : (j,) m/N
+    model : that was evaluated
+    amplitude : (j, m) of the near-field functions, m/N
     """
 
     compliance: np.ndarray
-    _model: PalpationModel
+    model: PalpationModel
     _body: HeldBody
     _material: Material
     _free: np.ndarray  # (3 f, j) finite element part of the fields
-    _amplitude: np.ndarray  # (j, m) of the near-field functions
+    amplitude: np.ndarray
     _springs: tuple[float, float] | None  # of the support, None if it is bonded
 
     def displacement(self, j: int) -> np.ndarray:
@@ -66,12 +68,12 @@ class Response:
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
         result = stiffness.energies(nodal)
-        if self._model.enrichments:  # by press in memory, to be added to
+        if self.model.enrichments:  # by press in memory, to be added to
             result = np.ascontiguousarray(result)
         by_cell = result.reshape(len(nodal), -1, stiffness.samples)
-        for j, part in enumerate(self._model.enrichments):
+        for j, part in enumerate(self.model.enrichments):
             nodes = stiffness.mesh.cells[part.cells]
-            add_energies(by_cell[j], part.cells, nodes, nodal[j], self._amplitude[j],
+            add_energies(by_cell[j], part.cells, nodes, nodal[j], self.amplitude[j],
                          part.coupling, part.energy)  # fmt: skip
         np.negative(result, out=result)
         skin = self._material.skin
@@ -81,18 +83,18 @@ class Response:
             np.add.at(result, (np.arange(len(result))[:, None], samples), near)
             for j, field in enumerate(nodal):
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
-        if not self._model.enrichments:
+        if not self.model.enrichments:
             return result
         return np.hstack([result, -self._close_energies(nodal).reshape(len(nodal), -1)])
 
     def _close_energies(self, nodal: np.ndarray) -> np.ndarray:
         """Twice the energy of fields at the near fields' own samples for E = 1, (j, c, s)."""
-        mesh = self._model.mesh
+        mesh = self.model.mesh
         result = np.zeros((len(nodal), *self._material.close.shape))
-        for j, part in enumerate(self._model.enrichments):
+        for j, part in enumerate(self.model.enrichments):
             cells, *near = part.close
-            add_energies(result[j], self._model.close_rows[j], mesh.cells[cells], nodal[j],
-                         self._amplitude[j], *near)  # fmt: skip
+            add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], nodal[j],
+                         self.amplitude[j], *near)  # fmt: skip
         return result
 
     @cached_property
@@ -103,7 +105,7 @@ class Response:
         miss if all of it added up.
         """
         stiffness, material = self._body.stiffness, self._material
-        by_cell = material.modulus.reshape(-1, stiffness.samples)[self._model.close_cells]
+        by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
         close = self._close_energies(stiffness.prolong(self._free))
         bent = np.abs(close * (material.close - linear))
@@ -161,25 +163,25 @@ class Response:
         weight : (p,) at the model's `points_m`, or one number
         """
         count = len(self._material.modulus)  # fibres have no samples of the near fields' own
-        weight = np.broadcast_to(np.asarray(weight, float), len(self._model.points_m))[:count]
+        weight = np.broadcast_to(np.asarray(weight, float), len(self.model.points_m))[:count]
         return np.array([weight @ products for products in self._plane_products(plane)])
 
     def fibre_sensitivity(self, direction: np.ndarray) -> np.ndarray:
         """Return dC/dE_f by the modulus samples for a unit direction (3,), (j, p) m/(N Pa)."""
         direction = np.asarray(direction, float)
-        plane = self._model.fibre_plane(direction)
+        plane = self.model.fibre_plane(direction)
         weights = plane.weights(direction)
-        result = np.zeros((len(self.compliance), len(self._model.points_m)))
+        result = np.zeros((len(self.compliance), len(self.model.points_m)))
         for j, products in enumerate(self._plane_products(plane.plane)):
             result[j, : len(products)] = -(products @ weights)
         return result
 
     def _plane_products(self, plane: np.ndarray) -> Iterator[np.ndarray]:
         """For each press the products (p, 6) by modulus sample."""
-        fibre_plane = self._model.plane(plane)
+        fibre_plane = self.model.plane(plane)
         for j in range(len(self.compliance)):
             nodal = self._body.stiffness.prolong(self._free[:, [j]])[0]
-            yield fibre_plane.products(nodal, self._amplitude[j], j)
+            yield fibre_plane.products(nodal, self.amplitude[j], j)
 
     @cached_property
     def support_sensitivity(self) -> np.ndarray:
@@ -188,7 +190,7 @@ class Response:
         The integrals of the squared normal and tangential traction on the support, see
         `fem.support`; at zero compliance too. Where the support slides freely the second is 0.
         """
-        body = self._model.floating
+        body = self.model.floating
         if self._springs is not None:
             base = self._body.stiffness.prolong(self._free)[:, body.foundation.nodes]
             return body.foundation.displacement_squared(base) / np.square(self._springs)
@@ -200,7 +202,7 @@ class Response:
         size = len(stiffness.indptr) - 1
         upper = sp.csr_array(
             (
-                self._model.values(floating, self._material),
+                self.model.values(floating, self._material),
                 stiffness.indices,
                 stiffness.indptr,
             ),
@@ -209,6 +211,6 @@ class Response:
         field = stiffness.restrict(self._body.stiffness.prolong(self._free))
         force = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
         force -= floating.loads
-        for group, near in self._model.near_fields(stiffness, self._material):
-            force[:, group] += np.einsum("djm,jm->dj", near.coupling, self._amplitude[group])
+        for group, near in self.model.near_fields(stiffness, self._material):
+            force[:, group] += np.einsum("djm,jm->dj", near.coupling, self.amplitude[group])
         return stiffness.prolong(force)[:, floating.foundation.nodes]

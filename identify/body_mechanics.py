@@ -17,9 +17,10 @@ import numpy as np
 from fem import PalpationModel
 from fem.elasticity import fibre_weights
 from fem.errors import SolverError
+from fem.punch_shape import shape_gain
 from fem.response import Response
 from identify.body_state import BodyState
-from identify.discretization import FineModel, fine_compliance
+from identify.discretization import FineModel, fine_solution
 from identify.forward import positive_modulus
 from identify.gaussian_map import GaussianMap
 from identify.optimize_result import InadmissibleError
@@ -78,6 +79,10 @@ class BodyResponse:
         if state.mesh_error_share != self._state.mesh_error_share:
             step = state.mesh_error_share - self._state.mesh_error_share
             change += step * own.model_error * self.compliance
+        if state.rigid_tip_share != self._state.rigid_tip_share:
+            step = state.rigid_tip_share - self._state.rigid_tip_share
+            before = 1 - self._state.rigid_tip_share * own.tip_gain
+            change -= step * own.tip_gain / before * self.compliance
         old = self._state
         by_base = np.array(
             [
@@ -140,6 +145,8 @@ class BodyMechanics:
     at_poisson_ratio : builds the coarse model with another Poisson's ratio
     ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
     model_error : (j,) the finer model's own relative error, as estimated
+    tip_gain : (j,) relative part of the compliance that the pressure of a rigid, upright flat tip
+        takes off at this estimate (`fem.punch_shape`); 0 of other contacts
     """
 
     coarse: PalpationModel
@@ -147,6 +154,7 @@ class BodyMechanics:
     at_poisson_ratio: Callable[[float], PalpationModel]
     ratio: np.ndarray | float = 1.0
     model_error: np.ndarray | float = 0.0
+    tip_gain: np.ndarray | float = 0.0
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
@@ -179,6 +187,7 @@ class BodyMechanics:
         """
         response = self._solved(stiffness, state)
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
+        factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
             nu, own = state.poisson_ratio, response.compliance
@@ -200,16 +209,21 @@ class BodyMechanics:
 
         Fibres, support and skin are left out: what the meshes make of them differs little.
         """
-        if self.fine is None:
-            return self
         plain = BodyState(state.box_m, self.poisson_ratio, state.bumps, state.factors)
-        coarse = self._solved(stiffness, plain).compliance
+        coarse = self._solved(stiffness, plain)
         changed = _Changed(stiffness, plain)
-        fine, error = fine_compliance(self.fine, changed, self.coarse, coarse)
-        ratio = fine / coarse
+        if self.fine is None:
+            return replace(self, tip_gain=_tip_gain(coarse, changed))
+        fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
+        ratio = fine.compliance / coarse.compliance
         # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
         kept = np.clip(ratio, *_BELIEVED)
-        return replace(self, ratio=kept, model_error=error + (kept - ratio) / kept)
+        return replace(
+            self,
+            ratio=kept,
+            model_error=fine.error + (kept - ratio) / kept,
+            tip_gain=_tip_gain(fine.response, changed),
+        )
 
     def poisson_factor(
         self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
@@ -248,7 +262,9 @@ class BodyMechanics:
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
         """Solve on the coarse model, or return what was solved there not long ago."""
-        solved = state.changed(poisson_ratio=0.0, mesh_error_share=0.0, background_pa=None)
+        solved = state.changed(
+            poisson_ratio=0.0, mesh_error_share=0.0, rigid_tip_share=0.0, background_pa=None
+        )
         key = (stiffness, solved)
         response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
         self._solutions[key] = response
@@ -284,6 +300,14 @@ class _Changed:
 
     def modulus(self, points: np.ndarray) -> np.ndarray:
         return modulus_of(self.stiffness, self.state, points)
+
+
+def _tip_gain(response: Response, changed: _Changed) -> np.ndarray | float:
+    """Relative part (j,) of the compliance that a rigid tip's own pressure takes off."""
+    contacts = response.model.contacts
+    if contacts.profile != "flat":
+        return 0.0
+    return shape_gain(response, changed.modulus(contacts.points_m)) / response.compliance
 
 
 def _gradient(response: Response, by_parameter: np.ndarray, state: BodyState) -> np.ndarray:

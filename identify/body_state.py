@@ -40,6 +40,7 @@ class BodyState:
     base_normal_m_per_pa, base_tangential_m_per_pa : the base gives way by so much per traction
     skin_thickness_m, skin_factor : a top layer of modulus factor * E
     mesh_error_share : share of the model's own discretisation error that is added to C
+    rigid_tip_share : share of what the pressure of a rigid, upright flat tip takes off C
     background_pa : modulus that sizes of additions are measured against, where it is known
     """
 
@@ -54,6 +55,7 @@ class BodyState:
     skin_thickness_m: float = 0.0
     skin_factor: float = 1.0
     mesh_error_share: float = 0.0
+    rigid_tip_share: float = 0.0
     background_pa: float | None = None
 
     def changed(self, **changes: Any) -> BodyState:

@@ -10,27 +10,42 @@ from __future__ import annotations
 
 import numpy as np
 
+from typing import NamedTuple
+
 from fem import PalpationModel, RefinedModel
+from fem.response import Response
 from identify.forward import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
 _RATE = 2.5  # of meshes that are not extrapolated, presses away from edges and steep inclusions
 
 
-def fine_compliance(
+class FineSolution(NamedTuple):
+    """Compliance (j,) m/N of the finer model, its own relative error (j,), signed, and its fields.
+
+    Of a model that extrapolates, `response` is the finer mesh's own.
+    """
+
+    compliance: np.ndarray
+    error: np.ndarray
+    response: Response
+
+
+def fine_solution(
     fine: FineModel, stiffness: ModulusField, coarse: PalpationModel, coarse_compliance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the finer model's compliance (j,) m/N and its own relative error (j,), signed."""
+) -> FineSolution:
+    """Evaluate the finer model for a map; `coarse_compliance` (j,) is the coarse one's."""
     modulus = positive_modulus(stiffness, fine.points_m)
     if isinstance(fine, RefinedModel):
         known = coarse_compliance if fine.coarse is coarse else None
         response = fine.evaluate(modulus, coarse_compliance=known)
-        return response.compliance, response.error
-    compliance = fine.evaluate(modulus).compliance
+        return FineSolution(response.compliance, response.error, response.fine)
+    response = fine.evaluate(modulus)
+    compliance = response.compliance
     # Cells of order p resolve like p^3 linear ones.
     cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
     gain = max((cells[1] / cells[0]) ** (_RATE / 3) - 1, 0.5)
-    return compliance, (compliance / coarse_compliance - 1) / gain
+    return FineSolution(compliance, (compliance / coarse_compliance - 1) / gain, response)
 
 
 def shift_covariance(covariance: np.ndarray, jac: np.ndarray, shift: np.ndarray) -> np.ndarray:

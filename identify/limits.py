@@ -25,7 +25,6 @@ from identify.joint_fit import JointFit
 from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
 from identify.optimize_result import InadmissibleError
-from identify.readings import Readings
 from identify.scan_design import Design, presses_of, readings_of
 from identify.score import beyond, effect_patterns, fitted_basis
 
@@ -254,7 +253,7 @@ def planned(fit: JointFit, design: Design) -> tuple[MeasurementModel, Linearised
     """Return the model of a planned scan, and its linearisation at a fit's estimate."""
     timed = fit.model.readings.time_s is not None
     readings = readings_of(design.presses, timed)
-    mechanics = _mechanics(fit.model.mechanics, fit.model.readings, design)
+    mechanics = _mechanics(fit, design)
     model = replace(
         fit.model,
         readings=readings,
@@ -266,9 +265,9 @@ def planned(fit: JointFit, design: Design) -> tuple[MeasurementModel, Linearised
     return model, replace(at, residual=np.zeros(len(readings)))
 
 
-def _mechanics(own: BodyMechanics, readings: Readings, design: Design) -> BodyMechanics:
+def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
     """Return the body pressed as a design does; the present presses keep their models."""
-    present = presses_of(readings)
+    own, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
     same = len(presses) == len(present) and all(
         np.array_equal(getattr(presses, name), getattr(present, name))
@@ -288,7 +287,8 @@ def _mechanics(own: BodyMechanics, readings: Readings, design: Design) -> BodyMe
     def at_poisson_ratio(nu: float) -> PalpationModel:
         return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
 
-    return BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
+    other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
+    return other.corrected(fit.map, fit.at.state)
 
 
 @dataclass(frozen=True)

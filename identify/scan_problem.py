@@ -9,7 +9,7 @@ import numpy as np
 
 from fem import PalpationModel
 from fem.errors import SolverError
-from identify.discretization import FineModel, fine_compliance
+from identify.discretization import FineModel, fine_solution
 from identify.fit_record import FitIteration
 from identify.forward import Forward, compliance
 from identify.gaussian_map import GaussianMap
@@ -197,7 +197,7 @@ class ScanProblem:
         while True:
             before, model = minimum.result.x, minimum.forward.model
             coarse = compliance(model, minimum.map)
-            corrected, own_error = fine_compliance(fine, minimum.map, model, coarse)
+            corrected, own_error, _ = fine_solution(fine, minimum.map, model, coarse)
             forward = replace(minimum.forward, ratio=corrected / coarse)
             minimum = self.continued(minimum, forward)
             minimum = replace(minimum, nfev=minimum.nfev + 2)

@@ -44,6 +44,7 @@ EFFECTS = (
     "force_saturation",
     "contact_offset",
     "touch_threshold",
+    "rigid_tip",
     "surface_tilt",
     "breathing",
     "mesh_error",

@@ -112,6 +112,7 @@ class Bench:
         profile: str = "flat",
         converged: bool = True,
         body: HiddenBody | None = None,
+        upright: bool = False,
     ) -> np.ndarray:
         """Compliance of the presses, (j,) m/N; see `sim.soft_body.block_compliance`.
 
@@ -122,7 +123,7 @@ class Bench:
         """
         radius = self.program.radius_m if radius_m is None else radius_m
         return block_compliance(
-            body or self.body, self.points_m, radius, profile, self.divisions, converged
+            body or self.body, self.points_m, radius, profile, self.divisions, converged, upright
         )
 
 

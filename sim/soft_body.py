@@ -20,10 +20,15 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh, promote_to_tet10
+from fem.punch_shape import travel_under
+from fem.refined import RefinedResponse
+from fem.response import Response
+from fem.unilateral import half_space_matrix, patch_grid
 from sim.hidden_body import HiddenBody
 
 DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
+PATCHES = 12  # across a tip, where its pressure is solved for
 UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
 Divisions = tuple[int, int, int]
@@ -104,6 +109,7 @@ def block_compliance(
     profile: str = "flat",
     divisions: tuple[int, int, int] = DIVISIONS,
     converged: bool = True,
+    upright: bool = False,
 ) -> np.ndarray:
     """Compliance of presses straight down on the top of a block, (j,) m/N.
 
@@ -118,12 +124,15 @@ def block_compliance(
     profile : of the pressure, see `fem.Contacts`
     divisions : of the finer mesh
     converged : False for a coarse mesh alone, which is about a hundredth too stiff
+    upright : the flat tip keeps the surface under it level; else its pressure is the half-space's
     """
     rows = np.column_stack([points_m, radius_m])
     unique, back = np.unique(rows, axis=0, return_inverse=True)
     where = (unique.tobytes(), profile, divisions, converged)
     shape = (body.size_m, body.poisson_ratio, body.skin_thickness_m)
-    solved = _kept(_SOLVED, (body, *where), lambda: _solve(body, shape, where, unique))
+    solved = _kept(
+        _SOLVED, (body, upright, *where), lambda: _solve(body, shape, where, unique, upright)
+    )
     return solved[back.ravel()]
 
 
@@ -143,25 +152,57 @@ def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], A
 
 
 def _solve(
-    body: HiddenBody, shape: tuple, where: tuple[bytes, str, Divisions, bool], presses: np.ndarray
+    body: HiddenBody,
+    shape: tuple,
+    where: tuple[bytes, str, Divisions, bool],
+    presses: np.ndarray,
+    upright: bool,
 ) -> np.ndarray:
     _, profile, divisions, converged = where
     model = _kept(
         _MODELS, (shape, where), lambda: _model(body, profile, divisions, converged, presses)
     )
-    result = _evaluate(model, body)
+    response = _respond(model, body)
+    result = np.array(response.compliance)
+    if upright:
+        own = response.fine if isinstance(response, RefinedResponse) else response
+        result *= 1 - _upright_gain(own, body)
     result.flags.writeable = False
     return result
 
 
-def _evaluate(model: PalpationModel | RefinedModel, body: HiddenBody) -> np.ndarray:
+def _upright_gain(response: Response, body: HiddenBody) -> np.ndarray:
+    """Relative part (j,) of the compliance that a tip loses which stays level.
+
+    Forces q on a grid of patches that add up to nothing join the pressure, so that the
+    complementary energy C + 2 q.u + q.G q is least: u is the travel under the tip, G the influence
+    of patches on the half-space with the modulus at the contact. There C + q.u is left of it.
+    """
+    contacts = response.model.contacts
+    modulus = body.modulus(contacts.points_m)
+    centres, side = patch_grid(1.0, PATCHES, disc=True)
+    system = np.ones((len(centres) + 1, len(centres) + 1))
+    system[-1, -1] = 0  # the last row: the forces add up to nothing
+    gain = np.empty(len(contacts))
+    for j, radius in enumerate(contacts.radius_m):
+        system[:-1, :-1] = half_space_matrix(centres * radius, side * radius, body.poisson_ratio)
+        system[:-1, :-1] /= modulus[j]
+        travel = travel_under(response, j, centres)
+        forces = np.linalg.solve(system, np.append(-travel, 0.0))[:-1]
+        gain[j] = -(forces @ travel) / response.compliance[j]
+    return gain
+
+
+def _respond(
+    model: PalpationModel | RefinedModel, body: HiddenBody
+) -> Response | RefinedResponse:
     modulus = body.modulus(model.points_m)
     support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
     fibres = None
     if body.fibre_share:
         along = np.array([np.cos(body.fibre_angle_rad), np.sin(body.fibre_angle_rad), 0.0])
         fibres = (along, body.fibre_share * modulus)
-    return np.array(model.evaluate(modulus, support, fibres).compliance)
+    return model.evaluate(modulus, support, fibres)
 
 
 def _model(

@@ -15,7 +15,7 @@ NAMES = (
     "extra_inclusion", "stiffness_gradient", "poisson_ratio", "preconditioning", "hysteresis",
     "spherical_tip", "base_compliance", "base_sliding", "tool_compliance", "force_bias",
     "force_drift", "force_saturation", "contact_offset", "surface_tilt", "breathing", "mesh_error",
-    "touch_threshold",
+    "touch_threshold", "rigid_tip",
 )  # fmt: skip
 
 
@@ -53,7 +53,7 @@ def test_effects_that_can_only_go_one_way_are_known():
     assert one_sided == {
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
-        "touch_threshold",
+        "touch_threshold", "rigid_tip",
     }  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def test_a_tip_as_wide_as_the_layer_is_thick_has_hayes_stiffness():
     response = model.evaluate(5e3)
     exact = (1 - NU**2) / (2 * 5e3 * a * punch_factor(a / H, NU))
     assert response.compliance[0] / exact - 1 > 0.02
-    better = response.compliance - shape_gain(model, response, np.array([5e3]))
+    better = response.compliance - shape_gain(response, np.array([5e3]))
     assert better[0] == pytest.approx(exact, rel=0.006)
 
 
@@ -31,7 +31,7 @@ def test_a_small_tip_on_an_even_body_has_the_half_spaces_pressure():
     contacts = Contacts(np.array([0.03, 0.03, 0.04]), DOWN, 0.004)
     model = PalpationModel(block_mesh((0.06, 0.06, 0.04), (6, 6, 4)), 0.4, contacts)
     response = model.evaluate(5e3)
-    gain = shape_gain(model, response, np.array([5e3]))
+    gain = shape_gain(response, np.array([5e3]))
     assert 0 <= gain[0] < 1e-4 * response.compliance[0]
 
 
@@ -45,11 +45,11 @@ def test_a_tip_over_the_side_of_a_stiff_place_gains_by_not_tilting():
         return 5e3 + 20e3 * np.exp(-away / (2 * 0.008**2))
 
     response = model.evaluate(modulus(model.points_m))
-    above, beside, across = shape_gain(model, response, modulus(points)) / response.compliance
+    above, beside, across = shape_gain(response, modulus(points)) / response.compliance
     assert above < 0.1 * beside
     assert beside == pytest.approx(across, rel=0.01)  # x and y may change places
     assert 0.003 < beside < 0.1
-    assert (shape_gain(model, response, 2 * modulus(points))[1]) == pytest.approx(
+    assert (shape_gain(response, 2 * modulus(points))[1]) == pytest.approx(
         2 * beside * response.compliance[1], rel=1e-9
     )
 
@@ -58,4 +58,4 @@ def test_a_hertz_contact_is_refused():
     contacts = Contacts(np.array([0.02, 0.02, 0.02]), DOWN, 0.004, "hertz")
     model = PalpationModel(block_mesh((0.04, 0.04, 0.02), (3, 3, 2)), 0.4, contacts)
     with pytest.raises(MeshError, match="only a flat tip"):
-        shape_gain(model, model.evaluate(5e3), np.array([5e3]))
+        shape_gain(model.evaluate(5e3), np.array([5e3]))

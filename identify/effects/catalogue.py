@@ -19,6 +19,7 @@ from identify.effects.hysteresis import Hysteresis
 from identify.effects.mesh_error import MeshError
 from identify.effects.poisson_ratio import PoissonRatio
 from identify.effects.preconditioning import Preconditioning
+from identify.effects.rigid_tip import RigidTip
 from identify.effects.skin_layer import SkinLayer
 from identify.effects.spherical_tip import SphericalTip
 from identify.effects.stiffness_gradient import StiffnessGradient
@@ -38,6 +39,7 @@ CATALOGUE: tuple[Effect, ...] = (
     BaseCompliance(),
     BaseSliding(),
     MeshError(),
+    RigidTip(),
     SphericalTip(),
     FiniteStrain(),
     StrainStiffening(),

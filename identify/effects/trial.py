@@ -74,6 +74,7 @@ class Trial:
                     state.base_tangential_m_per_pa * 1e6,
                     (state.skin_factor - 1) * state.skin_thickness_m * 1e3,
                     state.mesh_error_share,
+                    state.rigid_tip_share,
                 ],
             ]
         )

@@ -131,6 +131,19 @@ class BaseSliding(HiddenEffect):
         return replace(body, base_tangential_m_per_pa=values["tangential_m_per_pa"])
 
 
+class RigidTip(HiddenEffect):
+    """The flat tip is held upright and keeps the surface under it level."""
+
+    name, category = "rigid_tip", "compliance"
+    law = "C + share (C_upright - C)"
+    amplitude, typical, limit = "share", 1.0, 1.0
+
+    def contact(self, bench, travel_m, values):
+        """Mix the compliances under a level tip in."""
+        ratio = bench.compliance(upright=True) / bench.compliance()
+        return travel_m * (1 + values["share"] * (ratio - 1))[:, None]
+
+
 class MeshError(HiddenEffect):
     """The compliances carry the error of a coarse mesh, several times over."""
 

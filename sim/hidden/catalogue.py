@@ -12,6 +12,7 @@ from sim.hidden.body import (
     ExtraInclusion,
     MeshError,
     PoissonRatio,
+    RigidTip,
     SkinLayer,
     StiffnessGradient,
 )
@@ -49,6 +50,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
     PoissonRatio(),
     Preconditioning(),
     Hysteresis(),
+    RigidTip(),
     SphericalTip(),
     BaseCompliance(),
     BaseSliding(),

@@ -24,6 +24,7 @@ import test_fem_half_space as half_space
 import test_fem_hyperelastic as hyperelastic
 import test_fem_manufactured as manufactured
 import test_fem_prony as prony
+import test_fem_tip_surface as tip_surface
 import test_fem_unilateral as unilateral
 import test_validation_cook as cook
 from run import README, machine
@@ -100,7 +101,7 @@ def hayes() -> Iterator[Row]:
             exact = punch_factor(wide, nu) if limit else factor
             model = layer(wide, nu)
             response = model.evaluate(1.0)
-            gain = shape_gain(model, response, np.ones(1))  # the layer's own pressure
+            gain = shape_gain(response, np.ones(1))  # the layer's own pressure
             compliance = (response.compliance - gain)[0]
             kinds[limit].append((1 - nu**2) / (2 * wide * compliance) / exact - 1)
     for limit, errors in kinds.items():
@@ -118,6 +119,16 @@ def hertz() -> Iterator[Row]:
     force = press_by(matrix, sphere_gap(centres, radius), travel).force_n
     exact = 4 / 3 * unilateral.PLANE * np.sqrt(radius) * travel**1.5
     yield "Sphere on the half-space, unilateral contact", "Hertz", percent(force / exact - 1)
+
+
+def upright_tip() -> Iterator[Row]:
+    found = [tip_surface.near_an_edge(y) for y in (0.048, 0.012)]
+    assumed, own = ([percent(pair[i] - 1) for pair in found] for i in (0, 1))
+    yield (
+        "Rigid tip of 10 mm held upright, rim 2 mm from an edge and from a corner",
+        "unilateral contact",
+        f"{own[0]} and {own[1]} ({assumed[0]} and {assumed[1]} under the assumed pressure)",
+    )
 
 
 def boussinesq() -> Iterator[Row]:
@@ -252,7 +263,7 @@ def hard_presses() -> Iterator[Row]:
 
 
 CHECKS: tuple[Callable[[], Iterator[Row]], ...] = (
-    patch, rates, hayes, hertz, boussinesq, cooks_membrane, hyperelastic_laws, creep,
+    patch, rates, hayes, hertz, upright_tip, boussinesq, cooks_membrane, hyperelastic_laws, creep,
     against_calculix, laboratory, hard_presses,
 )  # fmt: skip
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from fem.block import block_mesh
-from fem.contact import Contacts
+from fem.contact import Contacts, disc_quadrature
 from fem.errors import MeshError
+from fem.half_space import FLAT
 from fem.hayes import punch_factor
 from fem.palpation import PalpationModel
-from fem.punch_shape import shape_gain
+from fem.punch_shape import shape_gain, travel_under
 
 DOWN = np.array([0.0, 0.0, -1.0])
 NU, H = 0.45, 0.01
@@ -52,6 +53,18 @@ def test_a_tip_over_the_side_of_a_stiff_place_gains_by_not_tilting():
     assert (shape_gain(response, 2 * modulus(points))[1]) == pytest.approx(
         2 * beside * response.compliance[1], rel=1e-9
     )
+
+
+def test_the_travel_under_the_tip_weighted_with_the_pressure_is_the_compliance():
+    size = (0.06, 0.06, 0.04)
+    points = np.array([(0.03, 0.03, 0.04), (0.037, 0.021, 0.04)])
+    model = PalpationModel(block_mesh(size, (6, 6, 4)), 0.4, Contacts(points, DOWN, 0.005))
+    x = model.points_m
+    response = model.evaluate(5e3 * (1 + 4 * np.exp(-((x - points[0]) ** 2).sum(axis=1) / 1e-4)))
+    disc, weight = disc_quadrature(FLAT)
+    for j in range(2):
+        mean = weight @ travel_under(response, j, disc)
+        assert mean == pytest.approx(response.compliance[j], rel=1e-6)
 
 
 def test_a_hertz_contact_is_refused():

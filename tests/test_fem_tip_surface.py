@@ -87,6 +87,32 @@ def test_beside_an_inclusion_the_fast_model_errs_by_its_pressures_shape_which_it
     assert abs(after - 1).max() < 0.03
 
 
+def near_an_edge(y: float) -> tuple[float, float]:
+    """Compliance of a tip of 10 mm, 2 mm from an edge, over that in unilateral contact.
+
+    With the assumed pressure, and with the tip's own.
+    """
+    size, point = (0.096, 0.096, 0.048), np.array([0.012, y, 0.048])
+    mesh = graded_block(size, (0.012, y), 0.0115, (7, 4, 7))
+    surface = tip_surface(mesh, 0.49, even, point, DOWN, 0.0115)
+    contacts = Contacts(point, DOWN, 0.010)
+    fast = RefinedModel(
+        *(PalpationModel(block_mesh(size, n), 0.49, contacts) for n in ((8, 8, 4), (12, 12, 6)))
+    )
+    response = fast.evaluate(E)
+    gain = shape_gain(response.fine, np.array([E]))
+    true = flat_compliance(surface, 0.010)
+    return float(response.compliance[0] / true), float((response.compliance - gain)[0] / true)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("y", [0.048, 0.012], ids=["edge", "corner"])
+def test_a_rigid_tip_near_an_edge_is_the_fast_model_with_its_own_pressure(y):
+    assumed, own = near_an_edge(y)
+    assert assumed > 1.05
+    assert own == pytest.approx(1, abs=0.015)
+
+
 def test_the_point_force_is_in_equilibrium_and_leaves_the_surface_free():
     nu, h = 0.37, 1e-5
     places = np.array([(0.4, 0.3, 0.5), (-0.9, 1.1, 0.4), (0.1, -0.05, 0.8)])

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fem import Contacts, PalpationModel, block_mesh
+from fem.punch_shape import shape_gain
 from models.errors import InputError
 from sim.bench import Bench, press, record
 from sim.hidden.amplitude import amplitude_for, size_of
@@ -15,6 +17,7 @@ from sim.hidden.catalogue import HIDDEN, INSIDERS, hidden_effect
 from sim.hidden.planted_scan import planted_scan
 from sim.hidden_body import HiddenBody
 from sim.press_program import PressProgram, grid_program
+from sim.soft_body import block_compliance
 
 COARSE = (5, 5, 3)
 TWO_RADII = (0.004, 0.007)
@@ -75,6 +78,9 @@ def test_an_effect_gets_the_size_that_was_asked_for(bench, effect, size):
     assert size_of(press(bench, [planted]), plain) == pytest.approx(reached, rel=1e-9)
     # Rounding to whole steps cannot be tuned finely; a few presses cannot make up a large share
     loose = {"outside_coarse_encoder": 0.05}
+    if effect.name == "rigid_tip" and planted[1]["share"] == 1:
+        assert 0 < reached < size  # a tip cannot be held more upright than upright
+        return
     assert reached == pytest.approx(size, rel=loose.get(effect.name, 0.011))
 
 
@@ -114,6 +120,20 @@ def test_a_sphere_on_a_thick_soft_block_follows_hertz():
     hertz = (3 * force / (4 * stiffness * np.sqrt(radius))) ** (2 / 3)
     # The block is a little stiffer than a half-space: about 1.3 a/h
     assert travel == pytest.approx(hertz, rel=0.03)
+
+
+def test_an_upright_tip_is_stiffer_at_the_edge_and_beside_an_inclusion_as_the_quick_formula_has_it():
+    body, radius = HiddenBody(), 0.010
+    points = np.array([(0.012, 0.048), (0.012, 0.012), (0.036, 0.046), (0.040, 0.058), (0.08, 0.03)])
+    press = (body, points, np.full(len(points), radius))
+    lost = 1 - block_compliance(*press, upright=True) / block_compliance(*press)
+    contacts = Contacts(np.column_stack([points, np.full(5, 0.048)]), (0, 0, -1), radius)
+    model = PalpationModel(block_mesh(body.size_m, (12, 12, 6)), body.poisson_ratio, contacts)
+    response = model.evaluate(body.modulus(model.points_m))
+    quick = shape_gain(response, body.modulus(contacts.points_m)) / response.compliance
+    assert_allclose(lost, quick, rtol=0.06, atol=0.003)
+    assert (lost[:3] > 0.05).all()
+    assert (lost[3:] < 0.02).all()
 
 
 def test_the_same_seed_makes_the_same_scan_and_another_one_another(bench):

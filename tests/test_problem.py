@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_problem import SIZE, TRUE, model, points, scan, timing, true_compliance
+from loop_problem import SIZE, TRUE, mechanics, model, points, scan, timing, true_compliance
+from numpy.testing import assert_allclose
 
 from identify.gaussian_map import GaussianMap, Inclusion
 from identify.optimize_result import InadmissibleError
@@ -25,3 +26,16 @@ def test_a_map_finer_than_the_mesh_is_weakened_until_it_can_be_evaluated():
     own.linearise(own.start(weaker))
     assert weaker.inclusions[0].weight_pa < spike.inclusions[0].weight_pa
     assert possible_map(known, TRUE) is TRUE
+
+
+def test_a_tip_that_is_held_takes_its_part_of_the_compliance():
+    own = mechanics()
+    free = own.state()
+    half, whole = (free.changed(rigid_tip_share=share) for share in (0.5, 1.0))
+    plain, held = own.evaluate(TRUE, free), own.evaluate(TRUE, half)
+    assert 1e-3 < np.max(own.tip_gain) < 0.1
+    assert_allclose(held.compliance, plain.compliance * (1 - 0.5 * own.tip_gain), rtol=1e-12)
+    for start, end in ((plain, half), (held, whole), (held, free)):
+        change, local = start.change(end)
+        assert_allclose(start.compliance + change, own.evaluate(TRUE, end).compliance, rtol=1e-12)
+        assert not local.any()

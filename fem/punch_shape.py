@@ -36,8 +36,11 @@ _OWN = np.array([0.1, 1 / 12, 1 / 12])  # energies A_kk in units of k/a
 
 
 class _Reading(NamedTuple):
-    """What reads the three A_k off a press's field: nodes (n,), weights (3, n, 3) of their
-    displacements, weights (3, m) of the near field's amplitudes."""
+    """What reads the three A_k off a press's field.
+
+    Nodes (n,), weights (3, n, 3) of their displacements, weights (3, m) of the near field's
+    amplitudes.
+    """
 
     nodes: np.ndarray
     nodal: np.ndarray
@@ -100,8 +103,10 @@ def _reading(model: PalpationModel, surface: PressedSurface, j: int) -> _Reading
 def _under(
     model: PalpationModel, surface: PressedSurface, j: int, disc: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What gives the travel at points of the disc: nodes (n,), weights (p, n) of their travel,
-    weights (p, m) of the near field's amplitudes."""
+    """Return what gives the travel at points (p, 2) of the disc.
+
+    Nodes (n,), weights (p, n) of their travel, weights (p, m) of the near field's amplitudes.
+    """
     contacts, mesh = model.contacts, model.mesh
     centre, radius = contacts.points_m[j], float(contacts.radius_m[j])
     frame = contact_frame(contacts.directions[j])

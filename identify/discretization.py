@@ -8,9 +8,9 @@ as one error that all presses share, and as one that is each press's own.
 
 from __future__ import annotations
 
-import numpy as np
-
 from typing import NamedTuple
+
+import numpy as np
 
 from fem import PalpationModel, RefinedModel
 from fem.response import Response

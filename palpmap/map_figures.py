@@ -73,11 +73,14 @@ def draw_uncertainty(f: Finding) -> Figure | None:
 
 
 def _uncertainty(f: Finding) -> Column:
-    free = [f.fit.map.names.index(name) for name in f.fit.covariance_names]
+    names = f.fit.map.names  # effects that were fitted too move no modulus here
+    own = [i for i, name in enumerate(f.fit.covariance_names) if name in names]
+    free = [names.index(f.fit.covariance_names[i]) for i in own]
+    covariance = f.fit.covariance[np.ix_(own, own)]
 
     def deviation(points: np.ndarray) -> np.ndarray:
         gradient = f.fit.map.gradient(points)[:, free]
-        variance = np.einsum("pk,kl,pl->p", gradient, f.fit.covariance, gradient)
+        variance = np.einsum("pk,kl,pl->p", gradient, covariance, gradient)
         return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.fit.map.modulus(points))
 
     return Column("How sure", deviation, "one standard deviation, %", "magma_r")

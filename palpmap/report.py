@@ -91,7 +91,9 @@ def shown(value: float, unit: str) -> str:
     """
     if unit == "Pa":
         return f"{value / 1e3:.4g} kPa"
-    return f"{value * 1e3:.2f} mm" if unit == "m" else f"{value:.4g} {unit}".strip()
+    if unit == "m":
+        return f"{value * 1e3:.2f} mm"
+    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}".strip()
 
 
 def parameter_rows(f: Finding) -> list[tuple[str, str, str, str, bool | None]]:

@@ -193,9 +193,7 @@ def _upright_gain(response: Response, body: HiddenBody) -> np.ndarray:
     return gain
 
 
-def _respond(
-    model: PalpationModel | RefinedModel, body: HiddenBody
-) -> Response | RefinedResponse:
+def _respond(model: PalpationModel | RefinedModel, body: HiddenBody) -> Response | RefinedResponse:
     modulus = body.modulus(model.points_m)
     support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
     fibres = None

@@ -122,9 +122,10 @@ def test_a_sphere_on_a_thick_soft_block_follows_hertz():
     assert travel == pytest.approx(hertz, rel=0.03)
 
 
-def test_an_upright_tip_is_stiffer_at_the_edge_and_beside_an_inclusion_as_the_quick_formula_has_it():
+def test_an_upright_tip_is_stiffer_at_edges_and_flanks_as_the_quick_formula_has_it():
     body, radius = HiddenBody(), 0.010
-    points = np.array([(0.012, 0.048), (0.012, 0.012), (0.036, 0.046), (0.040, 0.058), (0.08, 0.03)])
+    places = [(0.012, 0.048), (0.012, 0.012), (0.036, 0.046), (0.040, 0.058), (0.08, 0.03)]
+    points = np.array(places)
     press = (body, points, np.full(len(points), radius))
     lost = 1 - block_compliance(*press, upright=True) / block_compliance(*press)
     contacts = Contacts(np.column_stack([points, np.full(5, 0.048)]), (0, 0, -1), radius)

@@ -3,6 +3,7 @@
 import io
 import json
 from contextlib import redirect_stdout
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -206,6 +207,24 @@ def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     assert "Found map beside" not in text
     assert "inside" not in text
     assert [row[3] for row in parameter_rows(finding)] == [""] * 6
+
+
+def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", truth=False))
+    fit = finding.fit
+    names, estimates = fit.covariance_names, fit.parameters
+    free, share = len(names), Estimate(0.67, 0.1, "1", 0.5, 0.8, True)
+    covariance = np.zeros((free + 1, free + 1))
+    covariance[0, 0], covariance[1:, 1:] = 0.01, fit.covariance  # in another order, too
+    more = replace(
+        fit,
+        covariance_names=("rigid_tip.share", *names),
+        covariance=covariance,
+        parameters={**estimates, "rigid_tip.share": share},
+    )
+    with_effect = replace(finding, fit=more)
+    assert png(draw_map(with_effect)) == png(draw_map(finding))
+    assert ("rigid tip share", "0.67", "0.5 to 0.8", "", None) in parameter_rows(with_effect)
 
 
 def test_positions_are_told_in_the_scans_own_frame(tmp_path):

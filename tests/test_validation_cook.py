@@ -3,9 +3,9 @@
 The panel is 48 wide and clamped at x = 0, where it is 44 high; at x = 48 it goes from y = 44 to 60
 and carries a shear force of 1 upwards. The reference is a plane mixed method (Taylor-Hood:
 displacement Q2, pressure Q1), another element with another formulation, itself held against the
-published deflection of the loaded edge's middle: 23.96 (P. G. Bergan and C. A. Felippa, A triangular
-membrane element with rotational degrees of freedom, Comput. Meth. Appl. Mech. Engng. 50, 1985, give
-23.9; programs that refine further 23.96).
+published deflection of the loaded edge's middle: 23.96 (P. G. Bergan and C. A. Felippa, A
+triangular membrane element with rotational degrees of freedom, Comput. Meth. Appl. Mech. Engng. 50,
+1985, give 23.9; programs that refine further 23.96).
 """
 
 from __future__ import annotations

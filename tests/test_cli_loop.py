@@ -121,6 +121,16 @@ def test_add_shows_the_error_before_and_after(offset, added):
     assert "background_pa" in added.stdout
 
 
+def test_the_version_with_the_effect_is_fitted_and_reported(offset, added, tmp_path):
+    version = offset.with_name("study.v2.toml")
+    result = palpmap("fit", version, "--out", tmp_path / "run")
+    assert result.exit_code == 0
+    found = json.loads((tmp_path / "run" / "fit.json").read_text())["parameters"]
+    assert found["contact_offset.offset_m"]["value"] == pytest.approx(OFFSET_M, abs=3e-5)
+    assert "contact offset" in result.stdout
+    assert (tmp_path / "run" / "report.html").exists()
+
+
 def test_an_effect_is_not_added_twice(offset, added):
     version = offset.with_name("study.v2.toml")
     said = sentence_of(palpmap("add", version, "contact_offset"))

@@ -3,7 +3,8 @@
 The linear score only ranks; the refit decides. At each step the best-scored effects and all that
 look like them are fitted jointly with the map; the winner must beat every rival by more than
 `MARGIN` in chi-square (after the price of its parameters), else the rivals are an ambiguous group
-and one of them stands in for the group. An effect that the map imitates all but wholly is never
+and one of them stands in for the group. A residual that is noise is a rival too: chance, with what
+the model itself is off by, makes an effect of four standard errors now and then. An effect that the map imitates all but wholly is never
 named alone: what is left of it is no more than a slight error of the model. After each addition the
 earlier ones must still earn their place. The verdict follows from what remains.
 """
@@ -168,6 +169,7 @@ def climb(
     rise(ladder[0])
     additions: list[Addition] = []
     dropped: list[str] = []
+    settled = False
     step = first(ladder[0], say) if first else None
     if step is not None:
         fit, additions = step
@@ -175,8 +177,11 @@ def climb(
         rise(ladder[-1])
     while is_more_missing(ladder, additions) and len(additions) < most:
         now = ladder[-1]
-        rivals = best_rivals(now, effects, say, dropped)
+        # Where the residual is noise, nothing more is a rival too
+        quiet = now.comparison.is_noise
+        rivals = best_rivals(now, effects, say, dropped, MARGIN if quiet else 0.0)
         if not rivals:
+            settled = quiet
             break
         winner = rivals[0]
         additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))
@@ -187,7 +192,7 @@ def climb(
         dropped.extend(lost)
         ladder.append(rung_of(fit, scan, catalogue, seed, say))
         rise(ladder[-1])
-    verdict = "unexplained" if model.press_error else _verdict(ladder, additions)
+    verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled)
     return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
 
 
@@ -237,9 +242,10 @@ def is_more_missing(ladder: Sequence[Rung], additions: Sequence[Addition]) -> bo
     return len(additions[-1].equals) == 1 and strongest > _TRACE * explained
 
 
-def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition]) -> Verdict:
+def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition], settled: bool) -> Verdict:
+    """Judge the last rung; `settled` says that no effect does clearly better than its noise."""
     last = ladder[-1]
-    if not last.comparison.is_noise or is_more_missing(ladder, additions):
+    if not last.comparison.is_noise or (is_more_missing(ladder, additions) and not settled):
         return "unexplained"
     if not additions:
         return "nothing_missing"

@@ -38,16 +38,21 @@ class Rival:
 
 
 def best_rivals(
-    rung: Rung, effects: dict[str, Effect], say: Callable[[str], None], exclude: Sequence[str]
+    rung: Rung,
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    exclude: Sequence[str],
+    least: float,
 ) -> tuple[Rival, ...]:
     """Return the best-scored effects that a refit bears out; empty if there are none.
 
     Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
+    `least` is by what an effect must beat the model without it, in chi-square and price.
     """
     tried = list(exclude)
     while names := shortlist(rung.diagnosis, tried):
         rivals = compare_rivals(rung, effects, say, tried)
-        if rivals and rivals[0].criterion < rung.fit.bic:
+        if rivals and rivals[0].criterion < rung.fit.bic - least:
             return rivals
         tried += names
     return ()

@@ -32,6 +32,11 @@ def verdict_detail(explained: Explanation) -> str:
     """Return the verdict's own sentence: which effects, or what is left."""
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
+        if explained.traces:
+            return (
+                f"The residual is noise, with a trace of {' or '.join(explained.traces)} that is "
+                "too weak to be told from chance and from what the model itself is off by."
+            )
         return "The residual is noise, and no effect of the catalogue is seen in it."
     if explained.verdict == "explained":
         return f"With {sure} in the model, what remains is noise."
@@ -149,7 +154,7 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
         notes.append("The last fit did not reach its minimum within its evaluations.")
     if explained.dropped:
         notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
-    if explained.traces:
+    if explained.traces and explained.additions:
         notes.append(
             f"A trace of {' or '.join(explained.traces)} is left. It is small against what was "
             "explained, and as likely an inaccuracy of the effects that were found."

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from identify.explain import is_more_missing
+from identify.effects.catalogue import effect_named
+from identify.explain import _verdict, is_more_missing
+from identify.rivals import best_rivals
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,21 @@ def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(run
     ladder = (first, significant(last, 0.05, explained))
     assert is_more_missing(ladder, (addition,))
     assert not is_more_missing(ladder, (group,))
+
+
+def test_nothing_is_a_rival_too_where_the_residual_is_noise(rungs):
+    (first, last), _ = rungs
+    quiet = replace(significant(first, 0.01, first.fit.chi2), comparison=last.comparison)
+    assert _verdict((quiet,), (), settled=False) == "unexplained"
+    assert _verdict((quiet,), (), settled=True) == "nothing_missing"
+    assert _verdict((first,), (), settled=True) == "unexplained"
+    best = first.diagnosis.scores[0]
+    effects = {best.name: effect_named(best.name)}
+    quiet = replace(quiet, diagnosis=replace(first.diagnosis, significant=frozenset(effects)))
+    (rival,) = best_rivals(quiet, effects, str, (), 0.0)
+    margin = first.fit.bic - rival.criterion
+    assert best_rivals(quiet, effects, str, (), margin - 1)
+    assert not best_rivals(quiet, effects, str, (), margin + 1)
 
 
 def test_nothing_significant_ends_the_loop(rungs):

@@ -210,7 +210,8 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
     side = max(0.34 * n, 2.0)
     figure = new_figure(side + 3.4, side + 2.2)
     axes = figure.subplots()
-    image = axes.imshow(cosines, cmap="Blues", vmin=0, vmax=1)
+    # With square cells the labels on the left would be cut
+    image = axes.imshow(cosines, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for i in range(n):
         for j in range(n):
             if i != j and cosines[i, j] >= 0.5:

@@ -83,15 +83,11 @@ def run_fit(
             body = build_body_model(known, placement.scan.used())
             surface = record_scan(recording, body, placement.scan.used())
             progress.update(task, description="fitting the map")
-            fit = fit_study(
-                known,
-                placement,
-                body,
-                optimizer,
-                step_recorder(recording, body, lambda: progress.advance(task), surface),
-            )
+            record_step = step_recorder(recording, body, lambda: progress.advance(task), surface)
+            fit = fit_study(known, placement, body, optimizer, record_step)
             if known.effects:
                 fit = with_effects(known, placement, body, fit)
+                record_step(fit.history[-1])
             progress.update(task, description="comparing and drawing")
             finding = finish_fit(run.path, known, fit, body, recording)
             progress.update(task, description="done", total=1, completed=1)
@@ -107,10 +103,16 @@ def run_fit(
 
 
 def with_effects(study: Study, placement: Placement, body: BodyModel, fit: Fit) -> Fit:
-    """Fit a study's effects jointly with the map that was fitted without them."""
+    """Fit a study's effects jointly with the map that was fitted without them.
+
+    To the history of that fit the joint one adds its end.
+    """
     model, start = fit_effects(study, placement.scan, body, fit, own_effects(study, ()))
     joint = fit_jointly(model, start)
-    return replace(fit_of(fit, joint), message=joint.message)
+    found = dict(zip(joint.map.names, joint.map.values.tolist(), strict=True))
+    number = fit.history[-1].iteration + 1 if fit.history else 0
+    end = FitIteration(number, found, joint.chi2, joint.chi2_per_dof, joint.rms_m)
+    return replace(fit_of(fit, joint), message=joint.message, history=(*fit.history, end))
 
 
 def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray:

@@ -67,7 +67,8 @@ def draw_convergence(f: Finding) -> Figure | None:
         return None
     steps = [step.iteration for step in history]
     true = {} if f.truth is None else matched(f.fit.map, f.truth)
-    free = [name for name, e in f.fit.parameters.items() if e.free]
+    # Of the map: effects join it at the end
+    free = [n for n, e in f.fit.parameters.items() if e.free and n in f.fit.map.names]
     kinds = (
         ("modulus, kPa", 1e-3, [n for n in free if n.endswith("_pa")]),
         ("position and radius, mm", 1e3, [n for n in free if n.endswith("_m")]),

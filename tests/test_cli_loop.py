@@ -125,8 +125,14 @@ def test_the_version_with_the_effect_is_fitted_and_reported(offset, added, tmp_p
     version = offset.with_name("study.v2.toml")
     result = palpmap("fit", version, "--out", tmp_path / "run")
     assert result.exit_code == 0
-    found = json.loads((tmp_path / "run" / "fit.json").read_text())["parameters"]
+    record = json.loads((tmp_path / "run" / "fit.json").read_text())
+    found = record["parameters"]
     assert found["contact_offset.offset_m"]["value"] == pytest.approx(OFFSET_M, abs=3e-5)
+    assert record["history"][-1]["chi2_per_dof"] == record["chi2_per_dof"]
+    assert record["history"][-2]["chi2_per_dof"] > 1.5  # of the map alone
+    told = palpmap("review", tmp_path / "run", "--summary", "--json")
+    last = json.loads(told.stdout)["last_values"]["fit/chi2_per_dof"]
+    assert last == pytest.approx(record["chi2_per_dof"], rel=1e-6)
     assert "contact offset" in result.stdout
     assert (tmp_path / "run" / "report.html").exists()
 

@@ -144,8 +144,10 @@ def test_both_stiff_spots_of_a_real_silicone_organ_are_found_and_the_misfit_said
     assert not fitted.record["residual_is_noise"]
     assert fitted.record["chi2_per_dof"] > 100
     assert "the noise or the model is wrong" in fitted.record["message"]
-    # Nothing so small and hard has a stiffness that the presses could tell.
-    assert "at its bound, so not found: inclusion_1.weight_pa" in fitted.record["message"]
+    # Nothing so small and hard has a stiffness that the presses could tell: the search ends at its
+    # bound, or before that at a map that the two meshes do not agree on.
+    at_bound = "at its bound, so not found: inclusion_1.weight_pa" in fitted.record["message"]
+    assert at_bound or unsettled
     compared = run_command("compare", fitted.folder, folder=tmp_path / "compared")
     assert compared.exit_code == 1, compared.stderr
     assert not compared.record["is_noise"]

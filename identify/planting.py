@@ -83,9 +83,12 @@ def _mechanics() -> BodyMechanics:
     def at(nu: float) -> PalpationModel:
         return PalpationModel(mesh, nu, contacts)
 
-    # an error of the mesh that an effect may scale: what the presses' places make of it
+    # errors of mesh and pressure that an effect may scale: what the presses' places make of them
     far = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
-    return BodyMechanics(at(state.poisson_ratio), None, at, model_error=0.02 * far / far.max())
+    far /= far.max()
+    return BodyMechanics(
+        at(state.poisson_ratio), None, at, model_error=0.02 * far, tip_gain=0.1 * far**2
+    )
 
 
 def _fit(own: Trial, effect: Effect, values: Values | None) -> JointFit:

@@ -22,11 +22,10 @@ from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.measurement_model import MeasurementModel
-from identify.rivals import REFIT_EVALUATIONS, Rival, best_rivals
+from identify.rivals import MARGIN, REFIT_EVALUATIONS, Rival, best_rivals
 from identify.rung import Rung, rung_of
 from models.scan import Scan
 
-MARGIN = 10.0
 MOST_EFFECTS = 4
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
@@ -178,11 +177,9 @@ def climb(
         rise(ladder[-1])
     while is_more_missing(ladder, additions) and len(additions) < most:
         now = ladder[-1]
-        # Where the residual is noise, nothing more is a rival too
-        quiet = now.comparison.is_noise
-        rivals = best_rivals(now, effects, say, dropped, MARGIN if quiet else 0.0)
+        rivals = best_rivals(now, effects, say, dropped)
         if not rivals:
-            settled = quiet
+            settled = now.comparison.is_noise
             break
         winner = rivals[0]
         additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))

@@ -13,6 +13,7 @@ from identify.joint_fit import JointFit, try_fit
 from identify.rung import Rung
 from identify.score import Score
 
+MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
 REFIT_EVALUATIONS = 15
 _SHORTLIST = 3
 _RISE = 1.002  # an addition does not raise the error itself ...
@@ -42,13 +43,13 @@ def best_rivals(
     effects: dict[str, Effect],
     say: Callable[[str], None],
     exclude: Sequence[str],
-    least: float,
 ) -> tuple[Rival, ...]:
     """Return the best-scored effects that a refit bears out; empty if there are none.
 
     Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
-    `least` is by what an effect must beat the model without it, in chi-square and price.
+    Where the residual is noise, "nothing more" is a rival too, to be beaten by `MARGIN`.
     """
+    least = MARGIN if rung.comparison.is_noise else 0.0
     tried = list(exclude)
     while names := shortlist(rung.diagnosis, tried):
         rivals = compare_rivals(rung, effects, say, tried)

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from identify.effects.catalogue import effect_named
 from identify.explain import _verdict, is_more_missing
-from identify.rivals import best_rivals
+from identify.rivals import MARGIN, best_rivals
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +62,17 @@ def test_nothing_is_a_rival_too_where_the_residual_is_noise(rungs):
     assert _verdict((quiet,), (), settled=False) == "unexplained"
     assert _verdict((quiet,), (), settled=True) == "nothing_missing"
     assert _verdict((first,), (), settled=True) == "unexplained"
-    best = first.diagnosis.scores[0]
-    effects = {best.name: effect_named(best.name)}
-    quiet = replace(quiet, diagnosis=replace(first.diagnosis, significant=frozenset(effects)))
-    (rival,) = best_rivals(quiet, effects, str, (), 0.0)
-    margin = first.fit.bic - rival.criterion
-    assert best_rivals(quiet, effects, str, (), margin - 1)
-    assert not best_rivals(quiet, effects, str, (), margin + 1)
+    (name,) = quiet.diagnosis.significant
+    effects = {name: effect_named(name)}
+    quiet = replace(quiet, diagnosis=significant(first, 1e-6, first.fit.chi2).diagnosis)
+    (rival,) = best_rivals(quiet, effects, str, ())
+    for beaten_by, is_enough in ((MARGIN + 1, True), (MARGIN - 1, False)):
+        price = first.fit.bic - first.fit.chi2
+        chi2 = rival.criterion + beaten_by - price
+        residual = first.fit.at.residual * np.sqrt(chi2 / first.fit.chi2)
+        fit = replace(first.fit, at=replace(first.fit.at, residual=residual))
+        assert fit.bic == pytest.approx(rival.criterion + beaten_by)
+        assert bool(best_rivals(replace(quiet, fit=fit), effects, str, ())) is is_enough
 
 
 def test_nothing_significant_ends_the_loop(rungs):

@@ -17,7 +17,7 @@ from fem.errors import MeshError
 from fem.mesh import TET_EDGES, Mesh
 from fem.quadrature import TET_RULES
 
-_POINTWISE = 0.49  # greatest Poisson's ratio whose volumetric stiffness acts at every point
+POINTWISE = 0.49  # greatest Poisson's ratio whose volumetric stiffness acts at every point
 
 
 def lame(poisson_ratio: float) -> tuple[float, float]:
@@ -35,9 +35,9 @@ def split_lame(poisson_ratio: float) -> tuple[float, float, float]:
     cell, for the cells would lock if they had to keep it at every point (mean dilatation).
     """
     lam, mu = lame(poisson_ratio)
-    if poisson_ratio <= _POINTWISE:
+    if poisson_ratio <= POINTWISE:
         return lam, mu, 0.0
-    pointwise = 2 * mu * _POINTWISE / (1 - 2 * _POINTWISE)
+    pointwise = 2 * mu * POINTWISE / (1 - 2 * POINTWISE)
     return pointwise, mu, lam - pointwise
 
 

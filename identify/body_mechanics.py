@@ -20,7 +20,7 @@ from fem.errors import SolverError
 from fem.punch_shape import shape_gain
 from fem.response import Response
 from identify.body_state import BodyState
-from identify.discretization import FineModel, fine_solution
+from identify.discretization import FineModel, fine_solution, mesh_error_growth
 from identify.forward import positive_modulus
 from identify.gaussian_map import GaussianMap
 from identify.optimize_result import InadmissibleError
@@ -228,7 +228,10 @@ class BodyMechanics:
     def poisson_factor(
         self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
     ) -> np.ndarray:
-        """Compliance (j,) at another Poisson's ratio over that at the model's own, `base` (j,)."""
+        """Compliance (j,) at another Poisson's ratio over that at the model's own.
+
+        `base` (j,) is the coarse model's there; the factor holds for what is carried by `ratio`.
+        """
         if nu == self.poisson_ratio:
             return np.ones(len(self.coarse.contacts))
         if not -1 < nu < 0.5:
@@ -241,7 +244,8 @@ class BodyMechanics:
         weights = [
             np.prod([(nu - b) / (a - b) for b in nodes if b != a]) for a in nodes
         ]  # Lagrange's polynomial through three nodes
-        return np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
+        coarse = np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
+        return coarse * self.ratio ** (mesh_error_growth(nu, self.poisson_ratio) - 1)
 
     def _log_ratio(
         self, stiffness: GaussianMap, state: BodyState, node: float, base: np.ndarray

@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fem import PalpationModel, RefinedModel
+from fem.assembly import POINTWISE
 from fem.response import Response
 from identify.forward import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
 _RATE = 2.5  # of meshes that are not extrapolated, presses away from edges and steep inclusions
+_AT_ZERO = 0.12  # of `mesh_error_growth`
 
 
 class FineSolution(NamedTuple):
@@ -46,6 +48,24 @@ def fine_solution(
     cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
     gain = max((cells[1] / cells[0]) ** (_RATE / 3) - 1, 0.5)
     return FineSolution(compliance, (compliance / coarse_compliance - 1) / gain, response)
+
+
+def mesh_error_growth(poisson_ratio: float, known_at: float) -> float:
+    """Logarithm of the finer compliance over the coarse one, relative to that at a known ratio.
+
+    The error of quadratic cells grows like b - ln(1 - 2 nu), with the same pattern over the
+    presses. Measured on blocks of 8 x 8 x 4 against the extrapolated pair (`fem.refined`), tips of
+    3, 5 and 10 mm, Poisson's ratio 0.2 to 0.49: from 0.49 to 0.46 the compliance ratio changes by
+    0.39 % (root mean square; 0.5 % under wide tips), of which the law leaves 0.03 %. Beyond 0.49,
+    where cells keep only their mean volume (`fem.assembly.split_lame`), it is taken as at 0.49.
+
+    >>> round(mesh_error_growth(0.45, known_at=0.49), 2)
+    0.6
+    """
+    here, there = (
+        _AT_ZERO - np.log(1 - 2 * np.clip(nu, 0, POINTWISE)) for nu in (poisson_ratio, known_at)
+    )
+    return float(here / there)
 
 
 def shift_covariance(covariance: np.ndarray, jac: np.ndarray, shift: np.ndarray) -> np.ndarray:

@@ -36,8 +36,7 @@ def _distance(r: float, z: float, a: float):
     x, y = r * r + z * z - a * a, 2 * side * a
     # The principal root by hand: three times as fast as the library's
     larger = np.sqrt((np.sqrt(x * x + y * y) + abs(x)) / 2)
-    if larger < 1e-12 * a:  # the rim itself, where the strain is infinite
-        return complex(1e-12 * a, 0.0)
+    larger = max(larger, 1e-12 * a)  # on the rim itself the strain is infinite
     other = y / (2 * larger)
     return complex(larger, other) if x >= 0 else complex(abs(other), np.copysign(larger, y))
 
@@ -95,8 +94,12 @@ def field(r: float, z: float, a: float, nu: float, profile: int):
 
     u_z and u_r are finite on the rim too.
     """
-    v_z, v_r, psi_r, v_zz, v_rz = slopes(r, z, a, profile)
-    v = potential(r, z, a, profile)
+    return field_of(r, z, nu, potential(r, z, a, profile), *slopes(r, z, a, profile))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def field_of(r, z, nu, v, v_z, v_r, psi_r, v_zz, v_rz):
+    """Return what `field` does, from `potential` and `slopes`."""
     k = (1 + nu) / (2 * np.pi)
     c = 1 - 2 * nu
     # z V_z and z V_r vanish on the surface, where V_z may be infinite

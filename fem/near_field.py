@@ -185,7 +185,7 @@ def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: in
     coupling, cross = exact(_stress(strain, nu), _raised(degree), basis,
                             linear_derivatives(order), gradients, place.frame,
                             np.ascontiguousarray(field))  # fmt: skip
-    energy = np.einsum("qa,cmla->mlcq", basis, density) - cross - cross.swapaxes(0, 1)
+    energy = np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
     volume = np.einsum("cmsk,k->mc", strain[:, :, :3], often)
@@ -242,12 +242,12 @@ def square(moments: np.ndarray) -> np.ndarray:
 
 
 def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
-    """Stress moments (c, m, 3, 3, k) of strain moments (c, m, 6, k), E = 1."""
+    """Stress moments (c, m, k, 3, 3) of strain moments (c, m, 6, k), E = 1."""
     lam, mu, _ = split_lame(nu)
     index = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-    tensor = 2 * mu * strain[:, :, index]
+    tensor = 2 * mu * strain.swapaxes(2, 3)[..., index]
     trace = lam * strain[:, :, :3].sum(axis=2)
-    tensor[:, :, range(3), range(3)] += trace[:, :, None]
+    tensor[..., range(3), range(3)] += trace[..., None]
     return tensor
 
 

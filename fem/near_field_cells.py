@@ -33,7 +33,7 @@ def interpolant(field, derivatives, points, gradients, frame, weights, lam, mu):
     samples = len(points)
     coupling = np.empty((count, cells, samples, nodes, 3))
     energy = np.empty((count, count, cells, samples))
-    g, slope, own = np.empty((nodes, 3)), np.empty((3, 3)), np.empty((nodes, 3))
+    g, slope, own = np.empty((3, nodes)), np.empty((3, 3)), np.empty((3, nodes))
     for c in range(cells):
         for q in range(samples):
             _shape_gradients(g, derivatives, points[q], gradients[c])
@@ -42,14 +42,14 @@ def interpolant(field, derivatives, points, gradients, frame, weights, lam, mu):
                 for i in range(nodes):
                     for s in range(3):
                         for t in range(3):
-                            slope[s, t] += field[m, c, i, s] * g[i, t]
+                            slope[s, t] += field[m, c, i, s] * g[t, i]
                 trace = lam * (slope[0, 0] + slope[1, 1] + slope[2, 2])
-                for i in range(nodes):
-                    for s in range(3):
-                        value = trace * g[i, s]
+                for s in range(3):
+                    for i in range(nodes):
+                        value = trace * g[s, i]
                         for t in range(3):
-                            value += mu * (slope[s, t] + slope[t, s]) * g[i, t]
-                        own[i, s] = weights[c, q] * value
+                            value += mu * (slope[s, t] + slope[t, s]) * g[t, i]
+                        own[s, i] = weights[c, q] * value
                 _store(coupling, energy, m, c, q, own, frame, field, -1.0)
     return coupling, energy
 
@@ -60,7 +60,7 @@ def exact(stress, raised, basis, derivatives, gradients, frame, field):
 
     Parameters
     ----------
-    stress : (c, m, 3, 3, k) moments times the monomials of a degree + 1
+    stress : (c, m, k, 3, 3) moments times the monomials of a degree + 1
     raised : (a, 4) monomial of that degree times a barycentric coordinate, among the k
     basis : (q, a) of the modulus samples by monomials
     derivatives, gradients, frame, field : as in `interpolant`
@@ -74,7 +74,7 @@ def exact(stress, raised, basis, derivatives, gradients, frame, field):
     samples, terms = basis.shape
     coupling = np.empty((count, cells, samples, nodes, 3))
     cross = np.empty((count, count, cells, samples))
-    g, own = np.empty((4, nodes, 3)), np.empty((nodes, 3))
+    g, own = np.empty((4, 3, nodes)), np.empty((3, nodes))
     part, unit = np.empty((3, 3)), np.eye(4)
     for c in range(cells):
         for b in range(4):
@@ -85,40 +85,44 @@ def exact(stress, raised, basis, derivatives, gradients, frame, field):
                 for b in range(4):
                     part[:] = 0.0
                     for a in range(terms):
+                        moment = stress[c, m, raised[a, b]]
                         for s in range(3):
                             for t in range(3):
-                                part[s, t] += basis[q, a] * stress[c, m, s, t, raised[a, b]]
-                    for i in range(nodes):
-                        for s in range(3):
-                            for t in range(3):
-                                own[i, s] += part[s, t] * g[b, i, t]
+                                part[s, t] += basis[q, a] * moment[s, t]
+                    for s in range(3):
+                        for t in range(3):
+                            for i in range(nodes):
+                                own[s, i] += part[s, t] * g[b, t, i]
                 _store(coupling, cross, m, c, q, own, frame, field, 1.0)
     return coupling, cross
 
 
 @numba.njit(cache=True, fastmath=True)
 def _shape_gradients(g, derivatives, point, gradients):
-    """Gradients (nodes, 3) of a cell's shape functions at a barycentric point (4,)."""
-    for i in range(len(g)):
-        for t in range(3):
-            g[i, t] = 0.0
-            for v in range(4):
-                for b in range(4):
-                    g[i, t] += derivatives[i, v, b] * point[b] * gradients[v, t]
+    """Gradients (3, nodes) of a cell's shape functions at a barycentric point (4,)."""
+    g[:] = 0.0
+    for i in range(g.shape[1]):
+        for v in range(4):
+            slope = 0.0
+            for b in range(4):
+                slope += derivatives[i, v, b] * point[b]
+            for t in range(3):
+                g[t, i] += slope * gradients[v, t]
 
 
 @numba.njit(cache=True, fastmath=True)
 def _store(coupling, products, m, c, q, own, frame, field, sign):
-    """Store sign times own (nodes, 3) in the body's frame, and its products with each field."""
-    for i in range(len(own)):
+    """Store sign times own (3, nodes) in the body's frame, and its products with each field."""
+    nodes = own.shape[1]
+    for i in range(nodes):
         for x in range(3):
             value = 0.0
             for s in range(3):
-                value += own[i, s] * frame[s, x]
+                value += own[s, i] * frame[s, x]
             coupling[m, c, q, i, x] = sign * value
     for n in range(len(field)):
         value = 0.0
-        for i in range(len(own)):
+        for i in range(nodes):
             for s in range(3):
-                value += own[i, s] * field[n, c, i, s]
+                value += own[s, i] * field[n, c, i, s]
         products[m, n, c, q] = value

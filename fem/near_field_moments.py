@@ -194,11 +194,11 @@ def _integrate_points(points, weights, owner, barycentric, strain, products, sha
     """Add points that are sorted by their cells."""
     batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
     for p in range(len(points)):
-        put_point(batch, count, points[p], weights[p], barycentric[p], shape, radius, nu, profile,
-             lam, mu, projection)  # fmt: skip
+        put_point(batch, count, points[p], weights[p], barycentric[p])
         count += 1
         if count == BATCH or p + 1 == len(points) or owner[p + 1] != owner[p]:
-            add_batch(batch, count, strain[owner[p]], products[owner[p]])
+            add_batch(batch, count, strain[owner[p]], products[owner[p]], shape, radius, nu,
+                      profile, lam, mu, projection)  # fmt: skip
             count = 0
 
 
@@ -268,14 +268,15 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, pr
                 w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
                     w *= size * rule_weights[q]
-                    put_point(batch, count, position, w, barycentric, shape, radius, nu, profile,
-                         lam, mu, projection)  # fmt: skip
+                    put_point(batch, count, position, w, barycentric)
                     count += 1
                     if count == BATCH:
-                        add_batch(batch, count, strain[c], products[c])
+                        add_batch(batch, count, strain[c], products[c], shape, radius, nu, profile,
+                                  lam, mu, projection)  # fmt: skip
                         count = 0
         if count > 0:
-            add_batch(batch, count, strain[c], products[c])
+            add_batch(batch, count, strain[c], products[c], shape, radius, nu, profile, lam, mu,
+                      projection)  # fmt: skip
             count = 0
 
 

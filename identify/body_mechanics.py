@@ -101,7 +101,8 @@ class BodyResponse:
 
     def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
-        aside = replace(self._mechanics, _solutions={})  # the fits' own solutions are kept
+        # A copy: what the fits have solved is used, and stays kept for them
+        aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
         other = aside.evaluate(self._map, state)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 

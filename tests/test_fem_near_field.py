@@ -173,10 +173,10 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
         strain, density = np.zeros((10, 4 * 6)), np.zeros((10, 4))
         corner = np.array([1.0, 0, 0, 0])
         batch = near_field_points.batch_of_points(10, 4, 10)
-        near_field_points.put_point(
-            batch, 0, np.array(x), 1.0, corner, shape, a, nu, profile, lam, mu, np.zeros((0, 6))
+        near_field_points.put_point(batch, 0, np.array(x), 1.0, corner)
+        near_field_points.add_batch(
+            batch, 1, strain, density, shape, a, nu, profile, lam, mu, np.zeros((0, 6))
         )
-        near_field_points.add_batch(batch, 1, strain, density)
         steps = 1e-4 * np.eye(3)
         slope = np.array([functions(x + h) - functions(x - h) for h in steps]) / 2e-4
         gradient = slope.transpose(1, 2, 0)

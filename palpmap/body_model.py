@@ -12,6 +12,7 @@ from palpmap.study_body import Body
 
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 REFINEMENT = 1.5
+SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
@@ -21,7 +22,8 @@ class BodyModel:
 
     Attributes
     ----------
-    search : quick, without the near field of the presses: starts are tried on it
+    search : quick, cruder than `coarse` and without the near field of the presses: starts are
+        tried on it
     coarse : with near field and derivatives; the fit corrects it towards `fine`
     fine : of a block two meshes extrapolated, right to 0.2 to 1 %, see `fem.refined`; of a closed
         surface the finer mesh as it is, right to about 0.3 %: the meshes of one surface differ at
@@ -52,7 +54,9 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     contacts, note = contacts_of(study, scan)
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
-    search = PalpationModel(meshes[0], nu, contacts, near_field=False, support=support)
+    search = PalpationModel(
+        _search_mesh(study, meshes[0]), nu, contacts, near_field=False, support=support
+    )
     if study.body.support == "base-sliding":
         _check_held(search, scan)
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
@@ -115,6 +119,14 @@ def block_divisions(size_m: tuple[float, float, float]) -> list[int]:
     size = np.array(size_m)
     cell = np.cbrt(np.prod(size) / COARSE_CELLS)
     return [max(round(edge / cell), 3) for edge in size]
+
+
+def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
+    """Return the mesh on which starts are tried; of a closed surface another would cost more."""
+    if study.body.size_m is None:
+        return coarse
+    counts = block_divisions(study.body.size_m)
+    return block_mesh(study.body.size_m, [max(round(SEARCH * count), 3) for count in counts])
 
 
 def _meshes(study: Study) -> tuple[Mesh, Mesh]:

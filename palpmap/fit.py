@@ -120,7 +120,7 @@ def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray
 
     Returns the vertices (n, 3) m of the body's surface, to be coloured by the estimate.
     """
-    mesh = body.search.mesh
+    mesh = body.coarse.mesh
     triangles = mesh.boundary[:, :3]
     used, local = np.unique(triangles, return_inverse=True)
     recording.scene(mesh.nodes[used], local.reshape(-1, 3))
@@ -148,7 +148,7 @@ def step_recorder(
     ----------
     surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
     """
-    lower, upper = body.search.mesh.nodes.min(axis=0), body.search.mesh.nodes.max(axis=0)
+    lower, upper = body.coarse.mesh.nodes.min(axis=0), body.search.mesh.nodes.max(axis=0)
 
     def record(step: FitIteration) -> None:
         stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))

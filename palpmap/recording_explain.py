@@ -152,7 +152,7 @@ class _Surface:
 
 
 def _log_scene(file: RecordingFile, finding: Finding, problem: Problem) -> tuple[Stage, _Surface]:
-    mesh = problem.body.search.mesh
+    mesh = problem.body.coarse.mesh
     used, local = np.unique(mesh.boundary[:, :3], return_inverse=True)
     vertices, triangles = mesh.nodes[used], local.reshape(-1, 3).astype(np.int32)
     normals = vertex_normals(vertices, triangles)

@@ -15,6 +15,7 @@ import numpy as np
 
 from fem.errors import MeshError
 from fem.mesh import TET_EDGES, Mesh
+from fem.modulus_samples import CLOSE_RULE, at_rule, by_sample
 from fem.quadrature import TET_RULES
 
 POINTWISE = 0.49  # greatest Poisson's ratio whose volumetric stiffness acts at every point
@@ -84,6 +85,9 @@ def shape_derivatives(barycentric: np.ndarray, order: int) -> np.ndarray:
     return d
 
 
+CloseModulus = tuple[np.ndarray, np.ndarray]
+
+
 class Stiffness:
     """The stiffness matrix of one mesh and support, to be refilled for any modulus field.
 
@@ -114,6 +118,7 @@ class Stiffness:
         self.points_m = points.reshape(-1, 3)
         *self._lame, self.mean_lame = split_lame(poisson_ratio)
         self._derivatives = shape_derivatives(self.rule[0], mesh.order)
+        self._close_derivatives = shape_derivatives(CLOSE_RULE[0], mesh.order)
         self.mean_gradients = np.einsum(
             "q,qiv,eva->eia", self.rule[1], self._derivatives, self.gradients, optimize=True
         )
@@ -156,17 +161,33 @@ class Stiffness:
         self._pair_rank = rank.astype(np.int32)
         self._pairs = inverse.reshape(len(cells), -1).astype(np.int32)
 
-    def values(self, modulus_pa: np.ndarray) -> np.ndarray:
-        """CSR values of the upper triangle for the modulus at `points_m`."""
+    def values(self, modulus_pa: np.ndarray, close: CloseModulus | None = None) -> np.ndarray:
+        """CSR values of the upper triangle for the modulus at `points_m`.
+
+        Parameters
+        ----------
+        close : cells (c,) and their modulus (c, s) at samples of their own, see
+            `fem.modulus_samples`, which takes the place of that at `points_m` (not where the mean
+            change of volume of a cell is resisted)
+        """
         modulus = np.ascontiguousarray(modulus_pa, float).reshape(len(self.volumes), -1)
         weights = modulus * self.rule[1] * self.volumes[:, None]
+        mean = weights.sum(axis=1)
         data = np.zeros(len(self.indices))
-        _fill(data, self.indptr, self.free_cells, self._pairs, self._pair_node,
-              self._pair_rank, self.gradients, self._derivatives, weights, *self._lame)  # fmt: skip
+        parts = [(np.arange(len(weights)), self._derivatives, weights)]
+        if close is not None and len(close[0]):
+            cells, samples = close
+            parts[0] = (np.setdiff1d(parts[0][0], cells), self._derivatives, weights)
+            weights = np.zeros((len(weights), len(CLOSE_RULE[1])))
+            weights[cells] = at_rule(samples) * CLOSE_RULE[1] * self.volumes[cells, None]
+            parts.append((cells, self._close_derivatives, weights))
+        for cells, derivatives, weights in parts:
+            _fill(data, self.indptr, cells, self.free_cells, self._pairs, self._pair_node,
+                  self._pair_rank, self.gradients, derivatives, weights, *self._lame)  # fmt: skip
         if self.mean_lame > 0:
             _fill_mean(data, self.indptr, self.free_cells, self._pairs,
                        self._pair_node, self._pair_rank, self.mean_gradients,
-                       self.mean_lame * weights.sum(axis=1))  # fmt: skip
+                       self.mean_lame * mean)  # fmt: skip
         return data
 
     def fibre_values(self, direction: np.ndarray, modulus_pa: np.ndarray) -> np.ndarray:
@@ -183,23 +204,40 @@ class Stiffness:
                      weights, np.outer(direction, direction))  # fmt: skip
         return data
 
-    def energies(self, displacement: np.ndarray) -> np.ndarray:
+    def energies(
+        self, displacement: np.ndarray, close_cells: np.ndarray | None = None
+    ) -> np.ndarray:
         """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q).
 
         Parameters
         ----------
         displacement : (j, n, 3) m
+        close_cells : (c,) that have samples of their own, see `values` and `close_energies`
         """
         by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
         out = np.empty((len(self.volumes), self.samples, len(displacement)))
         weights = self.volumes[:, None] * self.rule[1]
         _energies(out, by_node, self.mesh.cells, self.gradients, self._derivatives, weights,
                   *self._lame)  # fmt: skip
+        if close_cells is not None:
+            out[close_cells] = 0.0
         if self.mean_lame > 0:
             for j, field in enumerate(displacement):
                 dilatation = np.einsum("eia,eia->e", self.mean_gradients, field[self.mesh.cells])
                 out[:, :, j] += self.mean_lame * weights * dilatation[:, None] ** 2
         return out.reshape(-1, len(displacement)).T
+
+    def close_energies(self, displacement: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return what `energies` does for the samples that some cells have of their own, (j, c, s).
+
+        Without the energy of a cell's mean change of volume.
+        """
+        by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
+        out = np.empty((len(cells), len(CLOSE_RULE[1]), len(displacement)))
+        weights = self.volumes[cells, None] * CLOSE_RULE[1]
+        _energies(out, by_node, self.mesh.cells[cells], self.gradients[cells],
+                  self._close_derivatives, weights, *self._lame)  # fmt: skip
+        return by_sample(out.transpose(2, 0, 1))
 
     def restrict(self, nodal: np.ndarray) -> np.ndarray:
         """Nodal (r, n, 3) -> free degrees of freedom (3 f, r), Fortran order."""
@@ -213,12 +251,12 @@ class Stiffness:
 
 
 @numba.njit(cache=True, fastmath=True)
-def _fill(data, indptr, cells, pairs, pair_node, pair_rank, gradients, derivatives, weights,
-          lam, mu):  # fmt: skip
+def _fill(data, indptr, chosen, cells, pairs, pair_node, pair_rank, gradients, derivatives,
+          weights, lam, mu):  # fmt: skip
     nodes = cells.shape[1]
     points = weights.shape[1]
     g = np.empty((points, nodes, 3))
-    for e in range(cells.shape[0]):
+    for e in chosen:
         for q in range(points):
             for i in range(nodes):
                 for a in range(3):

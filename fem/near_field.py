@@ -26,6 +26,7 @@ admissible fields, only less apt the more the surface bends under the tip.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,21 +37,18 @@ from fem.assembly import Stiffness, split_lame
 from fem.contact import Contacts, PressedSurface, contact_frame, disc_quadrature
 from fem.contact_shape import contact_shape
 from fem.mesh import TET_EDGES, Mesh
+from fem.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS, by_sample
 from fem.near_field_cells import exact, interpolant
-from fem.near_field_moments import moments, monomials
+from fem.near_field_moments import moments
 from fem.near_field_points import functions
+from fem.quadrature import monomials
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
 
-# lambda_a lambda_b, a <= b: the ten products that span the quadratics of a cell
-PRODUCTS = monomials(2)
 _CLOSE_CELLS = 0.3  # cells have samples of their own whose distance from the disc is less than this
 _PLACES = monomials(4)  # measured at these points of a cell
 _PLACES = (_PLACES[:, :, None] == np.arange(4)).mean(axis=1)
-# ... at places between which a quadratic modulus is fitted best: the ten nodes, drawn inwards
-CLOSE_SAMPLES = 0.25 + 0.7 * ((PRODUCTS[:, :, None] == np.arange(4)).mean(axis=1) - 0.25)
-CLOSE_BASIS = np.linalg.inv(CLOSE_SAMPLES[:, PRODUCTS].prod(axis=2)).T
 
 
 class Close(NamedTuple):
@@ -60,12 +58,6 @@ class Close(NamedTuple):
     coupling: np.ndarray
     energy: np.ndarray
 
-    @staticmethod
-    def points_m(mesh: Mesh, cells: np.ndarray) -> np.ndarray:
-        """Places of the samples of cells (c,), (c s, 3) m."""
-        corners = mesh.nodes[mesh.cells[cells, :4]]
-        return np.einsum("qv,cvi->cqi", CLOSE_SAMPLES, corners).reshape(-1, 3)
-
 
 @dataclass(frozen=True)
 class Enrichment:
@@ -73,11 +65,11 @@ class Enrichment:
 
     Attributes
     ----------
-    cells : (c,) cells in which the functions live
+    cells : (c,) cells in which the functions live, but for those that are close to a tip
     coupling : (m, c, q, nodes, 3) contribution of each modulus sample to k, at each cell's nodes
     energy : (m, m, c, q) contribution of each modulus sample to a
     load : (m,) l, the work of the unit load on the functions
-    close : what the exact functions contribute in the cells around the tip
+    close : the same for the cells that are close to this tip or another
     """
 
     cells: np.ndarray
@@ -119,77 +111,100 @@ def neighbourhood(
     return Neighbourhood(frame, local, cells, shape, radius)
 
 
+def close_cells(mesh: Mesh, places: Sequence[Neighbourhood]) -> np.ndarray:
+    """Cells (c,), in order, that lie so close to a tip that its field varies in them.
+
+    They have modulus samples of their own, see `fem.modulus_samples`.
+    """
+    close = [place.cells[_lie_close(mesh.cells[place.cells], place)] for place in places]
+    return np.unique(np.concatenate(close))
+
+
 def enrich(
     stiffness: Stiffness,
     surface: PressedSurface,
     contacts: Contacts,
     j: int,
     weights: np.ndarray,
+    place: Neighbourhood,
+    close: np.ndarray,
 ) -> Enrichment:
     """Integrate the enrichment of press j.
 
     Parameters
     ----------
     surface : of the mesh
-    weights : (n, 3) contact weights of the press.
+    weights : (n, 3) contact weights of the press
+    place : of the press
+    close : (c,) cells with modulus samples of their own
     """
-    place = neighbourhood(stiffness, surface, contacts, j)
-    mesh, (frame, local, cells, shape, radius) = stiffness.mesh, place
-    nu, profile = stiffness.poisson_ratio, contacts.profile_code
-    field = nodal_fields(local, mesh.cells[cells], shape, radius, nu, profile)  # (m, c, nodes, 3)
-    # What the interpolant takes off, by the stiffness matrix's own quadrature
-    gradients = stiffness.gradients[cells] @ frame.T
-    lam, mu, mean_lame = split_lame(nu)
-    volumes = stiffness.volumes[cells, None] * stiffness.rule[1]
-    coupling, energy = interpolant(field, linear_derivatives(mesh.order), stiffness.rule[0],
-                                   gradients, frame, volumes, lam, mu)  # fmt: skip
-    # The exact functions, with samples of their own where they vary most
-    is_close = _cells_close(mesh.cells[cells], place)
-    far, close = np.flatnonzero(~is_close), np.flatnonzero(is_close)
-    volume = np.empty(field.shape[:2])  # (m, c) change of each cell's volume
-    own, more, volume[:, far] = _exact(stiffness, place, cells[far], field[:, far], profile, 1)
-    coupling[:, far] += own
-    energy[:, :, far] += more
-    own, more, volume[:, close] = _exact(
-        stiffness, place, cells[close], field[:, close], profile, 2
-    )
-    # Single precision: half the memory, an error of 1e-7
-    near = Close(cells[close], own.astype(np.float32), np.ascontiguousarray(more))
-    if mean_lame > 0:
-        # Mean change of volume of each cell, that of the interpolant taken off
-        gradients = stiffness.mean_gradients[cells]
-        dilatation = volume / stiffness.volumes[cells]
-        dilatation -= np.einsum("mcis,cis->mc", field, gradients @ frame.T)
-        share = mean_lame * volumes
-        coupling += np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
-        energy += np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
+    profile, nu = contacts.profile_code, stiffness.poisson_ratio
+    is_close = np.isin(place.cells, close)
+    far, *own, far_volume = _integrals(stiffness, place, place.cells[~is_close], profile, 1)
+    near, *its, near_volume = _integrals(stiffness, place, place.cells[is_close], profile, 2)
+    if stiffness.mean_lame > 0:
+        # The mean change of volume has the modulus of the cells' ordinary samples
+        cells, more = np.concatenate([far, near]), np.concatenate([far_volume, near_volume], axis=1)
+        coupling, energy = _mean_parts(stiffness, cells, more)
+        coupling[:, : len(far)] += own[0]
+        energy[:, :, : len(far)] += own[1]
+        far, own = cells, [coupling, energy]
     load = _load(surface, contacts, j, place, nu, weights)
-    return Enrichment(cells, coupling.astype(np.float32), energy, load, near)
+    return Enrichment(far, *_stored(*own), load, Close(near, *_stored(*its)))
 
 
-def _exact(stiffness: Stiffness, place: Neighbourhood, cells, field, profile: int, degree: int):
-    """Contributions of the exact functions in some cells, by sample of a modulus of that degree.
+def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Single precision where it counts: half the memory, an error of 1e-7."""
+    return np.ascontiguousarray(coupling, np.float32), np.ascontiguousarray(energy)
+
+
+def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, degree: int):
+    """Contributions of the functions in some cells, by sample of a modulus of that degree.
 
     Returns
     -------
+    cells : as given
     coupling : (m, c, q, nodes, 3)
-    energy : (m, m, c, q), what they have of it together with the interpolant among it
-    volume : (m, c) change of each cell's volume
+    energy : (m, m, c, q)
+    dilatation : (m, c) mean change of each cell's volume
     """
-    nu, order = stiffness.poisson_ratio, stiffness.mesh.order
-    vertices = place.local[stiffness.mesh.cells[cells, :4]]
+    nu, mesh = stiffness.poisson_ratio, stiffness.mesh
+    field = nodal_fields(place.local, mesh.cells[cells], place.shape, place.radius, nu, profile)
+    field = np.ascontiguousarray(field)  # (m, c, nodes, 3)
+    gradients = stiffness.gradients[cells] @ place.frame.T
+    derivatives = linear_derivatives(mesh.order)
+    # What the interpolant takes off, by the stiffness matrix's own quadrature
+    lam, mu, _ = split_lame(nu)
+    rule = stiffness.rule if degree == 1 else CLOSE_RULE
+    volumes = stiffness.volumes[cells, None] * rule[1]
+    coupling, energy = interpolant(field, derivatives, rule[0], gradients, place.frame, volumes,
+                                   lam, mu)  # fmt: skip
+    if degree == 2:
+        coupling, energy = (
+            np.moveaxis(by_sample(np.moveaxis(coupling, 2, 4)), 4, 2),
+            by_sample(energy),
+        )
+    # The exact functions, from moments to those against the shape functions and modulus samples
+    vertices = place.local[mesh.cells[cells, :4]]
     strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
     basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
-    # From moments to those against the shape functions and modulus samples
-    gradients = stiffness.gradients[cells] @ place.frame.T
-    coupling, cross = exact(_stress(strain, nu), _raised(degree), basis,
-                            linear_derivatives(order), gradients, place.frame,
-                            np.ascontiguousarray(field))  # fmt: skip
-    energy = np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
+    own, cross = exact(_stress(strain, nu), _raised(degree), basis, derivatives, gradients,
+                       place.frame, field)  # fmt: skip
+    coupling += own
+    energy += np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
-    volume = np.einsum("cmsk,k->mc", strain[:, :, :3], often)
-    return coupling, energy, volume
+    dilatation = np.einsum("cmsk,k->mc", strain[:, :, :3], often) / stiffness.volumes[cells]
+    mean = stiffness.mean_gradients[cells] @ place.frame.T
+    return cells, coupling, energy, dilatation - np.einsum("mcis,cis->mc", field, mean)
+
+
+def _mean_parts(stiffness: Stiffness, cells, dilatation):
+    """Coupling and energy of each cell's mean change of volume (m, c)."""
+    share = stiffness.mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
+    gradients = stiffness.mean_gradients[cells]
+    coupling = np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
+    return coupling, np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
 
 
 def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
@@ -261,7 +276,7 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
     return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
 
 
-def _cells_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
+def _lie_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
     """Whether cells (c, nodes) lie so close to the disc that the field varies in them, (c,)."""
     corners = place.local[cells[:, :4]]
     diameter = 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from itertools import combinations_with_replacement
 
 import numba
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from fem.assembly import split_lame
 from fem.contact_shape import height
 from fem.near_field_points import BATCH, FUNCTIONS, add_batch, batch_of_points, put_point
-from fem.quadrature import TET_RULES
+from fem.quadrature import TET_RULES, monomials
 
 # Radius of the polar quadrature around the rim: this many tip radii, but no more than this part of
 # the least height of the cells there. Its points are dealt out to the cells that hold them, which
@@ -28,11 +27,6 @@ _THINNEST = 0.05  # tip radii; the cost grows like one over the tube's radius
 # change counts many times over.
 _COARSE = (2.0, (64, 4, 8))
 _FINE = (1.4, (128, 8, 16))
-
-
-def monomials(degree: int) -> np.ndarray:
-    """Barycentric coordinates whose products span the polynomials of a degree, (k, degree)."""
-    return np.array(list(combinations_with_replacement(range(4), degree)))
 
 
 def moments(

@@ -24,7 +24,8 @@ from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
-from fem.near_field import CLOSE_SAMPLES, Close, Enrichment, enrich
+from fem.modulus_samples import CLOSE_SAMPLES, close_points_m
+from fem.near_field import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field_points import FUNCTIONS
 from fem.near_field_sums import couple, scatter
 from fem.response import Response
@@ -67,7 +68,7 @@ class HeldBody:
 class Material(NamedTuple):
     """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
 
-    `close` (c, s) has the modulus samples that the presses' near fields have besides.
+    `close` (c, s) has the modulus samples that count in the cells around the tips.
     """
 
     modulus: np.ndarray
@@ -128,19 +129,26 @@ class PalpationModel:
         self.stiffness = self._bonded.stiffness
         self._plane: FibrePlane | None = None
         self.enrichments: list[Enrichment] = []
+        #: cells around the tips, with modulus samples of their own (`fem.modulus_samples`)
+        self.close_cells = np.zeros(0, int)
         if near_field and contacts.profile != "nodal":
-            surface = PressedSurface(mesh)
+            surface, presses = PressedSurface(mesh), range(len(contacts))
             with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
+                places = list(
+                    pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
+                )
+                self.close_cells = close = close_cells(mesh, places)
                 self.enrichments = list(
                     pool.map(
-                        lambda j: enrich(self.stiffness, surface, contacts, j, self._weights[j]),
-                        range(len(contacts)),
+                        lambda j: enrich(self.stiffness, surface, contacts, j, self._weights[j],
+                                         places[j], close),
+                        presses,
                     )
-                )
-        close = [part.close.cells for part in self.enrichments]
-        self.close_cells = np.unique(np.concatenate(close)) if close else np.zeros(0, int)
+                )  # fmt: skip
         #: rows of `Material.close` that belong to each press
-        self.close_rows = [np.searchsorted(self.close_cells, cells) for cells in close]
+        self.close_rows = [
+            np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments
+        ]
 
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
         return HeldBody(
@@ -160,9 +168,9 @@ class PalpationModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled, (p, 3) m: by the stiffness matrix, then by near fields."""
-        near = Close.points_m(self.mesh, self.close_cells)
-        return np.vstack([self.stiffness.points_m, near])
+        """Where the modulus is sampled, (p, 3) m: in every cell, then in those around the tips."""
+        corners = self.mesh.nodes[self.mesh.cells[self.close_cells, :4]]
+        return np.vstack([self.stiffness.points_m, close_points_m(corners)])
 
     def evaluate(
         self,
@@ -242,7 +250,8 @@ class PalpationModel:
 
     def values(self, body: HeldBody, material: Material) -> np.ndarray:
         """Values of a body's stiffness matrix, without the support's springs."""
-        values = body.stiffness.values(material.modulus)
+        close = (self.close_cells, material.close)
+        values = body.stiffness.values(material.modulus, close)
         if material.fibres is not None:
             direction, strength = material.fibres
             values += body.stiffness.fibre_values(direction, np.asarray(strength))
@@ -273,6 +282,7 @@ class PalpationModel:
                     strength = np.reshape(fibres.modulus_pa, by_cell.shape)
                     more, own = plane.near(first + i, fibres.direction, strength)
                     energy[i] += own
+                    numbers = stiffness.free_cells[plane.parts[first + i].cells]
                     scatter(by_function[i], numbers, more)
             load = np.array([part.load for part in parts])
             near = NearFields(by_function.transpose(2, 0, 1), energy, load)

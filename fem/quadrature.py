@@ -6,9 +6,14 @@ tests integrate all monomials up to the stated degree.
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import combinations_with_replacement, permutations
 
 import numpy as np
+
+
+def monomials(degree: int) -> np.ndarray:
+    """Barycentric coordinates whose products span the polynomials of a degree, (k, degree)."""
+    return np.array(list(combinations_with_replacement(range(4), degree)))
 
 
 def _orbit(*coordinates: float) -> list[tuple[float, ...]]:

@@ -16,7 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.elasticity import HORIZONTAL
-from fem.near_field import CLOSE_SAMPLES, sample_basis
+from fem.modulus_samples import CLOSE_SAMPLES
+from fem.near_field import sample_basis
 from fem.near_field_sums import add_energies
 from fem.skin import Skin
 
@@ -67,7 +68,7 @@ class Response:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
-        result = stiffness.energies(nodal)
+        result = stiffness.energies(nodal, self.model.close_cells)
         if self.model.enrichments:  # by press in memory, to be added to
             result = np.ascontiguousarray(result)
         by_cell = result.reshape(len(nodal), -1, stiffness.samples)
@@ -88,9 +89,10 @@ class Response:
         return np.hstack([result, -self._close_energies(nodal).reshape(len(nodal), -1)])
 
     def _close_energies(self, nodal: np.ndarray) -> np.ndarray:
-        """Twice the energy of fields at the near fields' own samples for E = 1, (j, c, s)."""
+        """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s)."""
         mesh = self.model.mesh
-        result = np.zeros((len(nodal), *self._material.close.shape))
+        result = self._body.stiffness.close_energies(nodal, self.model.close_cells)
+        result = np.ascontiguousarray(result)
         for j, part in enumerate(self.model.enrichments):
             cells, *near = part.close
             add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], nodal[j],
@@ -101,8 +103,8 @@ class Response:
     def unevenness(self) -> np.ndarray:
         """Part of each compliance that hangs on a modulus not linear in the cells around the tip.
 
-        (j,) >= 0, to first order and without regard to sign: what the cells' ordinary samples would
-        miss if all of it added up.
+        (j,) >= 0, to first order and without regard to sign: what samples as elsewhere would miss
+        if all of it added up.
         """
         stiffness, material = self._body.stiffness, self._material
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]

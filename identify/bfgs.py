@@ -1,8 +1,9 @@
 """Minimisation by BFGS, the paper's method, made safe.
 
 The textbook form leaves the admissible set in its first line search, as the first inverse Hessian
-is the identity. Here the first step is bounded, every later one too, a trial at which the model
-has no answer counts as a failed step, and coordinates stay within their bounds.
+is the identity. Here it is that of the residuals' Jacobian at the start, or else the first step is
+bounded; so is every later one, a trial at which the model has no answer counts as a failed step,
+and coordinates stay within their bounds.
 
 Source: Nocedal and Wright, "Numerical Optimization", eqs. 6.17 and 6.20; bounds by active set.
 """
@@ -17,6 +18,7 @@ from fem.errors import SolverError
 from identify.line_search import Trial, wolfe_step
 from identify.optimize_result import InadmissibleError, OptimizeResult, free_directions
 
+_RAISED = 1e-3  # of the largest curvature: the least that the first Hessian has
 _ROUNDING = 8 * np.finfo(float).eps
 
 Callback = Callable[[np.ndarray, float], None]
@@ -34,6 +36,7 @@ def minimize_bfgs(
     above: float = 0.0,
     max_evaluations: int = 200,
     callback: Callback | None = None,
+    inverse: np.ndarray | None = None,
 ) -> OptimizeResult:
     """Minimise a function that returns its value and gradient (k,).
 
@@ -47,7 +50,7 @@ def minimize_bfgs(
     bounds
         Lower and upper (k,).
     first_step, max_step
-        Largest change of a coordinate in the first and in any step.
+        Largest change of a coordinate in the first step (without `inverse`) and in any.
     gtol
         Converged when no component of the projected gradient exceeds it.
     rtol, above
@@ -57,10 +60,13 @@ def minimize_bfgs(
         Limit of evaluations.
     callback
         Called with x and value at the start and after each accepted step.
+    inverse
+        First inverse Hessian (k, k); the identity, of no scale, where not given.
     """
     search = _Search(fun, x0, bounds)
     current = search.start()
-    inverse = np.eye(current.point.size)
+    scaled = inverse is not None
+    inverse = np.eye(current.point.size) if inverse is None else inverse
     nit = 0
     if callback:
         callback(current.point, current.fun)
@@ -74,8 +80,8 @@ def minimize_bfgs(
         direction = np.zeros_like(current.point)
         direction[free] = -inverse[np.ix_(free, free)] @ current.gradient[free]
         length = float(np.abs(direction).max())
-        # The first direction has no scale of its own; later ones are only kept from leaping.
-        direction *= first_step / length if nit == 0 else min(1.0, max_step / length)
+        # A direction without a scale of its own; others are only kept from leaping.
+        direction *= min(1.0, max_step / length) if scaled else first_step / length
         slack = max(rtol * max(current.fun - above, 0.0), _ROUNDING * abs(current.fun))
         if -float(current.gradient @ direction) <= slack:
             return search.result(current, nit, 0, "a further decrease would be within rtol")
@@ -83,12 +89,12 @@ def minimize_bfgs(
         if after is None:
             if np.array_equal(inverse, np.eye(inverse.shape[0])):
                 return search.result(current, nit, 2, "no step along the gradient decreases fun")
-            inverse = np.eye(inverse.shape[0])
+            inverse, scaled = np.eye(inverse.shape[0]), False
             continue
         inverse = _update(
-            inverse, after.point - current.point, after.gradient - current.gradient, nit == 0
+            inverse, after.point - current.point, after.gradient - current.gradient, not scaled
         )
-        current, nit = after, nit + 1
+        current, nit, scaled = after, nit + 1, True
         if callback:
             callback(current.point, current.fun)
 
@@ -106,14 +112,23 @@ def minimize_bfgs_residuals(
 ) -> OptimizeResult:
     """Minimise |r(x)|^2 / 2 by BFGS: the counterpart of `minimize_gauss_newton`.
 
-    `residuals` returns r (m,) and its Jacobian (m, k), of which BFGS sees the gradient only.
+    `residuals` returns r (m,) and its Jacobian J (m, k), of which BFGS sees the gradient only; but
+    its first inverse Hessian is that of J'J at the start, whose small eigenvalues are raised.
     `ftol` stands for a gradient of sqrt(2 ftol), which is as close for a curvature of one.
     """
+    lower, upper = bounds or (-np.inf, np.inf)
+    start = np.clip(np.asarray(x0, float), lower, upper)
+    first = residuals(start)
+    known = {start.tobytes(): first}  # is not evaluated again
 
     def fun(x: np.ndarray) -> tuple[float, np.ndarray]:
-        r, jac = residuals(x)
+        r, jac = known.pop(x.tobytes(), None) or residuals(x)
         return 0.5 * float(r @ r), jac.T @ r
 
+    curvature = first[1].T @ first[1]
+    curvature += (
+        _RAISED * max(float(np.diag(curvature).max(initial=0.0)), 1e-300) * np.eye(len(start))
+    )
     return minimize_bfgs(
         fun,
         x0,
@@ -123,6 +138,7 @@ def minimize_bfgs_residuals(
         above=above,
         max_evaluations=max_evaluations,
         callback=callback,
+        inverse=np.linalg.inv(curvature),
     )
 
 

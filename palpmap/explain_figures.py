@@ -41,17 +41,19 @@ def draw_ladder(explained: Explanation) -> Figure:
     axes.axhline(noise, color=GREY, ls="--", lw=1.4)
     axes.plot(at, rms, "o-", color=BLUE, ms=9, lw=2.2, label="error of the fit (rms)")
     axes.plot(at, apart, "s--", color=ORANGE, ms=6, lw=1.4, label="error at presses left out")
+    lowest = min(rms.min(), apart.min())
     if all(value is not None for value in high):
         highest = 1e6 * np.array([float(value or 0) for value in high])
         axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="error at forces left out")
-        apart = np.maximum(apart, highest)
+        apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
     for x, value, top, rung in zip(at, rms, np.maximum(rms, apart), rungs, strict=True):
         axes.annotate(
             f"{value:.3g} µm\nχ²/dof {rung.fit.chi2_per_dof:.3g}", (x, top), (0, 12),
             textcoords="offset points", ha="center", fontsize=10, color=BLACK,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise
-    axes.set_ylim(noise * spread**-0.25 / 1.35, noise * spread**1.3 * 1.6)
+    axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)
     axes.set_xlim(-0.55, max(len(rungs) - 0.45, 1.45))
     axes.annotate(
         f"the noise alone: {noise:.3g} µm", (1, noise), (-6, -4), ha="right", va="top",

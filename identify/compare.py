@@ -8,7 +8,7 @@ Holm's correction keeps the chance that pure noise is called structure below `AL
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from identify.comparison import Comparison, Reading, Test
 from identify.fit_record import Fit
@@ -104,9 +104,9 @@ def _size_test(view: ResidualView) -> Test:
     ratio = view.chi2 / view.dof
     if view.w.noise_estimated:
         # The noise came from third differences: 0.4 times as many independent numbers.
-        p = float(stats.f.sf(ratio, view.dof, max(0.4 * view.dof, 1)))
+        p = float(special.fdtrc(view.dof, max(0.4 * view.dof, 1), ratio))
     else:
-        p = float(stats.chi2.sf(view.chi2, view.dof))
+        p = float(special.chdtrc(view.dof, view.chi2))
     return Test("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))
 
 
@@ -126,7 +126,7 @@ def _pattern_tests(view: ResidualView) -> dict[str, Test]:
     for name, columns in view.directions.items():
         tests[name] = _from_score(name, score_test(view.residual, columns, view.nuisance(name)))
     worst = PressSpace(view.w, view.smooth).misfits().max() / view.scale**2
-    p = min(1.0, float(stats.chi2.sf(worst, 2)) * view.w.presses)
+    p = min(1.0, float(special.chdtrc(2, worst)) * view.w.presses)
     tests["press"] = Test("press", "", float(worst), 2, p, times_noise=float(np.sqrt(worst / 2)))
     space = PressSpace(view.w, view.beyond)
     tests["all_presses"] = _from_score("all_presses", space.omnibus(view.residual, view.beyond))
@@ -208,7 +208,7 @@ def _main_direction(
 
 def _outlying(view: ResidualView) -> np.ndarray:
     """Directions of the single readings that stand out, at most 20."""
-    limit = stats.norm.isf(ALPHA / 2 / len(view.residual))
+    limit = -special.ndtri(ALPHA / 2 / len(view.residual))
     rows = np.argsort(-np.abs(view.residual))[:20]
     rows = rows[np.abs(view.residual[rows]) > limit]
     columns = np.zeros((len(view.residual), len(rows)))
@@ -247,7 +247,7 @@ def _notes(view: ResidualView, tests: dict[str, Test]) -> tuple[str, ...]:
             f"From one reading to the next the residual scatters {view.scatter:.2g} times as much "
             "as the noise given; the questions of pattern are judged with this larger scatter."
         )
-    elif stats.chi2.cdf(view.chi2, view.dof) < ALPHA / 2:
+    elif special.chdtr(view.dof, view.chi2) < ALPHA / 2:
         notes.append(
             f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise given: that "
             "noise seems too large, so small effects may have been missed."

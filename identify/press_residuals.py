@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from identify.residual_directions import common, with_gain
 from identify.residual_tests import Alikeness, Score, moran_test, orthonormal, project_out, score
@@ -141,7 +141,7 @@ def bad_presses(w: Whitened, smooth: np.ndarray, scale: float, alpha: float) -> 
     while len(found) < min(MOST_BAD, w.presses // 5):
         misfits = space.misfits()
         worst = int(np.argmax(misfits))
-        if stats.chi2.sf(misfits[worst] / scale**2, 2) * w.presses > alpha:
+        if special.chdtrc(2, misfits[worst] / scale**2) * w.presses > alpha:
             break
         found.append(worst)
         space.without(worst)
@@ -177,7 +177,7 @@ def press_residuals(w: Whitened, absorbed: np.ndarray, bad: list[int]) -> tuple[
     product = np.bincount(index, weight * w.force_n * w.residual_m, j)
     stiffness = np.bincount(index, weight * w.force_n * modelled, j) / moment
     points = w.scan.contact_points
-    sigmas = stats.norm.isf(np.maximum(stats.chi2.sf(misfits, 2), 1e-300) / 2)
+    sigmas = -special.ndtri(np.maximum(special.chdtrc(2, misfits), 1e-300) / 2)
     return tuple(
         PressResidual(
             press=int(press),

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from identify.body_state import BodyState
 from identify.effects.effect import Effect, Values
@@ -135,7 +135,7 @@ class PressWiseFit:
     def noise_share(self) -> float:
         """Share of the presses in which what remains is noise (99 % of noise has less)."""
         squares, count = self.by_press
-        return float(np.mean(squares < chi2.ppf(0.99, np.maximum(count - 1, 1))))
+        return float(np.mean(squares < chdtri(np.maximum(count - 1, 1), 0.01)))
 
 
 @dataclass(frozen=True)

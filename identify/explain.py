@@ -199,13 +199,15 @@ def _beside(rung: Rung, name: str) -> tuple[str, ...]:
 
     What is left of such an effect is so little that it must be large to explain anything, with the
     map far off on the other side; then a slight error of the model, or another form of the map,
-    passes for it. If the model's own error is what fits best, it may be any of these effects.
+    passes for it. If the model's own error is what fits best, it may be any of these effects. Nor
+    is an effect told from that error whose pattern is like its own, which is only an estimate.
     """
     scores = [score for score in rung.diagnosis.scores if score.untestable is None]
     imitated = [score.name for score in scores if score.visible < _IMITATED]
     if name == MODEL_ERROR:
         return tuple(imitated)
-    return (MODEL_ERROR,) * (name in imitated)
+    alike = MODEL_ERROR in rung.diagnosis.confused_with(name)
+    return (MODEL_ERROR,) * (name in imitated or alike)
 
 
 def _drop(

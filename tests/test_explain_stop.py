@@ -1,13 +1,17 @@
 """When the loop stops: a trace beside what was explained is no call for another effect."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from identify.diagnosis import Diagnosis
 from identify.effects.catalogue import effect_named
-from identify.explain import _verdict, is_more_missing
+from identify.explain import _beside, _verdict, is_more_missing
 from identify.rivals import MARGIN, best_rivals
+from identify.score import Score
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +82,18 @@ def test_nothing_is_a_rival_too_where_the_residual_is_noise(rungs):
 def test_nothing_significant_ends_the_loop(rungs):
     ladder, additions = rungs
     assert not is_more_missing(ladder, additions)
+
+
+@pytest.mark.parametrize(("cosine", "beside"), [(0.97, ("mesh_error",)), (0.6, ())])
+def test_what_looks_like_the_models_own_error_is_not_told_from_it(cosine, beside):
+    def score(name: str, pattern: list[float]) -> Score:
+        basis = np.array(pattern)[:, None]
+        return Score(name, 100.0, -50.0, {}, np.ones(1), np.ones(1), 0.3, basis, 1e-5)
+
+    scores = (
+        score("mesh_error", [1.0, 0.0]),
+        score("poisson_ratio", [cosine, float(np.sqrt(1 - cosine**2))]),
+    )
+    diagnosis = Diagnosis(scores, frozenset({"poisson_ratio"}), 200.0)
+    rung: Any = SimpleNamespace(diagnosis=diagnosis)
+    assert _beside(rung, "poisson_ratio") == beside

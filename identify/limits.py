@@ -249,10 +249,16 @@ def _moved(
     return at.whitened(moved - base, own.readings.press)
 
 
-def planned(fit: JointFit, design: Design) -> tuple[MeasurementModel, Linearised]:
-    """Return the model of a planned scan, and its linearisation at a fit's estimate."""
-    timed = fit.model.readings.time_s is not None
-    readings = readings_of(design.presses, timed)
+def planned(
+    fit: JointFit, design: Design, further: bool = False
+) -> tuple[MeasurementModel, Linearised]:
+    """Return the model of a planned scan, and its linearisation at a fit's estimate.
+
+    `further` says that it is made after the present one, not in its place.
+    """
+    present = fit.model.readings
+    timed = present.time_s is not None
+    readings = readings_of(design.presses, timed, present if further else None)
     mechanics = _mechanics(fit, design)
     model = replace(
         fit.model,

@@ -1,19 +1,22 @@
 """Which presses to make next to tell effects apart that the present scan cannot.
 
-Every rival has been fitted to the present scan. A planned scan is predicted with each of them; how
-far apart two predictions are, once the second rival's own parameters and the map have been
-refitted to present and planned readings together, is what the planned scan adds:
+Every rival has been fitted to the present scan. A planned scan, made after it, is predicted with
+each of them; how far apart two predictions are, once the second rival's own parameters and the map
+have been refitted to present and planned readings together, is what the planned scan adds:
 
     D = |P (r_A - r_B)|^2,   P projecting out rival B's derivatives on both scans,
 
-in units of chi-square. A design is worth the smallest D over all ordered pairs of rivals, from
-which the present scan's own part is taken away.
+in units of chi-square, from which the present scan's own part is taken away. Of the two orders of
+a pair the one with less counts.
+
+Where a design is worth more than is needed, only its most telling presses are kept: those with the
+largest parts of |P (r_A - r_B)|^2, as few as are still worth `ENOUGH`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -24,23 +27,37 @@ from identify.optimize_result import InadmissibleError
 from identify.scan_design import Design
 
 NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt
+ENOUGH = 50.0  # what is planned for: D comes out with a standard deviation of 2 sqrt(D)
+FEWEST = 9  # presses; one that slips must not decide
+
+
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Proposal:
     """A scan that would tell rivals apart.
 
-    `discrimination` is the least difference in chi-square between two of them, `pair` these two.
+    Attributes
+    ----------
+    design : its presses
+    discrimination : the least difference in chi-square between two rivals that it tells apart;
+        between any two where it tells none apart
+    pair : these two
+    told : pairs that it tells apart
+    alike : pairs that would still look alike
     """
 
     design: Design
     discrimination: float
-    pair: tuple[str, str]
+    pair: Pair
+    told: tuple[Pair, ...]
+    alike: tuple[Pair, ...]
 
     @property
     def enough(self) -> bool:
         """Whether one such scan decides."""
-        return self.discrimination >= NEEDED
+        return not self.alike
 
 
 def next_presses(
@@ -48,7 +65,7 @@ def next_presses(
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Proposal, ...]:
-    """Rank planned scans by how well they tell rivals apart, best first.
+    """Rank planned scans: those that tell more rivals apart, and of these the quickest, first.
 
     Parameters
     ----------
@@ -60,40 +77,92 @@ def next_presses(
         if progress:
             progress(f"planning a scan {design.change}")
         try:
-            proposal = _proposal(rivals, design)
+            found.append(_proposal(rivals, design))
         except InadmissibleError:
             continue
-        found.append(proposal)
-    return tuple(sorted(found, key=lambda p: -p.discrimination))
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(proposal: Proposal) -> tuple[int, float]:
+    told = len(proposal.told)
+    return -told, proposal.design.presses.duration_s if told else -proposal.discrimination
 
 
 def _proposal(rivals: Sequence[tuple[str, JointFit]], design: Design) -> Proposal:
-    views = {}
-    for name, fit in rivals:
-        _, at = planned(fit, design)
-        views[name] = at
-    fits = dict(rivals)
-    worst = (np.inf, ("", ""))
-    for truth, model in permutations(views, 2):
-        at, now = views[model], fits[model].at
-        sigma = np.concatenate([now.sigma_m, at.sigma_m])
-        apart = np.concatenate(
-            [
-                fits[truth].at.predicted_m - now.predicted_m,
-                views[truth].predicted_m - at.predicted_m,
-            ]
-        )
-        g = np.vstack([now.jacobian, at.jacobian])
-        both = _left(g, apart / sigma)
-        present = len(now.sigma_m)
-        before = _left(now.jacobian, (apart / sigma)[:present])
-        worst = min(worst, (max(both - before, 0.0), (truth, model)))
-    return Proposal(design, *worst)
+    whole = _Planned(rivals, design)
+    worth = whole.worth(np.arange(len(design.presses)))
+    wanted = [pair for pair, d in worth.items() if d >= ENOUGH]
+    found = _told(design, worth)
+    if not wanted:
+        return found
+
+    def enough(presses: np.ndarray) -> bool:
+        worth = whole.worth(presses)
+        return all(worth[pair] >= ENOUGH for pair in wanted)
+
+    order = whole.most_telling_first(min(wanted, key=lambda pair: worth[pair]))
+    few, many = min(FEWEST, len(order)) - 1, len(order)  # `many` presses are enough, `few` not
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (few, middle) if enough(order[:middle]) else (middle, many)
+    if many == len(order):
+        return found
+    fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
+    # Made on their own these presses come earlier and at other places in the order
+    again = _told(fewer, _Planned(rivals, fewer).worth(np.arange(many)))
+    return again if set(again.told) >= set(wanted) else found
 
 
-def _left(g: np.ndarray, r: np.ndarray) -> float:
-    """Squared length of r (m,) beyond the columns of g (m, k)."""
+def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
+    told = tuple(pair for pair, d in worth.items() if d >= NEEDED)
+    alike = tuple(pair for pair in worth if pair not in told)
+    pair = min(told or alike, key=lambda pair: worth[pair])
+    return Proposal(design, worth[pair], pair, told, alike)
+
+
+class _Planned:
+    """Present and planned readings as every rival predicts them."""
+
+    def __init__(self, rivals: Sequence[tuple[str, JointFit]], design: Design) -> None:
+        views = {name: planned(fit, design, further=True) for name, fit in rivals}
+        now = {name: fit.at for name, fit in rivals}
+        self.press = next(iter(views.values()))[0].readings.press
+        self.present = len(next(iter(now.values())).sigma_m)
+        self.ordered: list[tuple[Pair, np.ndarray, np.ndarray]] = []
+        for truth, model in permutations(now, 2):
+            here, there = now[model], views[model][1]
+            apart = np.concatenate(
+                [
+                    (now[truth].predicted_m - here.predicted_m) / here.sigma_m,
+                    (views[truth][1].predicted_m - there.predicted_m) / there.sigma_m,
+                ]
+            )
+            derivatives = np.vstack([here.jacobian, there.jacobian])
+            self.ordered.append(((truth, model), derivatives, apart))
+
+    def worth(self, presses: np.ndarray) -> dict[Pair, float]:
+        """Return D of every pair, the lesser of its two orders, if only these presses are made."""
+        rows = np.concatenate([np.ones(self.present, bool), np.isin(self.press, presses)])
+        found: dict[Pair, float] = {}
+        for (truth, model), g, apart in self.ordered:
+            before = _left(g[: self.present], apart[: self.present])
+            both = _left(g[rows], apart[rows])
+            pair = (truth, model) if (model, truth) not in found else (model, truth)
+            added = max(float(both @ both - before @ before), 0.0)
+            found[pair] = min(added, found.get(pair, np.inf))
+        return found
+
+    def most_telling_first(self, pair: Pair) -> np.ndarray:
+        """Return the planned presses (j,), those first that tell most of a pair."""
+        parts = np.zeros(self.press[-1] + 1)
+        for ordered, g, apart in self.ordered:
+            if set(ordered) == set(pair):
+                parts += np.bincount(self.press, _left(g, apart)[self.present :] ** 2)
+        return np.argsort(-parts, kind="stable")
+
+
+def _left(g: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Return what of r (m,) is beyond the columns of g (m, k)."""
     scale = np.linalg.norm(g, axis=0)
     g = g / np.where(scale > 0, scale, 1.0)
-    step = np.linalg.lstsq(g, r, rcond=1e-10)[0]
-    return float(np.sum((r - g @ step) ** 2))
+    return r - g @ np.linalg.lstsq(g, r, rcond=1e-10)[0]

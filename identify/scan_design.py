@@ -16,6 +16,7 @@ from identify.readings import Readings
 
 _SAMPLES = {"load": 8, "hold": 8, "unload": 6}
 _PAUSE_S = (0.1, 1.0)
+BETWEEN_SCANS_S = 60.0  # rest between a scan and the next on the same body, to change the tip
 SMALL, LARGE = 0.6, 2.0  # tip radii of a two-tip scan, in units of the present one
 
 
@@ -89,10 +90,15 @@ def presses_of(readings: Readings, seed: int = 0) -> Presses:
     )
 
 
-def readings_of(presses: Presses, timed: bool = True) -> Readings:
-    """Return the readings that presses would give, forces as set."""
+def readings_of(presses: Presses, timed: bool = True, after: Readings | None = None) -> Readings:
+    """Return the readings that presses would give, forces as set.
+
+    `after` is the scan that was made before on the same body: clock and order go on from it.
+    """
     rows: dict[str, list] = {"press": [], "time": [], "phase": [], "force": []}
     clock = 0.0
+    if after is not None and after.time_s is not None:
+        clock = float(after.time_s.max()) + BETWEEN_SCANS_S
     for j in range(len(presses)):
         clock += presses.pause_s[j]
         ramp, hold, unload = presses.ramp_s[j], presses.hold_s[j], presses.unload_s[j]
@@ -109,7 +115,7 @@ def readings_of(presses: Presses, timed: bool = True) -> Readings:
     press = np.array(rows["press"])
     return Readings(
         press=press,
-        order=np.arange(len(presses)),
+        order=np.arange(len(presses)) + (0 if after is None else after.presses),
         time_s=np.array(rows["time"]) if timed else None,
         phase=np.array(rows["phase"]),
         point_m=presses.point_m[press],
@@ -128,7 +134,10 @@ def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]
         "two_radii",
         f"with two tips, every other press {1e3 * SMALL * radius:.2g} mm and "
         f"{1e3 * LARGE * radius:.2g} mm in radius",
-        replace(presses, radius_m=alternating),
+        # Forces in proportion, so that all go about as deep as they did
+        replace(
+            presses, radius_m=alternating, force_n=presses.force_n * alternating / presses.radius_m
+        ),
     )
     yield Design("same", "once more as it is", presses)
     force = np.where(np.arange(j) % 2 == 0, 0.5, 1.5) * presses.force_n

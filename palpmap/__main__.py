@@ -16,8 +16,10 @@ from palpmap.cli.effects import effects
 from palpmap.cli.explain import explain
 from palpmap.cli.fit import fit
 from palpmap.cli.history import history
+from palpmap.cli.join import join
 from palpmap.cli.limits import limits
 from palpmap.cli.paper import paper
+from palpmap.cli.press import press
 from palpmap.cli.reveal import reveal
 from palpmap.cli.review import review
 from palpmap.cli.scan import scan
@@ -66,9 +68,11 @@ _COMMANDS = (
     effects,
     check_effect,
     blind,
+    press,
     reveal,
     review,
     check,
+    join,
 )
 for _command in _COMMANDS:
     app.command()(answers(_command))

@@ -216,8 +216,10 @@ def _ahead(t: Told) -> str:
         text += section(
             "Which presses to make next",
             paragraph(
-                "Changes of the scan that would tell the effects apart, best first; each stands "
-                "as a press program in the run folder."
+                "Scans that would tell the effects apart, the quickest first; of each only the "
+                "presses that are needed. Each stands as a press program in the run folder. Made "
+                "after the present scan on the same body, they are explained together with it: "
+                "`palpmap join` makes one scan of both."
             )
             + next_press_table(presses),
         )

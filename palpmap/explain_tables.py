@@ -172,17 +172,20 @@ def _with_error(value: float, std: float, unit: str) -> str:
 
 
 def next_press_table(presses: Sequence[Mapping[str, Any]]) -> str:
-    """Return the changes of the scan that would tell an ambiguous group apart, best first."""
+    """Return the scans that would tell an ambiguous group apart, the one to make first."""
     rows = [
         (
             str(p.get("change", "")),
             str(p.get("why", "")),
+            str(p.get("presses", "")),
+            f"{p['duration_s'] / 60:.2g}" if _is_number(p.get("duration_s")) else "",
             f"{p['discrimination']:.3g}" if _is_number(p.get("discrimination")) else "",
             str(p.get("program", "") or ""),
         )
         for p in presses
     ]
-    return table(("Change", "Why", "Expected chi-square", "Press program"), rows, numeric=False)
+    head = ("Change", "Why", "Presses", "Minutes", "Expected chi-square", "Press program")
+    return table(head, rows, numeric=False)
 
 
 def detection_table(limits: Sequence[Mapping[str, Any]]) -> str:

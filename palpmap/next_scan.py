@@ -1,7 +1,7 @@
 """Scans that the diagnosis proposes, as programs that `palpmap scan --program` runs."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ _IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with 
 def propose(
     explained: Explanation, problem: Problem, say: Say = lambda text: None
 ) -> tuple[Proposal, ...]:
-    """Return the scans that tell the last ambiguous group apart, best first."""
+    """Return the scans that tell the last ambiguous group apart; the first is to be made."""
     ambiguous = [a for a in explained.additions if len(a.equals) > 1]
     if not ambiguous:
         return ()
@@ -42,19 +42,40 @@ def proposal_records(
     for number, proposal in enumerate(proposals[:_MOST], start=1):
         name = f"next_scan_{number}.csv"
         write_presses(proposal.design.presses, problem.placement.origin_m, run / name)
-        first, second = proposal.pair
-        chance = "tells them apart" if proposal.enough else "does not yet tell them apart"
         records.append(
             {
-                "change": f"Make the scan {proposal.design.change}",
-                "why": f"it {chance}: between {first} and {second} chi-square would differ by "
-                f"{proposal.discrimination:.3g}",
+                "change": _asked(proposal, len(problem.scan.used().press_ids)),
+                "why": _why(proposal),
                 "discrimination": proposal.discrimination,
+                "presses": len(proposal.design.presses),
                 "duration_s": proposal.design.presses.duration_s,
                 "program": name,
             }
         )
     return records
+
+
+def _why(proposal: Proposal) -> str:
+    """Say what a scan would bring, as a clause without its subject's name."""
+    first, second = proposal.pair
+    by = f"chi-square would differ by {proposal.discrimination:.3g}"
+    if not proposal.told:
+        return f"it does not yet tell them apart: between {first} and {second} {by}"
+    if proposal.enough:
+        return f"it tells them apart: {by}" + (
+            " or more" if len(proposal.told) > 1 else f" between {first} and {second}"
+        )
+    pairs = ", ".join(f"{a} from {b}" for a, b in proposal.told)
+    alike = ", ".join(f"{a} and {b}" for a, b in proposal.alike)
+    return f"it tells {pairs} ({by} or more); still alike would be {alike}"
+
+
+def _asked(proposal: Proposal, present: int) -> str:
+    """Say what to do, a sentence without its full stop."""
+    count, change = len(proposal.design.presses), proposal.design.change
+    if count >= present:
+        return f"Make the scan {change}"
+    return f"Make the {count} most telling presses of the scan {change}"
 
 
 def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[str, Any]:
@@ -66,9 +87,22 @@ def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[s
         "change": f"Repeat presses {', '.join(map(str, presses))}",
         "why": "they stand out by themselves: if they come out otherwise, they had gone wrong",
         "discrimination": None,
+        "presses": len(again),
         "duration_s": again.duration_s,
         "program": REPEAT,
     }
+
+
+def next_sentence(record: Mapping[str, Any], run: Path) -> str:
+    """Return what to press next and what it would bring, or nothing where nothing is proposed."""
+    if not record["next_presses"]:
+        return ""
+    best = record["next_presses"][0]
+    minutes = best["duration_s"] / 60
+    return (
+        f"Next: {best['change']} ({minutes:.2g} min): {best['why']}. "
+        f"The program: {run / best['program']}"
+    )
 
 
 def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:

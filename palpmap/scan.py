@@ -9,6 +9,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan, write_scan
+from models.scan_join import stack_scans
 from palpmap.console import Output, to_type
 from palpmap.recording import Recording
 from palpmap.run_folder import RunFolder, write_record
@@ -189,7 +190,6 @@ def make_scan(
 ) -> "ScanRun":
     """Make all presses; scan.csv and the recording are complete up to the last one at any time."""
     from sim.scan_program import run_scan
-    from sim.scan_run import join_scans
 
     drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     done: list[Scan] = []
@@ -197,7 +197,7 @@ def make_scan(
     def on_press(result: "PressResult") -> None:
         start = done[0].time_s[0] if done else result.scan.time_s[0]
         done.append(laboratory.hidden.report(result.scan, float(start)))
-        write_scan(join_scans(done), run / "scan.csv")
+        write_scan(stack_scans(done), run / "scan.csv")
         held = result.scan.phase == "hold"
         recording.press_done(
             result.statistics.press,

@@ -20,10 +20,12 @@ import numpy as np
 
 from models.errors import InputError
 from palpmap.blind import PRESSES_PER_SIDE, Trial, draw_trial, make_trial
+from palpmap.blind_further import press_further
 from palpmap.blind_score import map_errors, score_blind
 from palpmap.console import Output
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.sealed import unseal
+from sim.press_program import read_program
 
 FILE = "trials.jsonl"
 NONE_SHARE = 0.1
@@ -35,11 +37,15 @@ Explain = Callable[[Path, Path, int], dict[str, Any]]
 
 @dataclass(frozen=True)
 class Game:
-    """One trial of a tournament: its number, where it is played, and what is drawn for it."""
+    """One trial of a tournament: its number, where it is played, and what is drawn for it.
+
+    `further` is how often proposed presses are made and explained if the answer is ambiguous.
+    """
 
     number: int
     folder: str
     trial: Trial
+    further: int = 0
 
 
 def run_tournament(
@@ -48,6 +54,7 @@ def run_tournament(
     effects: Sequence[str],
     size: float | None,
     radii: int,
+    further: int,
     workers: int | None,
     dask: str | None,
     out: Path | None,
@@ -60,14 +67,17 @@ def run_tournament(
     ----------
     count : number of trials
     effects, size, radii : see `palpmap.blind.run_blind`; without effects all take turns
+    further : how often the presses that an ambiguous answer proposes are made and explained too
     workers : processes, None for one a core
     dask : address of a dask scheduler that plays instead
     """
     settings = {"effects": list(effects), "size": size, "radii": radii, "seed": seed}
+    if further:
+        settings["further"] = further
     with RunFolder("tournament", out, seed=seed, settings=settings) as run:
         done = earlier_games(run.path, settings)
-        games = [g for g in draw_games(run.path, count, effects, size, radii, seed)
-                 if g.number not in done]  # fmt: skip
+        drawn = draw_games(run.path, count, effects, size, radii, seed, further)
+        games = [game for game in drawn if game.number not in done]
         with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
             task = progress.add_task("playing", total=count, completed=count - len(games))
             players = workers or os.cpu_count() or 1
@@ -85,7 +95,13 @@ def run_tournament(
 
 
 def draw_games(
-    run: Path, count: int, effects: Sequence[str], size: float | None, radii: int, seed: int
+    run: Path,
+    count: int,
+    effects: Sequence[str],
+    size: float | None,
+    radii: int,
+    seed: int,
+    further: int = 0,
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
     from sim.hidden.catalogue import INSIDERS, OUTSIDERS
@@ -104,6 +120,7 @@ def draw_games(
             number,
             str(run / "trials" / f"{number:04d}"),
             draw_trial(1_000_000 * seed + number, [turns[number]], size, radii),
+            further,
         )
         for number in range(count)
     ]
@@ -236,7 +253,15 @@ def play(
     try:
         make_trial(folder, game.trial, per_side)
         made = time.perf_counter()
-        result = (explain or explain_trial)(folder / "study.toml", folder, game.trial.seed)
+        explain = explain or explain_trial
+        result = explain(folder / "study.toml", folder, game.trial.seed)
+        for _ in range(game.further):
+            if result["verdict"] != "ambiguous" or not result["next_presses"]:
+                break
+            line.setdefault("at_first", {k: result[k] for k in ("verdict", "added", "ambiguous")})
+            presses = read_program(folder / result["next_presses"][0]["program"])
+            line["further_presses"] = line.get("further_presses", 0) + len(presses)
+            result = explain(press_further(folder, presses), folder, game.trial.seed)
         truth = unseal(folder)
         score = score_blind(result, truth)
         line |= {
@@ -259,6 +284,7 @@ def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
     from identify.limits import detection_limits
     from palpmap.explain import explain_study
     from palpmap.explain_record import explain_record
+    from palpmap.next_scan import proposal_records, propose
     from palpmap.study import load_study
 
     found = explain_study(load_study(study), (), seed, Output(quiet=True))
@@ -266,6 +292,7 @@ def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
     limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
     seen = {one.name: one.smallest_share for one in limits if one.smallest_share is not None}
     record = {**explain_record(explained, problem, without), "detection_limits": seen}
+    record["next_presses"] = proposal_records(propose(explained, problem), problem, out)
     write_record(out / "result.json", record)
     return record
 

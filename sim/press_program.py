@@ -87,6 +87,15 @@ class PressProgram:
         duration = self.ramp_s + self.hold_s + self.unload_s
         return np.cumsum(self.pause_s) + np.concatenate([[0.0], np.cumsum(duration)[:-1]])
 
+    def then(self, further: PressProgram, rest_s: float) -> PressProgram:
+        """Return the program that makes these presses, rests, and makes further ones."""
+        arrays = {
+            f.name: np.concatenate([getattr(self, f.name), getattr(further, f.name)])
+            for f in fields(self)
+        }
+        arrays["pause_s"][len(self)] += rest_s
+        return PressProgram(**arrays)
+
 
 def random_pauses(count: int, seed: int) -> np.ndarray:
     """Rests before `count` presses, (j,) s; the same for the same seed."""

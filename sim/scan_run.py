@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.scan import Scan
+from models.scan_join import stack_scans
 
 PHASES = ("transit", "approach", "touch", "load", "hold", "unload", "retract")
 """Phases of the time series, in the order of their codes."""
@@ -140,7 +141,7 @@ class ScanRun:
     @property
     def scan(self) -> Scan:
         """The whole table."""
-        return join_scans([press.scan for press in self.presses])
+        return stack_scans([press.scan for press in self.presses])
 
     @property
     def statistics(self) -> tuple[PressStatistics, ...]:
@@ -159,9 +160,3 @@ class ScanRun:
         return Series(
             **{n: np.concatenate([getattr(p.series, n) for p in self.presses]) for n in names}
         )
-
-
-def join_scans(scans: list[Scan]) -> Scan:
-    """One table from the tables of single presses, in their order; all have the same columns."""
-    names = [n for n in Scan.__dataclass_fields__ if getattr(scans[0], n) is not None]
-    return Scan(**{n: np.concatenate([getattr(scan, n) for scan in scans]) for n in names})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -167,7 +168,7 @@ def test_only_blind_reveal_and_tournament_know_of_the_seal():
         for path in (ROOT / package).rglob("*.py")
         if "palpmap.sealed" in path.read_text() or "sealed/" in path.read_text()
     }
-    assert knows == {"blind", "reveal", "tournament", "sealed"}
+    assert knows == {"blind", "blind_further", "reveal", "tournament", "sealed"}
 
 
 WATCHED = """
@@ -194,6 +195,88 @@ def test_explain_opens_nothing_under_the_seal(tmp_path):
     assert done.returncode == 0, done.stderr
     told = RUN.invoke(app, ["reveal", str(tmp_path / "trial"), "--json"])
     assert json.loads(told.stdout)["outcome"] == "right", told.stdout
+
+
+PROGRAM = """x_m,y_m,radius_m,force_n,ramp_s,hold_s
+0.03,0.04,0.003,0.2,1,1
+0.05,0.06,0.010,0.4,1,1
+"""
+
+
+def test_further_presses_join_the_trial_and_its_answer_stays_sealed(trial, tmp_path):
+    folder = shutil.copytree(trial, tmp_path / "trial")
+    before = unseal(folder)
+    program = tmp_path / "next.csv"
+    program.write_text(PROGRAM)
+    for number, presses in ((2, 11), (3, 13)):
+        done = RUN.invoke(app, ["press", str(folder), str(program)])
+        assert done.exit_code == 0, done.output
+        assert "force_bias" not in done.output
+        study = load_study(folder / f"study_{number}.toml")
+        scan = place_scan(read_scan(study.scan), study).scan
+        assert len(scan.press_ids) == presses
+        assert scan.contact_radii[-2:].tolist() == [0.003, 0.010]
+        earlier = read_scan(folder / ("scan.csv" if number == 2 else f"scan_{number - 1}.csv"))
+        assert (scan.force_n[: len(earlier)] == earlier.force_n).all()
+    assert (folder / "scan.csv").read_bytes() == (trial / "scan.csv").read_bytes()
+    assert unseal(folder)["effects"] == before["effects"]
+    assert load_study(folder / "study_3.toml").noise == load_study(folder / "study.toml").noise
+
+
+def test_further_presses_need_a_trial_and_a_program(trial, tmp_path):
+    program = tmp_path / "next.csv"
+    for folder, says in ((tmp_path, "a folder that `palpmap blind` has made"),
+                         (trial, "next.csv: cannot be read as a press program")):  # fmt: skip
+        refused = RUN.invoke(app, ["press", str(folder), str(program)])
+        assert refused.exit_code == 2
+        assert says in " ".join(refused.stderr.split())
+    assert not (trial / "study_2.toml").exists()
+
+
+def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
+    game = tournament.Game(0, str(tmp_path / "0"), Trial(3, ("force_bias",), (0.05,), 1), 2)
+    (tmp_path / "0").mkdir()
+    (tmp_path / "0" / "next.csv").write_text(PROGRAM)
+    seen = []
+
+    def explain(study, out, seed):
+        presses = len(read_scan(load_study(study).scan).press_ids)
+        seen.append(presses)
+        if presses > 9:
+            return result("explained", ["force_bias"])
+        group = [["force_bias", "contact_offset"]]
+        return result("ambiguous", (), group, next_presses=[{"program": "next.csv"}])
+
+    played = tournament.play(game, explain, 3)
+    assert seen == [9, 11]
+    assert (played["outcome"], played["further_presses"]) == ("right", 2)
+    assert played["at_first"]["verdict"] == "ambiguous"
+    once = tournament.Game(1, str(tmp_path / "1"), game.trial)
+    shutil.copytree(tmp_path / "0", tmp_path / "1", ignore=lambda *_: ["study_2.toml"])
+    assert tournament.play(once, explain, 3)["outcome"] == "honest"
+
+
+@pytest.mark.slow
+def test_presses_that_explain_proposes_decide_what_was_ambiguous(tmp_path):
+    """An offset of 1 % with one tip is not told from a force bias; some 40 presses tell it."""
+    trial = tmp_path / "trial"
+    words = ["blind", "--seed", "1000004", "--effects", "contact_offset", "--size", "1"]
+    assert RUN.invoke(app, [*words, "--out", str(trial)]).exit_code == 0
+    unsure = RUN.invoke(
+        app, ["explain", str(trial / "study.toml"), "--out", str(trial / "first"), "--json"]
+    )
+    assert unsure.exit_code == 1
+    record = json.loads(unsure.stdout)
+    assert set(record["ambiguous"][0]) == {"contact_offset", "force_bias"}
+    program = trial / "first" / record["next_presses"][0]["program"]
+    assert record["next_presses"][0]["presses"] < 81
+    assert RUN.invoke(app, ["press", str(trial), str(program)]).exit_code == 0
+    sure = RUN.invoke(
+        app, ["explain", str(trial / "study_2.toml"), "--out", str(trial / "second"), "--json"]
+    )
+    assert json.loads(sure.stdout)["added"] == ["contact_offset"], sure.stdout
+    told = RUN.invoke(app, ["reveal", str(trial), "--json"])
+    assert json.loads(told.stdout)["outcome"] == "right"
 
 
 def test_reveal_shows_hidden_beside_found_and_judges(trial):

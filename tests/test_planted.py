@@ -14,7 +14,7 @@ from models.errors import InputError
 from sim.bench import Bench, press, record
 from sim.hidden.amplitude import amplitude_for, size_of
 from sim.hidden.catalogue import HIDDEN, INSIDERS, hidden_effect
-from sim.hidden.planted_scan import planted_scan
+from sim.hidden.planted_scan import BETWEEN_SCANS_S, further_scan, planted_scan
 from sim.hidden_body import HiddenBody
 from sim.press_program import PressProgram, grid_program
 from sim.soft_body import block_compliance
@@ -167,3 +167,51 @@ def test_all_effects_of_the_catalogue_can_be_planted():
 
     # A threshold of first touch shows only under a ball: the laboratory's tips are flat
     assert set(INSIDERS) == {effect.name for effect in CATALOGUE} - {"touch_threshold"}
+
+
+SHORT = PressProgram(
+    x_m=[0.02, 0.05, 0.07], y_m=[0.04, 0.04, 0.06], radius_m=[0.005, 0.005, 0.005],
+    force_n=[0.2, 0.3, 0.3], ramp_s=[0.5, 1.0, 1.0], hold_s=[1.0, 1.0, 1.5],
+    unload_s=[0.5, 0.5, 1.0], pause_s=[0.3, 0.2, 0.6],
+)  # fmt: skip
+FURTHER = replace(SHORT, x_m=SHORT.y_m, radius_m=np.array([0.004, 0.005, 0.008]))
+
+
+@pytest.mark.parametrize(
+    "name", ["preconditioning", "force_drift", "breathing", "outside_cooling", "skin_layer"]
+)
+def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
+    silent = (0.0, 0.0)
+    _, answer = planted_scan(name, 0.05, 8, program=SHORT, noise=silent)
+    again, longer = further_scan(answer, FURTHER)
+    long = SHORT.then(FURTHER, BETWEEN_SCANS_S)
+    values = answer["effects"][0]["values"]
+    whole, _ = planted_scan(name, 0.05, 8, program=long, noise=silent, values=values)
+    rest = whole.rows(whole.press >= 3)
+    assert again.press_ids.tolist() == [3, 4, 5]
+    assert_allclose(again.time_s, rest.time_s, rtol=1e-12)
+    assert_allclose(again.force_n, rest.force_n, rtol=1e-12)
+    assert_allclose(again.displacement_m, rest.displacement_m, rtol=1e-9)
+    assert longer["effects"] == answer["effects"]
+    assert len(longer["compliance_m_per_n"]) == len(longer["program"]["x_m"]) == 6
+
+
+def test_further_scans_have_noise_of_their_own_and_go_on_from_each_other():
+    first, answer = planted_scan(None, seed=8, program=SHORT)
+    second, after = further_scan(answer, SHORT)
+    same, _ = further_scan(answer, SHORT)
+    third, _ = further_scan(after, SHORT)
+    assert (second.force_n == same.force_n).all()
+    pairs = [(first, second), (first, third), (second, third)]
+    for one, other in pairs:
+        noise = one.force_n - other.force_n
+        assert np.std(noise) == pytest.approx(np.sqrt(2) * 5e-3, rel=0.35)
+    assert third.press_ids.tolist() == [6, 7, 8]
+    assert third.time_s[0] > second.time_s[-1] + BETWEEN_SCANS_S
+
+
+def test_a_further_press_beside_the_block_is_refused():
+    _, answer = planted_scan(None, seed=8, program=SHORT)
+    beside = replace(SHORT, x_m=np.array([0.02, 0.093, 0.07]))
+    with pytest.raises(InputError, match="Press 1 of the program: x is 93 mm; a tip of 5 mm needs"):
+        further_scan(answer, beside)

@@ -41,6 +41,16 @@ def blind(
             show_default="one trial, not explained",
         ),
     ] = None,
+    further: Annotated[
+        int,
+        typer.Option(
+            "--further",
+            metavar="N",
+            min=0,
+            help="Of a tournament: where the answer is ambiguous, make the presses that it "
+            "proposes and explain again, up to N times.",
+        ),
+    ] = 0,
     workers: Annotated[
         int | None,
         typer.Option("--workers", min=1, help="Processes.", show_default="one a core"),
@@ -63,8 +73,8 @@ def blind(
     names = [name.strip() for name in effects.split(",") if name.strip()] if effects else []
     share = None if size is None else size / 100
     if tournament is None:
-        if workers is not None or dask is not None:
-            raise typer.BadParameter("--workers and --dask go with --tournament")
+        if workers is not None or dask is not None or further:
+            raise typer.BadParameter("--further, --workers and --dask go with --tournament")
         from palpmap.blind import run_blind
 
         return run_blind(
@@ -77,6 +87,7 @@ def blind(
         effects=names,
         size=share,
         radii=radii,
+        further=further,
         workers=workers,
         dask=dask,
         out=out,

@@ -76,12 +76,17 @@ class CoolingBody(HiddenEffect):
     """The body cools while it is pressed, and stiffens: down, and up again as the room warms."""
 
     name, category = "outside_cooling", "outsider"
-    law = "u (1 - share sin^2(pi t/T) ), T the session"
+    law = "u (1 - share sin^2(pi t/T) ), T the first session"
     amplitude, typical, limit = "share", 0.05, 0.6
+
+    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+        """Hold the session's end, which further presses do not move."""
+        del rng
+        return {"session_s": float(bench.time_s[-1, -1])}
 
     def contact(self, bench, travel_m, values):
         """Stiffen in the middle of the session."""
-        t = bench.time_s / bench.time_s[-1, -1]
+        t = bench.time_s / values["session_s"]
         return travel_m * (1 - values["share"] * np.sin(np.pi * t) ** 2)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
+from models.errors import InputError
 from models.scan import Scan
 from sim.bench import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Bench, Planted, press, record
 from sim.hidden.amplitude import amplitude_for, size_of
@@ -15,6 +17,7 @@ from sim.hidden_body import HiddenBody
 from sim.press_program import PressProgram, grid_program
 from sim.truth_map import Inclusion, TruthMap
 
+BETWEEN_SCANS_S = 60.0  # to change the tip
 DEFAULT_MAP = TruthMap(5500.0, (Inclusion(20000.0, (0.042, 0.056, 0.034), 0.010),))
 
 
@@ -50,8 +53,8 @@ def planted_scan(
     Returns
     -------
     The scan, and its truth: `effects` (each with name, category, law, values, size wanted and
-    reached), `body`, `seed`, `radii_m`, `noise`, `compliance_m_per_n` of every press as it was
-    made.
+    reached), `body`, `seed`, `radii_m`, `noise`, `program` (column by column),
+    `compliance_m_per_n` of every press as it was made.
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     sizes = np.broadcast_to(np.asarray(size, float), len(names))
@@ -74,18 +77,69 @@ def planted_scan(
                 "size": reached,
             }
         )
-    body = bench.body
-    for hidden, hidden_values in planted:
-        body = hidden.body(body, hidden_values)
     scan = record(bench, press(bench, planted), seed, *noise)
     return scan, {
         "effects": records,
         "body": _map_record(truth),
         "seed": seed,
-        "radii_m": sorted(set(bench.program.radius_m.tolist())),
         "noise": {"displacement_m": noise[0], "force_n": noise[1]},
+        **_pressed_record(bench, planted),
+    }
+
+
+def further_scan(
+    answer: Mapping[str, Any], program: PressProgram, rest_s: float = BETWEEN_SCANS_S
+) -> tuple[Scan, dict[str, Any]]:
+    """Press the body of an earlier scan once more, with what is hidden in it.
+
+    Clock, order of presses and all that has a memory go on from the last press that was made.
+
+    Parameters
+    ----------
+    answer : the truth that came with the scan before, see `planted_scan`
+    program : the further presses
+    rest_s : between the two
+
+    Returns
+    -------
+    The scan of the further presses alone, numbered on, and the truth of all presses together.
+    """
+    earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
+    body = HiddenBody(truth=_map_from(answer["body"]))
+    _on_top(program, body)
+    bench = Bench(earlier.then(program, rest_s), body)
+    planted = tuple((hidden_effect(e["name"]), e["values"]) for e in answer["effects"])
+    noise = answer["noise"]["displacement_m"], answer["noise"]["force_n"]
+    seed = np.random.SeedSequence([answer["seed"], 6, len(earlier)]).generate_state(1)[0]
+    scan = record(bench, press(bench, planted), int(seed), *noise)
+    truth = {**answer, **_pressed_record(bench, planted)}
+    return scan.rows(scan.press >= len(earlier)), truth
+
+
+def _pressed_record(bench: Bench, planted: tuple[Planted, ...]) -> dict[str, Any]:
+    body = bench.body
+    for hidden, values in planted:
+        body = hidden.body(body, values)
+    program = bench.program
+    return {
+        "radii_m": sorted(set(program.radius_m.tolist())),
+        "program": {f.name: getattr(program, f.name).tolist() for f in fields(program)},
         "compliance_m_per_n": bench.compliance(body=body).tolist(),
     }
+
+
+def _on_top(program: PressProgram, body: HiddenBody) -> None:
+    """Refuse presses whose rim is not on the block's top."""
+    for axis, at in enumerate((program.x_m, program.y_m)):
+        off = (at < program.radius_m) | (at > body.size_m[axis] - program.radius_m)
+        if off.any():
+            j = int(off.argmax())
+            raise InputError(
+                f"Press {j} of the program: {'xy'[axis]} is {1e3 * at[j]:.4g} mm; a tip of "
+                f"{1e3 * program.radius_m[j]:.3g} mm needs "
+                f"{1e3 * program.radius_m[j]:.3g} to "
+                f"{1e3 * (body.size_m[axis] - program.radius_m[j]):.4g} mm to stand on the block."
+            )
 
 
 def _plant(
@@ -105,6 +159,14 @@ def _plant(
         return amplitude_for(bench, effect, drawn, size, others, sign)
     without = press(bench, (*others, (effect, {**drawn, effect.amplitude: 0.0})))
     return (effect, drawn), size_of(press(bench, (*others, (effect, drawn))), without)
+
+
+def _map_from(record: Mapping[str, Any]) -> TruthMap:
+    inclusions = (
+        Inclusion(i["weight_pa"], (i["x_m"], i["y_m"], i["z_m"]), i["radius_m"])
+        for i in record["inclusions"]
+    )
+    return TruthMap(record["background_pa"], tuple(inclusions))
 
 
 def _map_record(truth: TruthMap) -> dict[str, Any]:

@@ -1,0 +1,75 @@
+"""Several scans of one body as one table."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+
+OPTIONAL = {"force_vector_n": "fx_n, fy_n, fz_n", "tip_pose": "tip_x_m ... tip_qz"}
+
+
+def stack_scans(scans: Sequence[Scan]) -> Scan:
+    """Return one table from several whose press ids rise from one to the next, in their order.
+
+    All have the same columns.
+    """
+    names = [n for n in Scan.__dataclass_fields__ if getattr(scans[0], n) is not None]
+    return Scan(**{n: np.concatenate([getattr(scan, n) for scan in scans]) for n in names})
+
+
+def join_scans(
+    scans: Sequence[Scan], names: Sequence[str], pause_s: float | None = None
+) -> tuple[Scan, tuple[str, ...]]:
+    """Return one table from scans made one after the other on the same body.
+
+    Presses are numbered on. Columns that not all scans have are left out.
+
+    Parameters
+    ----------
+    scans : in the order in which they were made
+    names : what to call each in a sentence, such as its path
+    pause_s : time from the last row of a scan to the first of the next, whatever their clocks
+        say; None takes the times as they stand
+
+    Returns
+    -------
+    The table, and the names of the columns that were left out.
+
+    Raises
+    ------
+    InputError
+        Some scans know the time and others do not, or a clock goes back and no pause is given.
+    """
+    timed = [scan.has_time for scan in scans]
+    if any(timed) and not all(timed):
+        with_time, without = names[timed.index(True)], names[timed.index(False)]
+        raise InputError(
+            f"{with_time} has times and {without} has none; expected all scans or none of them: "
+            "empty the column time_s of the one, or fill it in the other"
+        )
+    left_out = [n for n in OPTIONAL if len({getattr(scan, n) is None for scan in scans}) > 1]
+    joined: list[Scan] = []
+    for scan, name in zip(scans, names, strict=True):
+        changes: dict[str, np.ndarray | None] = dict.fromkeys(left_out)
+        if joined:
+            before = joined[-1]
+            changes["press"] = scan.press_index + before.press[-1] + 1
+            if timed[0]:
+                changes["time_s"] = _time_after(before, scan, name, pause_s)
+        joined.append(scan.replace(**changes))
+    return stack_scans(joined), tuple(OPTIONAL[n] for n in left_out)
+
+
+def _time_after(before: Scan, scan: Scan, name: str, pause_s: float | None) -> np.ndarray:
+    last, first = float(before.time_s.max()), float(scan.time_s.min())
+    if pause_s is not None:
+        return scan.time_s + (last + pause_s - first)
+    if first <= last:
+        raise InputError(
+            f"{name}: its clock begins at {first:.6g} s, expected later than {last:.6g} s, where "
+            "the scan before it ends; if the clock was set back, say with --pause how many seconds "
+            "lay between the two"
+        )
+    return scan.time_s

@@ -1,0 +1,36 @@
+"""`palpmap join`: one scan of several on the same body."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from models.errors import InputError
+from models.scan import read_scan, write_scan
+from models.scan_join import join_scans
+from palpmap.console import Output
+
+
+def run_join(*, scans: Sequence[Path], out: Path, pause_s: float | None, output: Output) -> None:
+    """Write one scan from several files; see `models.scan_join.join_scans`.
+
+    Raises
+    ------
+    InputError
+        Fewer than two scans, scans that do not go together, or an output file that is there.
+    """
+    if len(scans) < 2:
+        raise InputError(f"found {len(scans)} scan, expected two or more to join")
+    if out.exists():
+        raise InputError(f"{out}: is already there and is not overwritten; choose another --out")
+    joined, left_out = join_scans(
+        [read_scan(path) for path in scans], list(map(str, scans)), pause_s
+    )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_scan(joined, out)
+    presses = len(joined.press_ids)
+    output.result(
+        {"schema": 1, "scan": str(out), "presses": presses, "rows": len(joined),
+         "left_out": list(left_out)},
+        f"{presses} presses, {len(joined)} rows in {out}; name it as scan in the study.",
+    )  # fmt: skip
+    for columns in left_out:
+        output.say(f"Left out, as not every scan has them: {columns}.")

@@ -75,10 +75,12 @@ def exact(stress, raised, basis, derivatives, gradients, frame, field):
     coupling = np.empty((count, cells, samples, nodes, 3))
     cross = np.empty((count, count, cells, samples))
     g, own = np.empty((4, 3, nodes)), np.empty((3, nodes))
-    part, unit = np.empty((3, 3)), np.eye(4)
+    part, unit = np.empty((3, 3)), np.empty(4)
     for c in range(cells):
         for b in range(4):
-            _shape_gradients(g[b], derivatives, unit[b], gradients[c])
+            for a in range(4):
+                unit[a] = 1.0 if a == b else 0.0
+            _shape_gradients(g[b], derivatives, unit, gradients[c])
         for m in range(count):
             for q in range(samples):
                 own[:] = 0.0

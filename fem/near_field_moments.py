@@ -27,6 +27,10 @@ _THINNEST = 0.05  # tip radii; the cost grows like one over the tube's radius
 # change counts many times over.
 _COARSE = (2.0, (64, 4, 8))
 _FINE = (1.4, (128, 8, 16))
+# Of a tetrahedron: ends of its edges, and corners (or, from 4 on, middles) of its eight parts
+_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+_CHILDREN = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3],
+                      [4, 6, 7, 8], [4, 6, 5, 8], [6, 7, 8, 9], [6, 5, 8, 9]])  # fmt: skip
 
 
 def moments(
@@ -93,7 +97,8 @@ def _integrate(vertices, shape, radius, nu, profile, degree, projection=None):
     quarter = math.ceil(tube_points[0] * spread / (4 * tube))  # quarter turns change nothing
     tube_points = (4 * quarter, *tube_points[1:])
     reach = _rim_reach(vertices, radius)
-    _integrate_cells(vertices, *TET_RULES[5], leaf, tube, *arguments)
+    volumes = np.abs(np.linalg.det(vertices[:, 1:] - vertices[:, :1])) / 6
+    _integrate_cells(vertices, volumes, *TET_RULES[5], leaf, tube, *arguments)
     result = strain.reshape(len(vertices), -1, FUNCTIONS, 6).transpose(0, 2, 3, 1), products
     if not shape.any() and not (reach < 2 * tube).any():
         return result
@@ -172,7 +177,8 @@ def _search(points, vertices, inverse, owner, barycentric):
             smallest = min(place[0], place[1], place[2], place[3])
             if smallest > deepest:
                 deepest, owner[p] = smallest, c
-                barycentric[p] = place
+                for a in range(4):
+                    barycentric[p, a] = place[a]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -197,24 +203,23 @@ def _integrate_points(points, weights, owner, barycentric, strain, products, sha
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, products, shape,
-                     radius, nu, profile, lam, mu, projection):  # fmt: skip
+def _integrate_cells(vertices, volumes, rule_points, rule_weights, leaf, tube, strain, products,
+                     shape, radius, nu, profile, lam, mu, projection):  # fmt: skip
     batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
     corners = np.empty((10, 4))
-    edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
     volume = np.empty(256)
     barycentric = np.empty(4)
     position = np.empty(3)
     centre = np.empty(3)
-    children = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3],
-                         [4, 6, 7, 8], [4, 6, 5, 8], [6, 7, 8, 9], [6, 5, 8, 9]])  # fmt: skip
+    # Neither array expressions nor numpy.linalg: each costs seconds when this is compiled
     for c in range(len(vertices)):
         v = vertices[c]
-        whole = abs(np.linalg.det(v[1:] - v[:1])) / 6
-        stack[0] = np.eye(4)
-        volume[0] = whole
+        for a in range(4):
+            for b in range(4):
+                stack[0, a, b] = 1.0 if a == b else 0.0
+        volume[0] = volumes[c]
         top = 1
         while top > 0:
             top -= 1
@@ -242,11 +247,11 @@ def _integrate_cells(vertices, rule_points, rule_weights, leaf, tube, strain, pr
                     for a in range(4):
                         corners[a, b] = piece[a, b]
                     for m in range(6):
-                        corners[4 + m, b] = (piece[edges[m, 0], b] + piece[edges[m, 1], b]) / 2
+                        corners[4 + m, b] = (piece[_EDGES[m, 0], b] + piece[_EDGES[m, 1], b]) / 2
                 for k in range(8):
                     for a in range(4):
                         for b in range(4):
-                            stack[top, a, b] = corners[children[k, a], b]
+                            stack[top, a, b] = corners[_CHILDREN[k, a], b]
                     volume[top] = size / 8
                     top += 1
                 continue

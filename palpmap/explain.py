@@ -12,7 +12,7 @@ from palpmap.console import Output, to_type
 from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
-from palpmap.next_scan import next_sentence, proposal_records, propose, repeat_record
+from palpmap.next_scan import next_lines, proposal_records, propose, repeat_record
 from palpmap.problem import Problem, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import Study, load_study
@@ -53,7 +53,7 @@ def run_explain(
         output.result(
             {**record, "run": str(run.path)},
             *explain_summary(record, explained, problem),
-            *filter(None, [next_sentence(record, run.path)]),
+            *next_lines(record, run.path),
             f"Report: {run / 'report.html'}",
             f"Recording: {to_type('review', run.path)}",
         )

@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from identify.explain import Explanation
 from identify.next_presses import Proposal, next_presses
 from identify.scan_design import Presses, presses_of, variations
 from palpmap.problem import Problem, Say, named
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 REPEAT = "repeat_presses.csv"
@@ -93,15 +96,17 @@ def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[s
     }
 
 
-def next_sentence(record: Mapping[str, Any], run: Path) -> str:
-    """Return what to press next and what it would bring, or nothing where nothing is proposed."""
+def next_lines(record: Mapping[str, Any], run: Path) -> tuple["RenderableType", ...]:
+    """Return what to press next and what it would bring; nothing where nothing is proposed."""
+    from rich.text import Text
+
     if not record["next_presses"]:
-        return ""
+        return ()
     best = record["next_presses"][0]
-    minutes = best["duration_s"] / 60
+    minutes = f"{best['duration_s'] / 60:.2g} min"
     return (
-        f"Next: {best['change']} ({minutes:.2g} min): {best['why']}. "
-        f"The program: {run / best['program']}"
+        Text(f"Next: {best['change']} ({minutes}): {best['why']}.", style="bold"),
+        f"Program: {run / best['program']}",
     )
 
 

@@ -206,7 +206,8 @@ class FiniteStrainModel:
         options = options or NewtonOptions()
 
         def follower(_: None, __: int) -> PathFollower:
-            first, second = (chosen.analyse(stiffness.indptr, stiffness.indices) for _ in range(2))
+            pattern = (stiffness.indptr, stiffness.indices)
+            first, second = (chosen.analyse(*pattern, approximate=True) for _ in range(2))
             return PathFollower(self.body, (first, second), options)
 
         count = min(workers or available_cores(), len(contacts))

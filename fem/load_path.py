@@ -17,7 +17,7 @@ and the slope of the path with which the next load's first guess is extrapolated
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,7 @@ from fem.tangent_solver import TangentSolver, TipConstraints
 
 _ADJOINT_ITERATIONS = 12  # more cost as much as a factorisation
 _BACKTRACKS = 12
+_REST = 1e-3  # of the tolerance, at no load: all readings are told in terms of this compliance
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ class PathFollower:
         """
         self._load = load
         self.tangent.turn_to(constraints)
-        return Equilibrium(0.0, np.zeros(self.body.size), self.tangent.solve(load), ())
+        z = self.tangent.solve_linear(load, _REST * self.options.rtol)
+        return Equilibrium(0.0, np.zeros(self.body.size), z, ())
 
     def follow(
         self, rest: Equilibrium, forces_n: np.ndarray, start: Sequence[Equilibrium | None]
@@ -275,18 +277,13 @@ class PathFollower:
             raise _NotConverged(f"cells invert at {force:.4g} N")
         tangent = self.tangent
         values = self.body.tangent_values(u, tangent.modulus_pa)
-        load = tangent.constraints.without_reactions(self._load.copy())
-        z = _conjugate_gradients(
-            lambda x: tangent.product(values, x),
-            tangent.solve,
-            load,
-            slope_guess,
-            self.options.rtol,
-            _ADJOINT_ITERATIONS,
-        )
+        rtol, most = self.options.rtol, _ADJOINT_ITERATIONS
+        z = tangent.solve_exactly(values, self._load, slope_guess, rtol, most)
         if z is None:
             self._refactor(u)
-            z = tangent.solve(load)
+            z = tangent.solve_exactly(values, self._load, tangent.solve(self._load), rtol, 100)
+        if z is None:
+            raise _NotConverged(f"the tangent at {force:.4g} N is too close to singular")
         return Equilibrium(force, u, z, tuple(errors))
 
 
@@ -313,32 +310,3 @@ def _from_other_modulus(
     """First guesses from the path with another modulus, at about the same force."""
     u = guess.u + (force - guess.force_n) * guess.z
     return [u] if previous is None else [u, u + last.u - previous.u]
-
-
-def _conjugate_gradients(
-    product: Callable[[np.ndarray], np.ndarray],
-    precondition: Callable[[np.ndarray], np.ndarray],
-    rhs: np.ndarray,
-    start: np.ndarray,
-    rtol: float,
-    max_iterations: int,
-) -> np.ndarray | None:
-    """Solve A x = rhs to a relative error rtol of the energy norm; None if it takes too long."""
-    x = start.copy()
-    r = rhs - product(x)
-    y = precondition(r)
-    p, rho, first = y.copy(), float(r @ y), float(rhs @ x)
-    for _ in range(max_iterations):
-        if not rho > rtol**2 * first:
-            return x if rho >= 0 else None
-        ap = product(p)
-        curvature = float(p @ ap)
-        if not curvature > 0:
-            return None
-        x += rho / curvature * p
-        r -= rho / curvature * ap
-        y = precondition(r)
-        new = float(r @ y)
-        p = y + new / rho * p
-        rho = new
-    return x if 0 <= rho <= rtol**2 * first else None

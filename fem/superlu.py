@@ -25,8 +25,14 @@ class SuperLUSolver:
 
         return f"SuperLU of scipy {__version__}"
 
-    def analyse(self, indptr: ArrayLike, indices: ArrayLike) -> SuperLUPattern:
-        """Prepare the full matrix of the upper triangle (SuperLU orders in `factorize`)."""
+    def analyse(
+        self, indptr: ArrayLike, indices: ArrayLike, approximate: bool = False
+    ) -> SuperLUPattern:
+        """Prepare the full matrix of the upper triangle (SuperLU orders in `factorize`).
+
+        Factors are in double precision, whether or not `approximate` ones would do.
+        """
+        del approximate
         return SuperLUPattern(*checked_pattern(indptr, indices))
 
 

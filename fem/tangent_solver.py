@@ -5,6 +5,9 @@ response to the constraints' forces is taken off, u - A^-1 B' (B A^-1 B')^-1 B u
 displacements so obtained the problem has no constraints any more. A surface that is pressed hard
 would be unstable without the tip that holds it, so that its tangent alone cannot be factorised:
 then it is propped by springs that are taken off again in the solution (`_hold_propped`).
+
+Factors may be in single precision: what they solve is a preconditioner's answer, with which
+`solve_exactly` iterates.
 """
 
 from __future__ import annotations
@@ -63,12 +66,13 @@ class TangentSolver:
         self.modulus_pa: np.ndarray = np.empty(0)
         self._patterns = patterns
         self._linear: Factor | None = None
+        self._linear_values = np.empty(0)
 
     def begin(self, modulus_pa: np.ndarray) -> None:
         """Factorise the linear stiffness of a modulus field (p,), which all presses share."""
         self.modulus_pa = modulus_pa
-        values = self.body.tangent_values(np.zeros(self.body.size), modulus_pa)
-        self._linear = self._factorize(self._patterns[0], values)
+        self._linear_values = self.body.tangent_values(np.zeros(self.body.size), modulus_pa)
+        self._linear = self._factorize(self._patterns[0], self._linear_values)
 
     def turn_to(self, constraints: TipConstraints) -> None:
         """Take up a press, with the linear factor."""
@@ -158,6 +162,55 @@ class TangentSolver:
         if len(held.rows):
             _take_off(u, held.responses, held.rows @ u[self.constraints.dofs])
         return u
+
+    def solve_linear(self, rhs: np.ndarray, rtol: float) -> np.ndarray:
+        """Displacement of the unstrained body, to a relative error rtol of the energy norm.
+
+        Raises
+        ------
+        SolverError
+            Single precision is not enough for this body even to iterate with.
+        """
+        self.back_to_linear()
+        found = self.solve_exactly(self._linear_values, rhs, self.solve(rhs), rtol, 100)
+        if found is None:
+            raise SolverError(
+                "the linear stiffness is too close to singular to be solved with; is Poisson's "
+                "ratio too close to 0.5?"
+            )
+        return found
+
+    def solve_exactly(
+        self,
+        values: np.ndarray,
+        rhs: np.ndarray,
+        start: np.ndarray,
+        rtol: float,
+        max_iterations: int,
+    ) -> np.ndarray | None:
+        """Solve with the tangent of these values (nnz,), the held factor as preconditioner.
+
+        Conjugate gradients, to a relative error rtol of the energy norm; None if it takes too long.
+        """
+        load = self.constraints.without_reactions(rhs.copy())
+        x = start.copy()
+        r = load - self.product(values, x)
+        y = self.solve(r)
+        p, rho, first = y.copy(), float(r @ y), float(load @ x)
+        for _ in range(max_iterations):
+            if not rho > rtol**2 * first:
+                return x if rho >= 0 else None
+            ap = self.product(values, p)
+            curvature = float(p @ ap)
+            if not curvature > 0:
+                return None
+            x += rho / curvature * p
+            r -= rho / curvature * ap
+            y = self.solve(r)
+            new = float(r @ y)
+            p = y + new / rho * p
+            rho = new
+        return x if 0 <= rho <= rtol**2 * first else None
 
     def product(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return the forces (3 f,) of a tangent's values (nnz,) on x, without those of the tip."""

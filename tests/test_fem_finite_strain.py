@@ -254,3 +254,17 @@ def test_a_rigid_flat_tip_needs_a_flat_profile():
     with pytest.raises(MeshError, match="degree 1 or more"):
         RigidTip(0)
     model_of(contacts=round_tip).evaluate(6e3, [0.1]).require_complete()
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.49, 0.4999])
+@pytest.mark.parametrize("tip", [DeadPressure(), RigidTip(4)], ids=["dead", "rigid"])
+def test_single_precision_of_the_factors_is_not_felt_in_what_is_answered(nu, tip):
+    found = []
+    for solver in (None, SuperLUSolver()):  # PARDISO in single precision, SuperLU in double
+        model = FiniteStrainModel(MESH, nu, CONTACTS, NeoHookean(), tip=tip, solver=solver)
+        response = model.evaluate(modulus_at(model.points_m), FORCES)
+        response.require_complete()
+        found.append(response)
+    for name, rtol in (("mesh_compliance", 1e-9), ("readings_m", 1e-6),
+                       ("tangent_compliance", 3e-6)):  # fmt: skip
+        np.testing.assert_allclose(*(getattr(r, name) for r in found), rtol=rtol)

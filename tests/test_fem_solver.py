@@ -228,3 +228,19 @@ def test_the_two_halves_of_a_solve_make_the_whole_and_give_every_product(solver)
     one = factor.forward(loads[:, 2])
     assert one.shape == (matrix.shape[0],)
     np.testing.assert_allclose(factor.backward(one), solution[:, 2], rtol=1e-8, atol=1e-12)
+
+
+@every_solver
+def test_an_approximate_factor_is_a_good_preconditioner_and_its_solutions_are_in_double(solver):
+    upper = upper_of(stiffness_like(3))
+    rhs = np.random.default_rng(1).normal(size=(upper.shape[0], 2))
+    exact = solver.analyse(upper.indptr, upper.indices).factorize(upper.data).solve(rhs)
+    pattern = solver.analyse(upper.indptr, upper.indices, approximate=True)
+    found = pattern.factorize(upper.data).solve(rhs)
+    assert found.dtype == np.float64
+    assert np.linalg.norm(found - exact) < 1e-3 * np.linalg.norm(exact)
+    if isinstance(solver, PardisoSolver):
+        assert np.abs(found / exact - 1).max() > 1e-12  # it is single precision indeed
+        full = solver.analyse(upper.indptr, upper.indices)
+        full.factorize(upper.data)
+        assert pattern.factor_bytes < 0.9 * full.factor_bytes

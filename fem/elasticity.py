@@ -17,7 +17,6 @@ more E_f exceeds E.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,9 +27,11 @@ from fem.assembly import Stiffness
 from fem.contact import Contacts, PressedSurface
 from fem.errors import MeshError
 from fem.near_field import (
+    Neighbourhood,
     linear_derivatives,
     neighbourhood,
     nodal_fields,
+    over_all,
     sample_basis,
     square,
 )
@@ -137,14 +138,7 @@ class FibrePlane:
         self._gradients = stiffness.gradients @ plane.T  # (e, 4, 2)
         self.parts: list[PlanePart] = []
         if near_field:
-            surface = PressedSurface(stiffness.mesh)
-            with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
-                self.parts = list(
-                    pool.map(
-                        lambda j: _plane_part(stiffness, surface, contacts, j, plane),
-                        range(len(contacts)),
-                    )
-                )
+            self.parts = _plane_parts(stiffness, contacts, plane)
 
     def holds(self, direction: np.ndarray) -> bool:
         """Whether a direction lies in the plane."""
@@ -248,12 +242,26 @@ def _add_near_products(out, strain, cells, amplitude, mixed, products):
                 out[cells[k], q, pair] += value
 
 
+def _plane_parts(stiffness: Stiffness, contacts: Contacts, plane: np.ndarray) -> list[PlanePart]:
+    surface = PressedSurface(stiffness.mesh)
+    presses = range(len(contacts))
+    places = [neighbourhood(stiffness, surface, contacts, j) for j in presses]
+
+    def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        return _plane_part(stiffness, contacts.profile_code, places[j], which, plane)
+
+    cells = [place.cells for place in places]
+    found = over_all(places, stiffness.mesh, cells, of_press, (2, 4))
+    return [PlanePart(cells[j], *found[j]) for j in presses]
+
+
 def _plane_part(
-    stiffness: Stiffness, surface: PressedSurface, contacts: Contacts, j: int, plane: np.ndarray
-) -> PlanePart:
+    stiffness: Stiffness, profile: int, place: Neighbourhood, which: np.ndarray, plane: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return `mixed` and `products` of `PlanePart` for some of a press's cells."""
     mesh, nu = stiffness.mesh, stiffness.poisson_ratio
-    frame, local, cells, shape, radius = neighbourhood(stiffness, surface, contacts, j)
-    profile = contacts.profile_code
+    frame, local, cells, shape, radius = place
+    cells = cells[which]
     inside = plane @ frame.T
     projection = _strain_projection(inside)
     vertices = local[mesh.cells[cells, :4]]
@@ -274,7 +282,7 @@ def _plane_part(
     products = np.einsum("qa,cmslta->msltcq", basis, pairs, optimize=True)
     products -= cross + cross.transpose(2, 3, 0, 1, 4, 5)
     products += np.einsum("cq,mscq,ltcq->msltcq", volumes, at_points, at_points, optimize=True)
-    return PlanePart(cells, exact - own, products)
+    return exact - own, products
 
 
 def _strain_projection(plane: np.ndarray) -> np.ndarray:

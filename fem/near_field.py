@@ -26,7 +26,7 @@ admissible fields, only less apt the more the surface bends under the tip.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,6 +41,7 @@ from fem.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS, by_sample
 from fem.near_field_cells import exact, interpolant
 from fem.near_field_moments import moments
 from fem.near_field_points import functions
+from fem.near_field_shared import shared
 from fem.quadrature import monomials
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
@@ -124,33 +125,58 @@ def enrich(
     stiffness: Stiffness,
     surface: PressedSurface,
     contacts: Contacts,
-    j: int,
     weights: np.ndarray,
-    place: Neighbourhood,
+    places: Sequence[Neighbourhood],
     close: np.ndarray,
-) -> Enrichment:
-    """Integrate the enrichment of press j.
+) -> list[Enrichment]:
+    """Integrate the enrichments of all presses.
 
     Parameters
     ----------
     surface : of the mesh
-    weights : (n, 3) contact weights of the press
-    place : of the press
+    weights : (j, n, 3) contact weights
+    places : of the presses
     close : (c,) cells with modulus samples of their own
     """
     profile, nu = contacts.profile_code, stiffness.poisson_ratio
-    is_close = np.isin(place.cells, close)
-    far, *own, far_volume = _integrals(stiffness, place, place.cells[~is_close], profile, 1)
-    near, *its, near_volume = _integrals(stiffness, place, place.cells[is_close], profile, 2)
-    if stiffness.mean_lame > 0:
-        # The mean change of volume has the modulus of the cells' ordinary samples
-        cells, more = np.concatenate([far, near]), np.concatenate([far_volume, near_volume], axis=1)
-        coupling, energy = _mean_parts(stiffness, cells, more)
-        coupling[:, : len(far)] += own[0]
-        energy[:, :, : len(far)] += own[1]
-        far, own = cells, [coupling, energy]
-    load = _load(surface, contacts, j, place, nu, weights)
-    return Enrichment(far, *_stored(*own), load, Close(near, *_stored(*its)))
+
+    def integrals(cells: list[np.ndarray], degree: int) -> list[tuple[np.ndarray, ...]]:
+        def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+            return _integrals(stiffness, places[j], cells[j][which], profile, degree)
+
+        return over_all(places, stiffness.mesh, cells, of_press, (1, 2, 1))
+
+    near_cells = [place.cells[np.isin(place.cells, close)] for place in places]
+    far_cells = [np.setdiff1d(place.cells, close, assume_unique=True) for place in places]
+    found = []
+    fields = zip(integrals(far_cells, 1), integrals(near_cells, 2), strict=True)
+    for j, ((*own, far_volume), (*its, near_volume)) in enumerate(fields):
+        cells, near = far_cells[j], near_cells[j]
+        if stiffness.mean_lame > 0:
+            # The mean change of volume has the modulus of the cells' ordinary samples
+            more = np.concatenate([far_volume, near_volume], axis=1)
+            coupling, energy = _mean_parts(stiffness, np.concatenate([cells, near]), more)
+            coupling[:, : len(cells)] += own[0]
+            energy[:, :, : len(cells)] += own[1]
+            cells, own = np.concatenate([cells, near]), [coupling, energy]
+        load = _load(surface, contacts, j, places[j], nu, weights[j])
+        found.append(Enrichment(cells, *_stored(*own), load, Close(near, *_stored(*its))))
+    return found
+
+
+def over_all(
+    places: Sequence[Neighbourhood],
+    mesh: Mesh,
+    cells: Sequence[np.ndarray],
+    compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
+    axes: Sequence[int],
+) -> list[tuple[np.ndarray, ...]]:
+    """Compute integrals over some cells of each press, see `fem.near_field_shared.shared`."""
+    local = [p.local[mesh.cells[own]] for p, own in zip(places, cells, strict=True)]
+    alike = [b"".join([p.frame.tobytes(), p.shape.tobytes(), bytes(str(p.radius), "ascii")])
+             for p in places]  # fmt: skip
+    radii = np.array([place.radius for place in places])
+    return shared(local, alike, radii, compute, axes)
 
 
 def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +189,6 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
 
     Returns
     -------
-    cells : as given
     coupling : (m, c, q, nodes, 3)
     energy : (m, m, c, q)
     dilatation : (m, c) mean change of each cell's volume
@@ -196,7 +221,7 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
     dilatation = np.einsum("cmsk,k->mc", strain[:, :, :3], often) / stiffness.volumes[cells]
     mean = stiffness.mean_gradients[cells] @ place.frame.T
-    return cells, coupling, energy, dilatation - np.einsum("mcis,cis->mc", field, mean)
+    return coupling, energy, dilatation - np.einsum("mcis,cis->mc", field, mean)
 
 
 def _mean_parts(stiffness: Stiffness, cells, dilatation):

@@ -137,14 +137,10 @@ class PalpationModel:
                 places = list(
                     pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
                 )
-                self.close_cells = close = close_cells(mesh, places)
-                self.enrichments = list(
-                    pool.map(
-                        lambda j: enrich(self.stiffness, surface, contacts, j, self._weights[j],
-                                         places[j], close),
-                        presses,
-                    )
-                )  # fmt: skip
+            self.close_cells = close_cells(mesh, places)
+            self.enrichments = enrich(
+                self.stiffness, surface, contacts, self._weights, places, self.close_cells
+            )
         #: rows of `Material.close` that belong to each press
         self.close_rows = [
             np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments

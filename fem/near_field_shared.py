@@ -1,0 +1,78 @@
+"""Integrals of near fields over cells, each computed once however many presses it serves.
+
+Presses on a grid meet the cells of a regular mesh in few ways: of 81 presses 9 mm apart on cells of
+12 mm, 16 are different. A cell's integrals depend on where its nodes lie in the press's frame, on
+the tip's radius and on the surface's shape under it; where these agree, so do they.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+
+_ALIKE = 1e-8  # of the tip's radius: nodes closer than this are at the same place
+_WORTH_IT = 0.7  # of the cells; where more are different, copies cost more than they save
+
+
+def shared(
+    local: Sequence[np.ndarray],
+    alike: Sequence[bytes],
+    radius_m: np.ndarray,
+    compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
+    axes: Sequence[int],
+) -> list[tuple[np.ndarray, ...]]:
+    """Return each press's arrays, over the cells that lie alike computed but once.
+
+    Parameters
+    ----------
+    local : for each press (c, nodes, 3) m, the nodes of its cells in its frame
+    alike : for each press all else that its integrals depend on
+    radius_m : (j,) of the tips
+    compute : arrays of press j for some of its cells, given by their indices; called by several
+        threads
+    axes : which axis of each array counts the cells
+    """
+    kinds = {kind: number for number, kind in enumerate(dict.fromkeys(alike))}
+    keys = np.concatenate(
+        [
+            _hashes(np.rint(nodes / (_ALIKE * radius)), kinds[kind])
+            for nodes, kind, radius in zip(local, alike, radius_m, strict=True)
+        ]
+    )
+    _, first, back = np.unique(keys, return_index=True, return_inverse=True)
+    counts = [len(nodes) for nodes in local]
+    if len(first) > _WORTH_IT * len(keys):
+        with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
+            return list(pool.map(compute, range(len(counts)), map(np.arange, counts)))
+    begin = np.cumsum([0, *counts])
+    # The first cell of each kind is computed, by the press that it belongs to
+    order = np.argsort(first)
+    press = np.searchsorted(begin, first[order], "right") - 1
+    busy = np.unique(press) if len(press) else np.zeros(1, int)
+    own = [first[order][press == j] - begin[j] for j in busy]
+    with ThreadPoolExecutor() as pool:
+        parts = list(pool.map(compute, busy, own))
+    every = [
+        np.ascontiguousarray(np.concatenate(arrays, axis))  # else `take` would copy all each time
+        for arrays, axis in zip(zip(*parts, strict=True), axes, strict=True)
+    ]
+    place = np.empty(len(first), np.int64)
+    place[order] = np.arange(len(first))
+    rows = place[back.ravel()]
+    return [
+        tuple(np.take(array, rows[b:e], axis) for array, axis in zip(every, axes, strict=True))
+        for b, e in pairwise(begin)
+    ]
+
+
+def _hashes(rows: np.ndarray, kind: int) -> np.ndarray:
+    """Hash whole numbers (c, nodes, 3), cells of one kind, to 64 bits each, (c,)."""
+    rows = rows.reshape(len(rows), rows.shape[1] * rows.shape[2])
+    odd = np.random.default_rng(0).integers(1 << 62, size=rows.shape[1] + 1, dtype=np.uint64)
+    odd = 2 * odd + np.uint64(1)
+    with np.errstate(over="ignore"):
+        mixed = rows.astype(np.int64).view(np.uint64) @ odd[1:] + np.uint64(kind) * odd[0]
+        return mixed ^ (mixed >> np.uint64(29))

@@ -3,11 +3,10 @@
 The linear score only ranks; the refit decides. At each step the best-scored effects and all that
 look like them are fitted jointly with the map; the winner must beat every rival by more than
 `MARGIN` in chi-square (after the price of its parameters), else the rivals are an ambiguous group
-and one of them stands in for the group. A residual that is noise is a rival too: chance, with what
-the model itself is off by, makes an effect of four standard errors now and then. An effect that the
-map imitates all but wholly is never named alone: what is left of it is no more than a slight error
-of the model. After each addition the earlier ones must still earn their place. The verdict follows
-from what remains.
+and one of them stands in for the group. Where the residual is noise, nothing is added but what
+chance does not give in a thousand scans. An effect that the map imitates all but wholly is never
+named alone: what is left of it is no more than a slight error of the model. After each addition the
+earlier ones must still earn their place. The verdict follows from what remains.
 """
 
 from __future__ import annotations

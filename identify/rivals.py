@@ -11,9 +11,10 @@ from identify.diagnosis import ALIKE, Diagnosis
 from identify.effects.effect import Effect
 from identify.joint_fit import JointFit, try_fit
 from identify.rung import Rung
-from identify.score import Score
+from identify.score import Score, holm_significant
 
 MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
+SURE = 1e-3  # family-wise chance, where nothing but the score speaks for an effect
 REFIT_EVALUATIONS = 15
 _SHORTLIST = 3
 _RISE = 1.002  # an addition does not raise the error itself ...
@@ -47,13 +48,16 @@ def best_rivals(
     """Return the best-scored effects that a refit bears out; empty if there are none.
 
     Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
-    Where the residual is noise, "nothing more" is a rival too, to be beaten by `MARGIN`.
+    Where the residual is noise, one of them must have a score that noise does not give in a
+    thousand scans (`SURE`).
     """
-    least = MARGIN if rung.comparison.is_noise else 0.0
+    noise = rung.comparison.is_noise
+    sure = holm_significant(rung.diagnosis.scores, SURE if noise else 1.0)
     tried = list(exclude)
     while names := shortlist(rung.diagnosis, tried):
         rivals = compare_rivals(rung, effects, say, tried)
-        if rivals and rivals[0].criterion < rung.fit.bic - least:
+        better = rivals and rivals[0].criterion < rung.fit.bic
+        if better and any(rival.name in sure for rival in rivals):
             return rivals
         tried += names
     return ()

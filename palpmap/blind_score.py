@@ -124,9 +124,9 @@ def _single(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
         return "honest", False, f"{says}."
     limit = result.get("detection_limits", {}).get(name)
     if verdict == "nothing_missing":
-        if compliance and limit is not None and effect["size"] < limit:
+        if limit is not None and effect["size"] < limit:
             size = f"{100 * effect['size']:.2g} % of the signal, below {100 * limit:.2g} %"
-            return "honest", True, f"{name} has {size}, which it says it cannot see."
+            return "honest", compliance, f"{name} has {size}, which it says it cannot see."
         return "missed", False, f"It saw nothing of {name}."
     if verdict in ("unexplained", "ambiguous") and not added:
         return "honest", False, f"It did not name {name}, and says that something is missing."

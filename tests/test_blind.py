@@ -57,6 +57,8 @@ JUDGED = [
     (answer(CREEP), result("explained", ["hysteresis", "viscoelasticity"]), "structured", "wrong",
      False),
     (answer(CREEP), result("nothing_missing"), "structured", "missed", False),
+    (answer(CREEP), result("nothing_missing", detection_limits={"viscoelasticity": 0.05}),
+     "structured", "honest", False),
     (answer(CREEP), result("unexplained"), "structured", "honest", False),
     (answer(CREEP), result("ambiguous", (), [["viscoelasticity", "hysteresis"]]), "structured",
      "honest", False),

@@ -10,7 +10,7 @@ import pytest
 from identify.diagnosis import Diagnosis
 from identify.effects.catalogue import effect_named
 from identify.explain import _beside, _verdict, is_more_missing
-from identify.rivals import MARGIN, best_rivals
+from identify.rivals import best_rivals
 from identify.score import Score
 
 
@@ -60,23 +60,30 @@ def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(run
     assert not is_more_missing(ladder, (group,))
 
 
-def test_nothing_is_a_rival_too_where_the_residual_is_noise(rungs):
+def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
     (first, last), _ = rungs
     quiet = replace(significant(first, 0.01, first.fit.chi2), comparison=last.comparison)
     assert _verdict((quiet,), (), settled=False) == "unexplained"
     assert _verdict((quiet,), (), settled=True) == "nothing_missing"
     assert _verdict((first,), (), settled=True) == "unexplained"
-    (name,) = quiet.diagnosis.significant
-    effects = {name: effect_named(name)}
-    quiet = replace(quiet, diagnosis=significant(first, 1e-6, first.fit.chi2).diagnosis)
-    (rival,) = best_rivals(quiet, effects, str, ())
-    for beaten_by, is_enough in ((MARGIN + 1, True), (MARGIN - 1, False)):
-        price = first.fit.bic - first.fit.chi2
-        chi2 = rival.criterion + beaten_by - price
-        residual = first.fit.at.residual * np.sqrt(chi2 / first.fit.chi2)
-        fit = replace(first.fit, at=replace(first.fit.at, residual=residual))
-        assert fit.bic == pytest.approx(rival.criterion + beaten_by)
-        assert bool(best_rivals(replace(quiet, fit=fit), effects, str, ())) is is_enough
+
+
+@pytest.mark.parametrize(
+    ("chance", "noise_like", "is_enough"),
+    [(5e-4, True, True), (5e-3, True, False), (5e-3, False, True)],
+)
+def test_beside_noise_only_a_score_that_chance_does_not_give_is_an_answer(
+    rungs, chance, noise_like, is_enough
+):
+    (first, last), _ = rungs
+    tested = sum(score.untestable is None for score in first.diagnosis.scores)
+    best = replace(first.diagnosis.scores[0], log_p=np.log(chance / tested))
+    others = tuple(replace(score, log_p=0.0) for score in first.diagnosis.scores[1:])
+    diagnosis = replace(first.diagnosis, scores=(best, *others), significant=frozenset([best.name]))
+    comparison = last.comparison if noise_like else first.comparison
+    rung = replace(first, diagnosis=diagnosis, comparison=comparison)
+    effects = {best.name: effect_named(best.name)}
+    assert bool(best_rivals(rung, effects, str, ())) is is_enough
 
 
 def test_nothing_significant_ends_the_loop(rungs):

@@ -1,23 +1,36 @@
-"""A scan with no more presses than the loop needs, evenly spread."""
+"""A scan with no more presses than the loop needs, of every kind and evenly spread."""
 
 import numpy as np
 
 from models.scan import Scan
 
-MOST_PRESSES = 150  # time and memory of the loop grow with them
+MOST_PRESSES = 200  # time and memory of the loop grow with them
+_KINDS_APART = 1.0  # of the scan's extent: presses with another tip or force are no neighbours
 
 
 def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     """Return a scan with at most so many presses, each next one farthest from those before.
 
-    The first press is kept, the order of the rest as well.
+    Farthest in place, in the tip's radius and in the largest force. The first press is kept, the
+    order of the rest as well. Presses that only repeat others are taken last, evenly.
     """
     points = scan.contact_points
     if len(points) <= most:
         return scan
+    force = np.zeros(len(points))
+    np.maximum.at(force, scan.press_index, scan.force_n)
+    extent = max(float(np.ptp(points, axis=0).max()), 1e-9)
+    # Forces that differ by the sensor's noise alone are alike: whole steps of a quarter
+    share = np.clip(force / max(force.max(), 1e-9), 1e-3, 1.0)
+    kinds = np.column_stack([np.log(scan.contact_radii), np.rint(4 * np.log2(share))])
+    low, high = kinds.min(axis=0), kinds.max(axis=0)
+    kinds = (kinds - low) / np.where(high > low, high - low, 1.0)
+    features = np.hstack([points / extent, _KINDS_APART * kinds])
     kept = [0]
-    away = np.linalg.norm(points - points[0], axis=1)
-    while len(kept) < most:
+    away = np.linalg.norm(features - features[0], axis=1)
+    while len(kept) < most and away.max() > 1e-6:
         kept.append(int(np.argmax(away)))
-        away = np.minimum(away, np.linalg.norm(points - points[kept[-1]], axis=1))
-    return scan.rows(np.isin(scan.press_index, kept))
+        away = np.minimum(away, np.linalg.norm(features - features[kept[-1]], axis=1))
+    again = np.setdiff1d(np.arange(len(points)), kept)
+    evenly = np.linspace(0, len(again) - 1, most - len(kept)).round().astype(int)
+    return scan.rows(np.isin(scan.press_index, [*kept, *again[evenly]]))

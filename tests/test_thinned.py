@@ -1,0 +1,58 @@
+"""Of too many presses the loop takes some of every kind, evenly, and as many as it may."""
+
+import numpy as np
+import pytest
+
+from models.scan import Scan
+from palpmap.thinned import thinned
+
+
+def scan_of(points, radius, force) -> Scan:
+    """Return a scan of presses of two rows."""
+    n = len(points)
+    rng = np.random.default_rng(0)
+    return Scan(
+        press=np.repeat(np.arange(n), 2),
+        time_s=np.arange(2.0 * n),
+        phase=np.array(["load", "hold"] * n),
+        point_m=np.repeat(points, 2, axis=0),
+        direction=np.tile([0.0, 0.0, -1.0], (2 * n, 1)),
+        force_n=np.repeat(force, 2) * np.tile([0.5, 1.0], n) + 1e-3 * rng.normal(size=2 * n),
+        displacement_m=np.full(2 * n, 1e-3),
+        probe_radius_m=np.repeat(radius, 2),
+    )
+
+
+def grid(side: int) -> np.ndarray:
+    x, y = np.meshgrid(np.linspace(0, 0.08, side), np.linspace(0, 0.08, side))
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(side**2)])
+
+
+def test_a_scan_with_few_presses_is_left_as_it_is():
+    scan = scan_of(grid(4), np.full(16, 0.005), np.full(16, 0.3))
+    assert thinned(scan, 16) is scan
+
+
+@pytest.mark.parametrize("most", [60, 100])
+def test_a_second_scan_of_the_same_places_is_not_lost(most):
+    """The same grid once more, with two other tips and forces to match."""
+    places = np.vstack([grid(9), grid(9)])
+    other = np.where(np.arange(81) % 2, 0.003, 0.01)
+    radius = np.concatenate([np.full(81, 0.005), other])
+    kept = thinned(scan_of(places, radius, 60 * radius), most)
+    counts = [np.count_nonzero(kept.contact_radii == r) for r in (0.003, 0.005, 0.01)]
+    assert sum(counts) == most
+    assert min(counts) > 0.15 * most
+    assert (np.diff(kept.press_ids) > 0).all()
+    for radius_m in (0.003, 0.005, 0.01):  # of each kind, all over the surface
+        spread = kept.contact_points[kept.contact_radii == radius_m][:, :2]
+        assert np.ptp(spread, axis=0).min() > 0.06
+
+
+def test_repeated_presses_fill_what_is_left_evenly():
+    places = np.vstack([grid(5)] * 4)
+    kept = thinned(scan_of(places, np.full(100, 0.005), np.full(100, 0.3)), 50)
+    assert len(kept.press_ids) == 50
+    assert np.isin(np.arange(25), kept.press_ids).all()
+    rounds = np.bincount(kept.press_ids // 25, minlength=4)
+    assert rounds[1:].min() >= 8

@@ -142,7 +142,8 @@ def enrich(
 
     def integrals(cells: list[np.ndarray], degree: int) -> list[tuple[np.ndarray, ...]]:
         def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
-            return _integrals(stiffness, places[j], cells[j][which], profile, degree)
+            own = _integrals(stiffness, places[j], cells[j][which], profile, degree)
+            return *_stored(*own[:2]), own[2]
 
         return over_all(places, stiffness.mesh, cells, of_press, (1, 2, 1))
 
@@ -160,7 +161,7 @@ def enrich(
             energy[:, :, : len(cells)] += own[1]
             cells, own = np.concatenate([cells, near]), [coupling, energy]
         load = _load(surface, contacts, j, places[j], nu, weights[j])
-        found.append(Enrichment(cells, *_stored(*own), load, Close(near, *_stored(*its))))
+        found.append(Enrichment(cells, *_stored(*own), load, Close(near, *its)))
     return found
 
 

@@ -215,3 +215,6 @@ def test_a_further_press_beside_the_block_is_refused():
     beside = replace(SHORT, x_m=np.array([0.02, 0.093, 0.07]))
     with pytest.raises(InputError, match="Press 1 of the program: x is 93 mm; a tip of 5 mm needs"):
         further_scan(answer, beside)
+    del answer["program"]
+    with pytest.raises(InputError, match="made by an older palpmap"):
+        further_scan(answer, SHORT)

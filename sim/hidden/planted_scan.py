@@ -103,7 +103,17 @@ def further_scan(
     Returns
     -------
     The scan of the further presses alone, numbered on, and the truth of all presses together.
+
+    Raises
+    ------
+    InputError
+        A press beside the block, or an answer of a version that did not keep its presses.
     """
+    if "program" not in answer:
+        raise InputError(
+            "the trial was made by an older palpmap, which did not keep what presses it made; make "
+            "it anew with palpmap blind"
+        )
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
     body = HiddenBody(truth=_map_from(answer["body"]))
     _on_top(program, body)

@@ -7,7 +7,8 @@ have been refitted to present and planned readings together, is what the planned
     D = |P (r_A - r_B)|^2,   P projecting out rival B's derivatives on both scans,
 
 in units of chi-square, from which the present scan's own part is taken away. Of the two orders of
-a pair the one with less counts.
+a pair the one with less counts. A refit follows the bent valley of the map's weight and depth, and
+leaves less than this straight step does: D may be promised up to twice too large.
 
 Where a design is worth more than is needed, only its most telling presses are kept: those with the
 largest parts of |P (r_A - r_B)|^2, as few as are still worth `ENOUGH`.
@@ -27,7 +28,7 @@ from identify.optimize_result import InadmissibleError
 from identify.scan_design import Design
 
 NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt
-ENOUGH = 50.0  # what is planned for: D comes out with a standard deviation of 2 sqrt(D)
+ENOUGH = 50.0  # what is planned for: D may come out at half, and scatters by 2 sqrt(D)
 FEWEST = 9  # presses; one that slips must not decide
 
 
@@ -142,14 +143,20 @@ class _Planned:
 
     def worth(self, presses: np.ndarray) -> dict[Pair, float]:
         """Return D of every pair, the lesser of its two orders, if only these presses are made."""
+        found: dict[Pair, float] = {}
+        for (truth, model), added in self.worth_in_order(presses).items():
+            pair = (truth, model) if (model, truth) not in found else (model, truth)
+            found[pair] = min(added, found.get(pair, np.inf))
+        return found
+
+    def worth_in_order(self, presses: np.ndarray) -> dict[Pair, float]:
+        """Return D of every (truth, model) if only these presses are made."""
         rows = np.concatenate([np.ones(self.present, bool), np.isin(self.press, presses)])
         found: dict[Pair, float] = {}
-        for (truth, model), g, apart in self.ordered:
+        for pair, g, apart in self.ordered:
             before = _left(g[: self.present], apart[: self.present])
             both = _left(g[rows], apart[rows])
-            pair = (truth, model) if (model, truth) not in found else (model, truth)
-            added = max(float(both @ both - before @ before), 0.0)
-            found[pair] = min(added, found.get(pair, np.inf))
+            found[pair] = max(float(both @ both - before @ before), 0.0)
         return found
 
     def most_telling_first(self, pair: Pair) -> np.ndarray:

@@ -138,7 +138,7 @@ def block_compliance(
 
 _MODELS: OrderedDict[Hashable, Any] = OrderedDict()
 _SOLVED: OrderedDict[Hashable, Any] = OrderedDict()
-_LARGEST = {id(_MODELS): 3, id(_SOLVED): 256}  # a model of two tip radii takes 0.8 GB
+_LARGEST = {id(_MODELS): 2, id(_SOLVED): 256}  # a model of two tip radii takes 0.8 GB
 
 
 def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:

@@ -12,7 +12,6 @@ The residual is then the fine model's, the Jacobian the coarse one's, at one fin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -119,7 +118,7 @@ def fit_scan(
         maps = start_maps(apparent, box, inclusions)
         minimum = problem.from_best(search_model or model, maps, box, ratio)
         if search_model is not None:
-            minimum = problem.continued(minimum, replace(minimum.forward, model=model, ratio=1.0))
+            minimum = problem.continued(minimum, Forward(model, minimum.forward.space))
     correction = None if fine_model is None else problem.towards(fine_model, minimum)
     if correction is not None:
         minimum = correction.minimum

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -30,18 +30,34 @@ class Forward:
     model: PalpationModel
     space: ParameterSpace
     ratio: np.ndarray | float = 1.0
+    _known: dict[bytes, tuple[np.ndarray, np.ndarray]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def rescaled(self, ratio: np.ndarray) -> Forward:
+        """Return the same model and space under another ratio; what was solved stays known."""
+        forward = replace(self, ratio=ratio)
+        forward._known.update(self._known)
+        return forward
 
     def evaluate(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return compliance (j,) m/N and its derivative (j, k) by the scaled coordinates u.
 
         Raises `InadmissibleError` where the modulus is not positive everywhere.
         """
-        stiffness = self.space.to_map(u)
-        points = self.model.points_m
-        response = self.model.evaluate(positive_modulus(stiffness, points))
-        free = stiffness.gradient(points)[:, self.space.free] * self.space.slope(u)
-        gradient = np.reshape(self.ratio, (-1, 1)) * response.gradient(free)
-        return self.ratio * response.compliance, gradient
+        bare, gradient = self.bare(u)
+        return self.ratio * bare, np.reshape(self.ratio, (-1, 1)) * gradient
+
+    def bare(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same of the model itself, without `ratio`; each u is solved only once."""
+        u = np.asarray(u, float)
+        if u.tobytes() not in self._known:
+            stiffness = self.space.to_map(u)
+            points = self.model.points_m
+            response = self.model.evaluate(positive_modulus(stiffness, points))
+            free = stiffness.gradient(points)[:, self.space.free] * self.space.slope(u)
+            self._known[u.tobytes()] = response.compliance, response.gradient(free)
+        return self._known[u.tobytes()]
 
 
 def compliance(model: PalpationModel, stiffness: ModulusField) -> np.ndarray:

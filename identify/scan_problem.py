@@ -196,11 +196,10 @@ class ScanProblem:
         rounds = 0
         while True:
             before, model = minimum.result.x, minimum.forward.model
-            coarse = compliance(model, minimum.map)
+            coarse, _ = minimum.forward.bare(before)
             corrected, own_error, _ = fine_solution(fine, minimum.map, model, coarse)
-            forward = replace(minimum.forward, ratio=corrected / coarse)
-            minimum = self.continued(minimum, forward)
-            minimum = replace(minimum, nfev=minimum.nfev + 2)
+            minimum = self.continued(minimum, minimum.forward.rescaled(corrected / coarse))
+            minimum = replace(minimum, nfev=minimum.nfev + 1)
             _, jac = self.jacobian(minimum.forward, minimum.result.x)
             # Where the model misfits, its parameters scatter more than the noise says, and the more
             # so the less another round is worth.

@@ -3,6 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
+# the tests in up to four processes, so each with one thread
+PYTEST := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 "$(BIN)/python" -m pytest -n auto --maxprocesses 4 \
+	--no-loadscope-reorder
 
 .PHONY: demo test validate bench lint clean
 
@@ -10,7 +13,7 @@ demo: $(READY)
 	"$(BIN)/python" -m palpmap demo
 
 test: lint
-	"$(BIN)/python" -m pytest
+	$(PYTEST)
 
 lint: $(READY)
 	"$(BIN)/ruff" check .
@@ -18,7 +21,7 @@ lint: $(READY)
 	"$(BIN)/pyright"
 
 validate: $(READY)
-	"$(BIN)/python" -m pytest -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow"
 	"$(BIN)/python" benchmarks/validate.py
 
 bench: $(READY)

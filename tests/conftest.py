@@ -40,6 +40,30 @@ sys.exit(done.returncode)
 """
 
 
+TOGETHER = {
+    "test_pipeline_demo": ("test_pipeline_compare", "test_pipeline_recording"),
+    "test_explain_report": ("test_explain_recording", "test_explain_stop", "test_cli_suspects"),
+}
+"""Files that share a long run and so one process (xdist's groups fail with newer pytests)."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Give every process whole files, and files that share a long run to the same one."""
+    from xdist.scheduler import LoadFileScheduling
+
+    leader = {
+        f"tests/{file}.py": f"tests/{name}.py" for name in TOGETHER for file in TOGETHER[name]
+    }
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return leader.get(file, file)
+
+    return Scheduling(config, log)
+
+
 @dataclass(frozen=True)
 class CommandRun:
     """A finished run of the command with `--json --out folder`."""

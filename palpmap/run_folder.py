@@ -15,9 +15,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from filelock import FileLock, Timeout
+
 from models.errors import InputError
 
 SCHEMA = 1
+LOCK = ".lock"
 PACKAGES = (
     "palpmap",
     "numpy",
@@ -62,7 +65,8 @@ class RunFolder:
     Raises
     ------
     InputError
-        If `out` is a file, or a folder with other things in it, or cannot be written.
+        If `out` is a file, or a folder with other things in it, or cannot be written, or another
+        command is writing into it.
     """
 
     def __init__(
@@ -75,7 +79,7 @@ class RunFolder:
         inputs: Sequence[str | os.PathLike[str]] = (),
     ):
         self.path = _default_folder(command) if out is None else Path(out)
-        entries = _earlier_runs(self.path)
+        _earlier_runs(self.path)  # refuses what is no run folder before anything is made
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -83,6 +87,7 @@ class RunFolder:
                 f"{self.path}: the run folder cannot be made ({error.strerror}); "
                 "choose another with --out"
             ) from error
+        self._lock = _locked(self.path)
         self._entry: dict[str, Any] = {
             "command": command,
             "started": _now(),
@@ -93,7 +98,7 @@ class RunFolder:
             "inputs": {str(path): sha256(path) for path in inputs},
             "versions": versions(),
         }
-        self._entries = [*entries, self._entry]
+        self._entries = [*_earlier_runs(self.path), self._entry]
         self._save()
 
     def __enter__(self) -> "RunFolder":
@@ -124,6 +129,7 @@ class RunFolder:
         if self._entry["outcome"] == "running":
             self._entry |= {"outcome": outcome, "ended": _now()}
             self._save()
+            self._lock.release()
 
     def _save(self) -> None:
         write_record(self.path / "run.json", {"runs": self._entries}, SCHEMA)
@@ -201,12 +207,27 @@ def _earlier_runs(path: Path) -> list[dict[str, Any]]:
         raise InputError(f"{path}: found a file, expected a folder; choose another with --out")
     if (path / "run.json").is_file():
         return list(read_record(path / "run.json")["runs"])
-    if path.is_dir() and any(path.iterdir()):
+    if path.is_dir() and any(file.name != LOCK for file in path.iterdir()):
         raise InputError(
             f"{path}: found a folder with other things in it, expected a new, empty or earlier "
             "run folder; choose another with --out"
         )
     return []
+
+
+def _locked(path: Path) -> FileLock:
+    """Lock the folder for this process; the system lifts the lock of one that was killed."""
+    lock = FileLock(path / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise InputError(
+            f"{path}: another command is writing into this run folder; wait until it has ended "
+            "or choose another with --out"
+        ) from error
+    except (OSError, NotImplementedError):
+        pass  # a file system without locks
+    return lock
 
 
 def _default_folder(command: str) -> Path:

@@ -1,6 +1,8 @@
 """The run folder and the exit codes that go with how a run ended."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 import typer
@@ -62,6 +64,27 @@ def test_a_folder_with_other_things_in_it_is_left_alone(tmp_path):
     with pytest.raises(InputError, match="the run folder cannot be made"):
         RunFolder("fit", tmp_path / "thesis.tex" / "run")
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_two_commands_do_not_write_into_one_folder_at_a_time(tmp_path):
+    folder = tmp_path / "run"
+    code = (
+        "import sys, time; from palpmap.run_folder import RunFolder; run = RunFolder('fit', "
+        "sys.argv[1]); print('there', flush=True); time.sleep(600)"
+    )
+    other = subprocess.Popen([sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE)
+    with other:
+        assert other.stdout and other.stdout.readline().strip() == b"there"
+        with pytest.raises(InputError, match="another command is writing into this run folder"):
+            RunFolder("compare", folder)
+        other.kill()
+    with RunFolder("compare", folder):  # what was killed holds nothing back
+        pass
+    runs = read_record(folder / "run.json")["runs"]
+    assert [(entry["command"], entry["outcome"]) for entry in runs] == [
+        ("fit", "running"),
+        ("compare", "done"),
+    ]
 
 
 def test_ctrl_c_leaves_a_readable_run_folder(tmp_path, capsys):

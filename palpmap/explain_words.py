@@ -72,7 +72,7 @@ def _help(explained: Explanation) -> str:
     """Say how much the additions of an unexplained scan take, and that they are not the answer."""
     helpers = [a.name for a in explained.additions]
     if not helpers:
-        return ""
+        return _nearest(explained)
     one = len(helpers) == 1
     if explained.map_error and explained.added:
         return (
@@ -84,6 +84,17 @@ def _help(explained: Explanation) -> str:
     if not explained.added:
         return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
     return f"{text}; something else is left. "
+
+
+def _nearest(explained: Explanation) -> str:
+    """Say how little the best-scored effect would take where none was added."""
+    diagnosis = explained.final.diagnosis
+    found = [score for score in diagnosis.scores if score.name in diagnosis.significant]
+    if not found:
+        return ""
+    name = max(found, key=lambda score: score.statistic).name
+    share = percent(diagnosis.explained_fraction(name))
+    return f"The nearest of the catalogue, {name}, would take {share} of the unexplained error. "
 
 
 def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:

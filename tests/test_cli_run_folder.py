@@ -74,7 +74,8 @@ def test_two_commands_do_not_write_into_one_folder_at_a_time(tmp_path):
     )
     other = subprocess.Popen([sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE)
     with other:
-        assert other.stdout and other.stdout.readline().strip() == b"there"
+        assert other.stdout
+        assert other.stdout.readline().strip() == b"there"
         with pytest.raises(InputError, match="another command is writing into this run folder"):
             RunFolder("compare", folder)
         other.kill()

@@ -1,5 +1,7 @@
 """The loop on a small body: nothing missing, one effect, what the model does not know."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from loop_problem import PEAK_N, TRUE, model, points, scan, timing, true_compliance
@@ -80,6 +82,11 @@ def test_a_late_force_channel_is_not_explained_by_any_name():
     found = climb(model(table), TRUE, table, list(CATALOGUE))
     assert found.verdict == "unexplained"
     assert found.added == ()
+    # Beside so much that is unknown much is significant, and takes next to nothing of it
+    assert found.final.diagnosis.significant
+    for before, after in pairwise(found.ladder):
+        fell = (before.fit.chi2 - after.fit.chi2) / (before.fit.chi2 - before.fit.dof)
+        assert fell > 0.1
 
 
 def test_held_out_presses_are_those_of_a_fit_without_them():

@@ -13,6 +13,7 @@ from scipy import special
 from identify.comparison import Comparison, Reading, Test
 from identify.fit_record import Fit
 from identify.press_residuals import PressSpace, press_directions, press_residuals
+from identify.residual_laws import matching_law
 from identify.residual_levels import residual_levels
 from identify.residual_statement import sentence
 from identify.residual_tests import (
@@ -96,6 +97,7 @@ def compare_residual(w: Whitened) -> Comparison:
         levels=residual_levels(w),
         presses=press_residuals(w, view.absorbed, view.bad),
         largest=_largest(w),
+        law=matching_law(view) if fires else None,
     )
     return replace(draft, statement=sentence(draft))
 

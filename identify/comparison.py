@@ -7,6 +7,7 @@ from typing import Any
 
 from identify.json_record import read_json_record
 from identify.press_residuals import PressResidual
+from identify.residual_laws import LawMatch
 
 SCHEMA = 1
 
@@ -86,6 +87,8 @@ class Comparison:
     tests, levels, presses, largest :
         All questions; mean residual by force, time, phase, order; per press (by press id);
         the largest single readings.
+    law : LawMatch or None
+        A simple law that takes nearly all of what exceeds the noise.
     """
 
     is_noise: bool
@@ -110,6 +113,7 @@ class Comparison:
     levels: dict[str, tuple[Level, ...]]
     presses: tuple[PressResidual, ...]
     largest: tuple[Reading, ...]
+    law: LawMatch | None = None
 
     @property
     def chi2_per_dof(self) -> float:
@@ -165,4 +169,6 @@ def _from_dict(data: dict[str, Any]) -> Comparison:
     fields["largest"] = tuple(
         Reading(**{**r, "point_m": tuple(r["point_m"])}) for r in fields["largest"]
     )
+    if fields.get("law") is not None:
+        fields["law"] = LawMatch(**fields["law"])
     return Comparison(**fields)

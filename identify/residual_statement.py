@@ -50,6 +50,8 @@ def sentence(c: Comparison) -> str:
         text += f"; this scan cannot tell it from {_listed(c.confused_with)}"
     if c.also_along:
         text += f"; beside that it varies with {_listed(c.also_along)}"
+    if c.law:
+        text += f". {100 * c.law.share:.0f} % of it goes with {c.law.words}"
     return text + "."
 
 

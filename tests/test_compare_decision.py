@@ -1,6 +1,7 @@
 """Noise is called noise at the stated level, and planted structure is called by its name."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -256,3 +257,57 @@ def test_an_offset_common_to_all_readings_belongs_to_the_force_alone():
     assert comparison.varies_with == "force"
     assert not comparison.test("phase").fires
     assert not comparison.test("time").fires
+
+
+def late_force(scan, c):
+    """Displacement of a body whose force is read 40 ms late: that of the force read then."""
+    later = np.empty_like(scan.force_n)
+    for press in scan.press_ids:
+        rows = scan.press == press
+        time, force = scan.time_s[rows], scan.force_n[rows]
+        later[rows] = np.interp(time + 0.04, time, force)
+    return c * (later - scan.force_n)
+
+
+def sign(scan):
+    return 1.0 * (scan.phase == "load") - (scan.phase == "unload")
+
+
+@pytest.mark.parametrize(
+    ("name", "plant", "value", "says"),
+    [
+        ("speed", late_force, 0.04, "as if the force lagged the displacement by"),
+        ("direction", lambda scan, c: 6e-5 * sign(scan), 6e-5, "µm on the way up"),
+        ("share_of_travel", lambda scan, c: -0.03 * sign(scan) * c * scan.force_n, -0.03,
+         "of the travel on the way down"),
+        ("session", lambda scan, c: 0.08 * c * scan.force_n * (scan.time_s / 364 - 0.5), 0.08,
+         "softer by"),
+    ],
+)  # fmt: skip
+def test_a_law_that_takes_nearly_all_is_said_with_its_size(name, plant, value, says):
+    found = compare_residual(scan_of(5, plant)).law
+    assert found is not None
+    assert found.name == name
+    assert found.value == pytest.approx(value, abs=0.1 * abs(value) + 3 * found.error)
+    assert found.error < 0.1 * abs(value)
+    assert 0.85 < found.share <= 1
+    comparison = compare_residual(scan_of(5, plant))
+    assert says in comparison.statement
+    assert f"{100 * found.share:.0f} % of it goes with {found.words}." in comparison.statement
+
+
+FOLLOW_NO_LAW = [name for name in PLANTED if name != "a gain that drifts"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_follows_no_law_gets_none(seed):
+    def creep(scan, c, share):
+        return share * c * scan.force_n * (1 - np.exp(-since_touch(scan)))
+
+    none = [compare_residual(scan_of(seed)).law]
+    none += [compare_residual(scan_of(seed, partial(creep, share=a))).law for a in (0.1, 0.3)]
+    none += [compare_residual(scan_of(seed, PLANTED[name][1])).law for name in FOLLOW_NO_LAW]
+    assert none == [None] * len(none)
+    untimed = compare_residual(scan_of(seed, lambda scan, c: 6e-5 * sign(scan), timed=False))
+    assert untimed.law is not None
+    assert untimed.law.name == "direction"

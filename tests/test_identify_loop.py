@@ -82,6 +82,10 @@ def test_a_late_force_channel_is_not_explained_by_any_name():
     found = climb(model(table), TRUE, table, list(CATALOGUE))
     assert found.verdict == "unexplained"
     assert found.added == ()
+    law = found.final.comparison.law
+    assert law is not None
+    assert law.name == "speed"  # the lead to it: as if the force lagged by 80 ms
+    assert law.value == pytest.approx(0.08, rel=0.15)
     # Beside so much that is unknown much is significant, and takes next to nothing of it
     assert found.final.diagnosis.significant
     for before, after in pairwise(found.ladder):

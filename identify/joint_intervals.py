@@ -27,9 +27,10 @@ def joint_intervals(fit: JointFit, bent: bool = True) -> dict[str, tuple[float, 
     Parameters
     ----------
     bent : follow the bend of the valley, at some ten evaluations of the body an inclusion; else
-        the covariance's own intervals. A gross misfit has no valley worth following.
+        the covariance's own intervals. A gross misfit has no valley worth following, nor has a
+        map whose own error outweighs the noise.
     """
-    if not bent or fit.chi2_per_dof >= _GROSS**2:
+    if not bent or fit.chi2_per_dof >= _GROSS**2 or fit.model.press_error:
         return _in_units(fit, straight(fit.u, fit.covariance))
     if fit not in _found:  # record, report and recording all ask for them
         known = (fit.u, fit.chi2 / 2, fit.covariance, fit.covariance, fit.model.bounds)

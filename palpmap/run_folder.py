@@ -9,6 +9,7 @@ import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -129,6 +130,8 @@ class RunFolder:
         if self._entry["outcome"] == "running":
             self._entry |= {"outcome": outcome, "ended": _now()}
             self._save()
+            with suppress(OSError):  # Windows removes it when it is released
+                (self.path / LOCK).unlink()
             self._lock.release()
 
     def _save(self) -> None:

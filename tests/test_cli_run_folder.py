@@ -80,7 +80,9 @@ def test_two_commands_do_not_write_into_one_folder_at_a_time(tmp_path):
             RunFolder("compare", folder)
         other.kill()
     with RunFolder("compare", folder):  # what was killed holds nothing back
-        pass
+        with pytest.raises(InputError, match="another command"):
+            RunFolder("fit", folder)
+    assert [path.name for path in folder.iterdir()] == ["run.json"]
     runs = read_record(folder / "run.json")["runs"]
     assert [(entry["command"], entry["outcome"]) for entry in runs] == [
         ("fit", "running"),

@@ -58,3 +58,8 @@ def test_an_effect_has_an_interval_that_holds_what_was_planted(fit, found):
     low, high = found["contact_offset.offset_m"]
     assert low < OFFSET_M < high
     assert high - low == pytest.approx(2 * NORMAL_95 * fit.std["contact_offset.offset_m"], rel=0.05)
+
+
+def test_a_map_whose_own_error_outweighs_the_noise_has_no_valley(fit):
+    rough = fit_jointly(replace(fit.model, press_error=0.15), fit.map, rounds=0)
+    assert joint_intervals(rough) == joint_intervals(rough, bent=False)

@@ -14,8 +14,6 @@ from fem.errors import SolverError
 from identify.optimize_result import InadmissibleError, OptimizeResult, free_directions
 
 _IDLE_STEPS = 2
-_CREEPING_STEPS, _KEPT = 5, 0.25
-_NOTHING = 1e-2  # of ftol
 _FELT = 1e-6  # less damping than this hardly changes a step
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -52,8 +50,7 @@ def minimize_gauss_newton(
     rtol, above
         Converged, too, when an undamped step would lower |r|^2 / 2 by no more than the part rtol of
         what exceeds `above`, or when two steps in a row did: a valley that is rough or curved can
-        promise more for ever. After five steps that each lowered it by no more than `ftol`, and by
-        less than a quarter of what even the damped step promised, the search ends without success.
+        promise more for ever.
     max_evaluations
         Limit of evaluations.
     callback
@@ -66,7 +63,7 @@ def minimize_gauss_newton(
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jac))):
         raise InadmissibleError(f"the start {x} gives residuals that are not finite")
     fun, nfev, nit = 0.5 * float(r @ r), 1, 0
-    damping, growth, idle, creeping = 1e-3, 2.0, 0, 0
+    damping, growth, idle = 1e-3, 2.0, 0
     diagonal = np.zeros_like(x)
     if callback:
         callback(x, fun)
@@ -86,8 +83,6 @@ def minimize_gauss_newton(
             return result(0, f"a further step would lower fun by {expected:.1e}, within {within}")
         if idle == _IDLE_STEPS:
             return result(0, f"the last {idle} steps lowered fun by less than {slack:.1e} each")
-        if creeping == _CREEPING_STEPS:
-            return result(2, f"steps lower fun by less than {ftol:.1e}, though it promises more")
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
         step = _solve(normal, gradient, diagonal, damping, free)
@@ -101,7 +96,6 @@ def minimize_gauss_newton(
         if trial is not None and trial_fun < fun:
             gain = (fun - trial_fun) / predicted if predicted > 0 else 0.0
             idle = idle + 1 if fun - trial_fun <= slack else 0
-            creeping = creeping + 1 if fun - trial_fun <= ftol and gain < _KEPT else 0
             x, fun, (r, jac), nit = trial_x, trial_fun, trial, nit + 1
             damping = max(damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
             growth = 2.0
@@ -109,7 +103,7 @@ def minimize_gauss_newton(
                 callback(x, fun)
         else:
             damping, growth = max(damping, _FELT) * growth, growth * 2
-            if damping > 1e16 or 0 <= predicted <= _NOTHING * ftol:  # a shorter one promises less
+            if damping > 1e16:
                 return result(2, "no step decreases fun")
 
 

@@ -34,7 +34,7 @@ _IMITATED = 0.05  # visible share of an effect's pattern below which the map imi
 MODEL_ERROR = "mesh_error"  # what an effect that the map imitates cannot be told from
 # Of the unexplained chi-square: in 58 blind trials whatever was hidden took a third or more of what
 # was left, and what imitated an unknown effect 16 % or less from its second step on.
-_WORTHWHILE = 0.1
+WORTHWHILE = 0.1
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
@@ -184,7 +184,7 @@ def climb(
             settled = now.comparison.is_noise
             break
         winner = rivals[0]
-        if not now.comparison.is_noise and _share(now.fit, winner.fit) < _WORTHWHILE:
+        if not now.comparison.is_noise and _share(now.fit, winner.fit) < WORTHWHILE:
             break
         additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))
         say(f"refitting with {winner.name}")

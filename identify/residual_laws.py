@@ -75,7 +75,7 @@ def travel(w: Whitened) -> np.ndarray:
     modelled = w.scan.displacement_m - w.residual_m
     along = np.bincount(w.press_index, modelled * w.force_n, w.presses)
     own = np.bincount(w.press_index, w.force_n**2, w.presses)
-    return (along / own)[w.press_index] * w.force_n
+    return (along / np.maximum(own, 1e-300))[w.press_index] * w.force_n
 
 
 def speed(w: Whitened) -> np.ndarray | None:

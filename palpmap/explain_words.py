@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from identify.effects.words import percent
-from identify.explain import MODEL_ERROR, Explanation
+from identify.explain import MODEL_ERROR, WORTHWHILE, Explanation
 from identify.residual_statement import length
 from palpmap.explain_evidence import added_names, kept
 from palpmap.problem import Problem, named
@@ -87,13 +87,16 @@ def _help(explained: Explanation) -> str:
 
 
 def _nearest(explained: Explanation) -> str:
-    """Say how little the best-scored effect would take where none was added."""
+    """Say how little the best-scored effect would take, where that is why none was added."""
     diagnosis = explained.final.diagnosis
     found = [score for score in diagnosis.scores if score.name in diagnosis.significant]
     if not found:
         return ""
     name = max(found, key=lambda score: score.statistic).name
-    share = percent(diagnosis.explained_fraction(name))
+    share = diagnosis.explained_fraction(name)
+    if share >= WORTHWHILE or explained.map_error:
+        return ""  # a refit did not bear it out, or nothing of the body may be offered
+    share = percent(share)
     return f"The nearest of the catalogue, {name}, would take {share} of the unexplained error. "
 
 

@@ -259,3 +259,12 @@ def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
     pictures = explain_pictures(told.finding, explained)
     assert all(data.startswith(b"\x89PNG") for data in pictures.values())
     assert "parameters" not in pictures
+
+
+def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explained_case):
+    first = explained_case.explained.ladder[0]
+    much = replace(explained_case.explained, verdict="unexplained", ladder=(first,), additions=())
+    assert "nearest" not in verdict_detail(much)
+    beside = replace(first, diagnosis=replace(first.diagnosis, excess=1e9))
+    little = replace(much, ladder=(beside,))
+    assert "The nearest of the catalogue, viscoelasticity, would take" in verdict_detail(little)

@@ -19,7 +19,7 @@ from fem.elasticity import fibre_weights
 from fem.errors import SolverError
 from fem.punch_shape import shape_gain
 from fem.response import Response
-from identify.body_state import BodyState
+from identify.body_state import BodyState, ChangedMap
 from identify.discretization import FineModel, fine_solution, mesh_error_growth
 from identify.forward import positive_modulus
 from identify.gaussian_map import GaussianMap
@@ -58,7 +58,7 @@ class BodyResponse:
     def by_map(self) -> np.ndarray:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
         points = self._mechanics.coarse.points_m
-        gradient = self._map.gradient(points) * _factor(self._state, points)[:, None]
+        gradient = ChangedMap(self._map, self._state).gradient(points)
         own = _gradient(self._response, gradient, self._state)
         return self._scale[:, None] * own
 
@@ -67,12 +67,11 @@ class BodyResponse:
         own, points = self._mechanics, self._mechanics.coarse.points_m
         change = np.zeros_like(self.compliance)
         local = np.zeros_like(change)
-        if (state.bumps, state.factors) != (self._state.bumps, self._state.factors):
-            moved = modulus_of(self._map, state, points) - modulus_of(
-                self._map, self._state, points
-            )
+        if state.modulus_changes != self._state.modulus_changes:
+            new, old = (ChangedMap(self._map, s) for s in (state, self._state))
+            moved = new.modulus(points) - old.modulus(points)
             change += self._scale * (self._response.sensitivity @ moved)
-            local = modulus_of(self._map, state, own.local_points) - self.local_modulus
+            local = new.modulus(own.local_points) - self.local_modulus
         if state.poisson_ratio != self._state.poisson_ratio:
             step = state.poisson_ratio - self._state.poisson_ratio
             change += step * self._by_poisson_ratio()
@@ -123,7 +122,7 @@ class BodyResponse:
 
     @cached_property
     def _fibre_moments(self) -> np.ndarray:
-        modulus = modulus_of(self._map, self._state, self._mechanics.coarse.points_m)
+        modulus = ChangedMap(self._map, self._state).modulus(self._mechanics.coarse.points_m)
         return self._response.fibre_moments(modulus)
 
     def _by_poisson_ratio(self) -> np.ndarray:
@@ -193,11 +192,11 @@ class BodyMechanics:
         if state.poisson_ratio != self.poisson_ratio:
             nu, own = state.poisson_ratio, response.compliance
             factor = factor * self.poisson_factor(stiffness, state, nu, own)
-        local = stiffness.gradient(self.local_points) * _factor(state, self.local_points)[:, None]
+        changed = ChangedMap(stiffness, state)
         return BodyResponse(
             compliance=factor * response.compliance,
-            local_modulus=modulus_of(stiffness, state, self.local_points),
-            local_by_map=local,
+            local_modulus=changed.modulus(self.local_points),
+            local_by_map=changed.gradient(self.local_points),
             _mechanics=self,
             _map=stiffness,
             _state=state,
@@ -210,9 +209,9 @@ class BodyMechanics:
 
         Fibres, support and skin are left out: what the meshes make of them differs little.
         """
-        plain = BodyState(state.box_m, self.poisson_ratio, state.bumps, state.factors)
+        plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
         coarse = self._solved(stiffness, plain)
-        changed = _Changed(stiffness, plain)
+        changed = ChangedMap(stiffness, plain)
         if self.fine is None:
             return replace(self, tip_gain=_tip_gain(coarse, changed))
         fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
@@ -278,7 +277,7 @@ class BodyMechanics:
         return response
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
-        modulus = positive_modulus(_Changed(stiffness, state), model.points_m)
+        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
         base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
         angle, share = state.fibre_angle_rad, state.fibre_share
         direction = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -296,18 +295,7 @@ class BodyMechanics:
             raise InadmissibleError(str(error)) from error
 
 
-@dataclass(frozen=True)
-class _Changed:
-    """A map as a state has changed it."""
-
-    stiffness: GaussianMap
-    state: BodyState
-
-    def modulus(self, points: np.ndarray) -> np.ndarray:
-        return modulus_of(self.stiffness, self.state, points)
-
-
-def _tip_gain(response: Response, changed: _Changed) -> np.ndarray | float:
+def _tip_gain(response: Response, changed: ChangedMap) -> np.ndarray | float:
     """Relative part (j,) of the compliance that a rigid tip's own pressure takes off."""
     contacts = response.model.contacts
     if contacts.profile != "flat":
@@ -332,19 +320,3 @@ def _fibres(state: BodyState) -> np.ndarray:
 
 def _skin(state: BodyState) -> tuple[float, float]:
     return (state.skin_thickness_m, state.skin_factor)
-
-
-def modulus_of(stiffness: GaussianMap, state: BodyState, points: np.ndarray) -> np.ndarray:
-    """Young's modulus (p,) Pa at points (p, 3) of a map with a state's bumps and factors."""
-    modulus = stiffness.modulus(points)
-    for bump in state.bumps:
-        offset = points - np.array(bump.centre_m)
-        modulus += bump.weight_pa * np.exp(-np.sum(offset**2, axis=1) / (2 * bump.radius_m**2))
-    return modulus * _factor(state, points)
-
-
-def _factor(state: BodyState, points: np.ndarray) -> np.ndarray:
-    factor = np.ones(len(points))
-    for own in state.factors:
-        factor = factor * own(points)
-    return factor

@@ -8,21 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.gaussian_map import GAUSSIAN, GaussianMap, Inclusion, Shape
+
 Field = Callable[[np.ndarray], np.ndarray]
-
-
-@dataclass(frozen=True)
-class Bump:
-    """A Gaussian addition to the modulus: `weight_pa` exp(-|p - centre|^2 / (2 radius^2))."""
-
-    weight_pa: float
-    centre_m: tuple[float, float, float]
-    radius_m: float
-
-    def added_pa(self, points_m: np.ndarray) -> np.ndarray:
-        """Addition to the modulus at points (p, 3), (p,) Pa."""
-        square = np.sum((points_m - np.array(self.centre_m)) ** 2, axis=1)
-        return self.weight_pa * np.exp(-square / (2.0 * self.radius_m**2))
 
 
 @dataclass(frozen=True)
@@ -34,6 +22,7 @@ class BodyState:
     box_m : (2, 3) bounding box of the undeformed body, m; z is up, the base at its bottom
     poisson_ratio : of the whole body
     bumps : inclusions beside those of the map
+    inclusion_shape : of all inclusions of the map
     factors : each takes points (p, 3) in m and returns (p,) factors on the modulus
     fibre_share, fibre_angle_rad : fibres lie in the x-y plane at this angle to x; they add the
         energy (share E / 2) (a . strain . a)^2
@@ -46,7 +35,8 @@ class BodyState:
 
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]]
     poisson_ratio: float
-    bumps: tuple[Bump, ...] = ()
+    bumps: tuple[Inclusion, ...] = ()
+    inclusion_shape: Shape = GAUSSIAN
     factors: tuple[Field, ...] = ()
     fibre_share: float = 0.0
     fibre_angle_rad: float = 0.0
@@ -73,10 +63,38 @@ class BodyState:
         """Sum of the bumps at points (p, 3), (p,) Pa; the factors act on it as on the map."""
         total = np.zeros(len(points_m))
         for bump in self.bumps:
-            total = total + bump.added_pa(points_m)
+            total = total + bump.weight_pa * GAUSSIAN.added(bump, points_m)[0]
         return total
+
+    @property
+    def modulus_changes(self) -> tuple[tuple[Inclusion, ...], Shape, tuple[Field, ...]]:
+        """All that changes the modulus of a given map."""
+        return self.bumps, self.inclusion_shape, self.factors
 
     @property
     def height_m(self) -> float:
         """Height of the body."""
         return self.box_m[1][2] - self.box_m[0][2]
+
+
+@dataclass(frozen=True)
+class ChangedMap:
+    """A map as a state has changed it."""
+
+    stiffness: GaussianMap
+    state: BodyState
+
+    @property
+    def inclusions(self) -> tuple[Inclusion, ...]:
+        """The map's inclusions and those beside them."""
+        return (*self.stiffness.inclusions, *self.state.bumps)
+
+    def modulus(self, points: np.ndarray) -> np.ndarray:
+        """Young's modulus at points (p, 3), (p,) Pa; it may be <= 0."""
+        plain = self.stiffness.modulus(points, self.state.inclusion_shape)
+        return (plain + self.state.added_pa(points)) * self.state.factor(points)
+
+    def gradient(self, points: np.ndarray) -> np.ndarray:
+        """Return its derivative by the map's k parameters at points (p, 3), (p, k)."""
+        gradient = self.stiffness.gradient(points, self.state.inclusion_shape)
+        return gradient * self.state.factor(points)[:, None]

@@ -28,6 +28,7 @@ from identify.rung import Rung, rung_of
 from models.scan import Scan
 
 MOST_EFFECTS = 4
+CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
 _IMITATED = 0.05  # visible share of an effect's pattern below which the map imitates all of it
@@ -57,10 +58,15 @@ class Addition:
     def equals(self) -> tuple[str, ...]:
         """The effect and all rivals that explain the scan as well, to within `MARGIN`.
 
-        A rival of which the effect is a special case can always do nearly as well: it is none.
+        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A rival of
+        which the effect is a special case can always do nearly as well: it is none.
         """
-        best = self.rivals[0].criterion
-        near = [rival for rival in self.rivals if rival.criterion < best + MARGIN]
+        best = self.rivals[0]
+        near = [
+            rival
+            for rival in self.rivals
+            if rival.criterion < best.criterion + MARGIN or rival.chi2 < best.chi2 + CLOSE
+        ]
         return tuple(rival.name for rival in near if self.name not in rival.contains)
 
     @property

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
+from math import cosh, gamma, hypot, sinh
 
 import numpy as np
 
@@ -33,6 +34,47 @@ class Inclusion:
 
 
 _FIELDS = tuple(f.name for f in fields(Inclusion))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How inclusions depart from eq. 6: E = w exp(-(q/s^2)^(n/2) / 2), q = o'M o / r^2.
+
+    Attributes
+    ----------
+    edge : 1 - 2/n, below 1; 0 is the Gaussian, 1 a ball of even stiffness. s keeps the integral
+    stretch : (a, b); M = exp(-[[a, b], [b, -a]]) in the horizontal plane, so that an inclusion is
+        longer than wide by exp(|(a, b)|), in the direction of half the angle of (a, b) to x
+    """
+
+    edge: float = 0.0
+    stretch: tuple[float, float] = (0.0, 0.0)
+
+    def added(
+        self, inclusion: Inclusion, points: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the profile f (p,) at points (p, 3), -2 df/dq (p,), M o (p, 3) and q (p,)."""
+        offset = np.asarray(points, float) - (inclusion.x_m, inclusion.y_m, inclusion.z_m)
+        turned = offset
+        amount = hypot(*self.stretch)
+        if amount:
+            a, b = np.array(self.stretch) * (sinh(amount) / amount)
+            metric = cosh(amount) * np.eye(2) - [[a, b], [b, -a]]
+            turned = np.column_stack([offset[:, :2] @ metric, offset[:, 2]])
+        q = np.sum(turned * offset, axis=1) / inclusion.radius_m**2
+        if not self.edge:
+            profile = np.exp(-q / 2)
+            return profile, profile, turned, q
+        m = 1 / (1 - self.edge)  # n/2
+        square = (gamma(1.5 / m) / m / (gamma(1.5) * 2 ** (1.5 - 1.5 / m))) ** (2 / 3)
+        with np.errstate(over="ignore"):  # far out, where nothing is left of it
+            power = (np.maximum(q, 1e-12) * square) ** m
+            profile = np.exp(-power / 2)
+        slope = np.where(profile > 0, profile * m * power / np.maximum(q, 1e-12), 0.0)
+        return profile, slope, turned, q
+
+
+GAUSSIAN = Shape()
 
 
 @dataclass(frozen=True)
@@ -91,22 +133,22 @@ class GaussianMap:
             values[name] = float(value)
         return GaussianMap.from_values(np.array(list(values.values())))
 
-    def modulus(self, points: np.ndarray) -> np.ndarray:
+    def modulus(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Young's modulus (p,) in Pa at points (p, 3) in m. It may be <= 0 where a weight is."""
         modulus = np.full(len(points), self.background_pa, dtype=float)
         for inclusion in self.inclusions:
-            modulus += inclusion.weight_pa * _bump(inclusion, points)[0]
+            modulus += inclusion.weight_pa * shape.added(inclusion, points)[0]
         return modulus
 
-    def gradient(self, points: np.ndarray) -> np.ndarray:
+    def gradient(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Return dE/dtheta (p, k) at points (p, 3), in Pa per unit of the parameter."""
         columns = [np.ones(len(points))]
         for inclusion in self.inclusions:
-            bump, offset = _bump(inclusion, points)
+            profile, slope, offset, q = shape.added(inclusion, points)
             w, r = inclusion.weight_pa, inclusion.radius_m
-            columns.append(bump)
-            columns.extend((w * bump / r**2) * offset[:, axis] for axis in range(3))
-            columns.append(w * bump * np.sum(offset**2, axis=1) / r**3)
+            columns.append(profile)
+            columns.extend((w * slope / r**2) * offset[:, axis] for axis in range(3))
+            columns.append(w * slope * q / r)
         return np.column_stack(columns)
 
 
@@ -116,9 +158,3 @@ def map_names(inclusions: int) -> tuple[str, ...]:
         "background_pa",
         *(f"inclusion_{i}.{field}" for i in range(1, inclusions + 1) for field in _FIELDS),
     )
-
-
-def _bump(inclusion: Inclusion, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eq. 6: exp(-|p - q|^2 / (2 r^2)) (p,), and p - q (p, 3)."""
-    offset = np.asarray(points, float) - (inclusion.x_m, inclusion.y_m, inclusion.z_m)
-    return np.exp(-np.sum(offset**2, axis=1) / (2 * inclusion.radius_m**2)), offset

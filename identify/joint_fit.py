@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.body_state import ChangedMap
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
 from identify.measurement_model import Linearised, MeasurementModel
@@ -79,6 +80,11 @@ class JointFit:
     def map(self) -> GaussianMap:
         """The estimated map."""
         return self.model.map(self.u)
+
+    @property
+    def changed_map(self) -> ChangedMap:
+        """The estimated map with what the effects make of it."""
+        return ChangedMap(self.map, self.at.state)
 
     @property
     def values(self) -> dict[str, float]:

@@ -82,11 +82,12 @@ def _outsider(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judge
     verdict = result["verdict"]
     if verdict == "unexplained":
         return "right", True, f"{name} is in no catalogue, and it says that it cannot explain it."
-    if verdict == "ambiguous":
+    sure = set(result["added"]) - allowed
+    if verdict == "ambiguous" and not sure:
         return "honest", True, f"{name} is in no catalogue; it does not commit itself."
     if verdict == "nothing_missing":
         return "missed", True, f"{name} is in no catalogue, and it saw nothing of it."
-    if set(result["added"]) <= allowed:
+    if not sure:
         return "honest", True, f"{name}: {_named(result)} is as near as the catalogue has it."
     return "wrong", False, f"{name} is in no catalogue, but it is sure of {_named(result)}."
 

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from identify.body_state import ChangedMap
 from identify.explain import Explanation
 from identify.gaussian_map import GaussianMap
 from identify.rung import Rung
@@ -16,11 +17,14 @@ from palpmap.map_figures import Cut, cuts, sample
 def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     """Draw the map without and with the added effects, and the true one where it is known."""
     first, last = explained.ladder[0], explained.final
-    shown: list[tuple[str, GaussianMap]] = [("Found", last.fit.map)]
+    shown: list[tuple[str, GaussianMap | ChangedMap]] = [("Found", last.fit.changed_map)]
     if len(explained.ladder) > 1:
         start = " + ".join(("map", *first.fit.model.has)) if first.fit.model.has else "map alone"
         names = " + ".join(last.fit.model.has) or "map alone"
-        shown = [(f"Before: {start}", first.fit.map), (f"After: with {names}", last.fit.map)]
+        shown = [
+            (f"Before: {start}", first.fit.changed_map),
+            (f"After: with {names}", last.fit.changed_map),
+        ]
     if finding.truth is not None:
         shown.append(("True", finding.truth))
     both = cuts(finding)
@@ -69,11 +73,11 @@ def _show(axes: Axes, f: Finding, cut: Cut, values: np.ndarray, span: tuple[floa
     )  # fmt: skip
 
 
-def _circles(axes: Axes, f: Finding, own: GaussianMap, cut: Cut) -> None:
+def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) -> None:
     """Draw each inclusion one radius around its centre; dashed the true ones."""
     right, up = cut.axes
     angle = np.linspace(0, 2 * np.pi, 73)
-    pairs = [(own, "-")]
+    pairs: list[tuple[GaussianMap | ChangedMap, str]] = [(own, "-")]
     if f.truth is not None:
         pairs.append((f.truth, "--"))
     limits = axes.get_xlim(), axes.get_ylim()

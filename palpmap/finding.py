@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identify.body_state import BodyState, ChangedMap
 from identify.comparison import Comparison
+from identify.effects.catalogue import CATALOGUE
 from identify.fit_record import Fit
 from identify.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
@@ -67,6 +70,18 @@ class Finding:
     stage_s: Mapping[str, float] = field(default_factory=dict)
     how: Mapping[str, str] = field(default_factory=dict)
     limits: tuple[str, ...] = ()
+
+    @cached_property
+    def map(self) -> ChangedMap:
+        """The found map with what the fitted effects of the catalogue make of it."""
+        low, high = (tuple(corner) for corner in (self.outline.lower_m, self.outline.upper_m))
+        state = BodyState((low, high), poisson_ratio=0.0)  # no part of the modulus
+        for effect in CATALOGUE:
+            named = {p.name: f"{effect.name}.{p.name}" for p in effect.parameters}
+            if set(named.values()) <= set(self.fit.parameters):
+                values = {p: self.fit.parameters[name].value for p, name in named.items()}
+                state = effect.body(state, values)
+        return ChangedMap(self.fit.map, state)
 
 
 def study_outline(study: Study) -> Outline:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from identify.body_state import ChangedMap
 from identify.gaussian_map import GaussianMap, Inclusion
 from palpmap.figure_style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.finding import Finding
@@ -47,14 +48,14 @@ def draw_map(f: Finding) -> Figure:
 
     Without a truth: the found map and its standard deviation.
     """
-    columns = [Column("Found", lambda p: f.fit.map.modulus(p) / 1e3, "Young's modulus, kPa")]
+    columns = [Column("Found", lambda p: f.map.modulus(p) / 1e3, "Young's modulus, kPa")]
     if f.truth is not None:
         truth = f.truth
         columns.insert(0, Column("True", lambda p: truth.modulus(p) / 1e3, columns[0].label))
         columns.append(
             Column(
                 "Found − true",
-                lambda p: (f.fit.map.modulus(p) - truth.modulus(p)) / 1e3,
+                lambda p: (f.map.modulus(p) - truth.modulus(p)) / 1e3,
                 "difference of Young's modulus, kPa",
                 DIFFERENCE_COLORS,
                 signed=True,
@@ -73,15 +74,15 @@ def draw_uncertainty(f: Finding) -> Figure | None:
 
 
 def _uncertainty(f: Finding) -> Column:
-    names = f.fit.map.names  # effects that were fitted too move no modulus here
+    names = f.fit.map.names  # the effects' own parameters are held
     own = [i for i, name in enumerate(f.fit.covariance_names) if name in names]
     free = [names.index(f.fit.covariance_names[i]) for i in own]
     covariance = f.fit.covariance[np.ix_(own, own)]
 
     def deviation(points: np.ndarray) -> np.ndarray:
-        gradient = f.fit.map.gradient(points)[:, free]
+        gradient = f.map.gradient(points)[:, free]
         variance = np.einsum("pk,kl,pl->p", gradient, covariance, gradient)
-        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.fit.map.modulus(points))
+        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.map.modulus(points))
 
     return Column("How sure", deviation, "one standard deviation, %", "magma_r")
 
@@ -128,7 +129,7 @@ def cuts(f: Finding) -> tuple[Cut, Cut]:
 
     The vertical one lies across x or y, whichever comes nearer to the other inclusions.
     """
-    inclusions = f.fit.map.inclusions
+    inclusions = f.map.inclusions
     middle = (f.outline.lower_m + f.outline.upper_m) / 2
     if not inclusions:
         return Cut(2, float(middle[2])), Cut(1, float(middle[1]))
@@ -202,13 +203,13 @@ def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
     if f.truth is not None:
         _circles(axes, f, f.truth, cut, "--")
     if not is_truth:
-        _circles(axes, f, f.fit.map, cut, "-")
+        _circles(axes, f, f.map, cut, "-")
     low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
     axes.set_xlim(low[right], high[right])
     axes.set_ylim(low[up], high[up])
 
 
-def _circles(axes: Axes, f: Finding, found: GaussianMap, cut: Cut, line: str) -> None:
+def _circles(axes: Axes, f: Finding, found: GaussianMap | ChangedMap, cut: Cut, line: str) -> None:
     right, up = cut.axes
     angle = np.linspace(0, 2 * np.pi, 73)
     for inclusion in found.inclusions:

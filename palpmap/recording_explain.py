@@ -127,7 +127,7 @@ def record_explanation(
         _log_rung(log, rung, number, true, painted)
         log_map(log, parts.FOUND_MAP, views[number], span)
         log_outlines(log, parts.FOUND_MAP, _map_parameters(rung), views[number], style.FOUND)
-        modulus = rung.fit.map.modulus(surface.vertices_m)
+        modulus = rung.fit.changed_map.modulus(surface.vertices_m)
         colors = modulus_colors(modulus, span)
         log(parts.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
         _log_events(log, explained, problem, number)
@@ -208,7 +208,7 @@ def _send(
 
 def _views(finding: Finding, explained: Explanation) -> list[MapViews]:
     box = finding.outline.lower_m, finding.outline.upper_m
-    return [map_views(rung.fit.map.modulus, *box) for rung in explained.ladder]
+    return [map_views(rung.fit.changed_map.modulus, *box) for rung in explained.ladder]
 
 
 def _true_views(finding: Finding) -> list[MapViews]:

@@ -21,6 +21,8 @@ class HiddenBody:
     poisson_ratio : of the whole body
     truth : Gaussian map of the modulus
     gradient : the modulus is multiplied by exp(gradient (z/h - 1/2))
+    side_gradient, side_angle_rad : and by exp(side_gradient s), s from -1/2 to 1/2 of the longer
+        side in the horizontal direction at this angle to x
     skin_thickness_m, skin_factor : the modulus is multiplied by the factor in a top layer, which
         gets cells of its own
     fibre_share, fibre_angle_rad : fibres in the x-y plane at this angle to x, which add the
@@ -32,6 +34,8 @@ class HiddenBody:
     poisson_ratio: float = 0.49
     truth: TruthMap = field(default_factory=TruthMap)
     gradient: float = 0.0
+    side_gradient: float = 0.0
+    side_angle_rad: float = 0.0
     skin_thickness_m: float = 0.0
     skin_factor: float = 1.0
     fibre_share: float = 0.0
@@ -43,6 +47,10 @@ class HiddenBody:
         """Young's modulus at points (p, 3) m, (p,) Pa."""
         height = self.size_m[2]
         modulus = self.truth(points_m) * np.exp(self.gradient * (points_m[:, 2] / height - 0.5))
+        if self.side_gradient:
+            towards = [np.cos(self.side_angle_rad), np.sin(self.side_angle_rad)]
+            off = (points_m[:, :2] - np.array(self.size_m[:2]) / 2) @ towards
+            modulus *= np.exp(self.side_gradient * off / max(self.size_m[:2]))
         if self.skin_thickness_m:
             inside = points_m[:, 2] > height - self.skin_thickness_m
             modulus = np.where(inside, self.skin_factor * modulus, modulus)

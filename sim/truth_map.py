@@ -1,12 +1,29 @@
-"""The virtual body's true stiffness: Gaussian inclusions on a background."""
+"""The virtual body's true stiffness: inclusions on a background, Gaussian unless told otherwise."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import erf
 
 from models.errors import InputError
+
+
+def _blurred_ball(distance: np.ndarray, share: float) -> np.ndarray:
+    """Ball with the part `share` of the mean square radius, folded with a Gaussian of the rest.
+
+    Its integral and its mean square radius are those of exp(-distance^2/2), which it is at 0.
+    """
+    radius = np.sqrt(5 * share)  # mean square radius of a ball: 3/5 R^2, of the Gaussian: 3
+    if radius < 0.02:
+        return np.exp(-(distance**2) / 2)
+    rho = np.maximum(distance, 1e-6)
+    blur = max(np.sqrt(max(1 - share, 0.0)), 1e-3)
+    inner, outer = (radius - rho) / blur, (radius + rho) / blur
+    even = (erf(inner / np.sqrt(2)) + erf(outer / np.sqrt(2))) / 2
+    bend = blur / (np.sqrt(2 * np.pi) * rho) * (np.exp(-(inner**2) / 2) - np.exp(-(outer**2) / 2))
+    return (2 * np.pi) ** 1.5 / (4 / 3 * np.pi * radius**3) * (even - bend)
 
 
 @dataclass(frozen=True)
@@ -18,11 +35,27 @@ class Inclusion:
     weight_pa : added modulus in its centre, Pa
     centre_m : (x, y, z) m, body frame
     radius_m : standard deviation of the Gaussian, m
+    ball_share : 0 a Gaussian, 1 a ball of even stiffness with a sharp edge, between them a ball
+        with a blurred one; the integral and the mean square radius stay
+    stretch, angle_rad : it is longer by this share in the horizontal direction at this angle to x
     """
 
     weight_pa: float = 30000.0
     centre_m: tuple[float, float, float] = (0.040, 0.058, 0.034)
     radius_m: float = 0.010
+    ball_share: float = 0.0
+    stretch: float = 0.0
+    angle_rad: float = 0.0
+
+    def added(self, points_m: np.ndarray) -> np.ndarray:
+        """Modulus that it adds at points (p, 3) m, (p,) Pa."""
+        away = points_m - np.asarray(self.centre_m)
+        along = away @ [np.cos(self.angle_rad), np.sin(self.angle_rad), 0.0]
+        shorter = 1 - (1 + self.stretch) ** -2
+        squared = (away**2).sum(axis=1) - shorter * along**2
+        scaled = squared / self.radius_m**2
+        shape = _blurred_ball(np.sqrt(scaled), self.ball_share)
+        return self.weight_pa * shape
 
 
 @dataclass(frozen=True)
@@ -61,6 +94,5 @@ class TruthMap:
         """Young's modulus at points (p, 3) m, (p,) Pa."""
         modulus = np.full(len(points_m), float(self.background_pa))
         for inclusion in self.inclusions:
-            squared = ((points_m - np.asarray(inclusion.centre_m)) ** 2).sum(axis=1)
-            modulus += inclusion.weight_pa * np.exp(-squared / (2 * inclusion.radius_m**2))
+            modulus += inclusion.added(points_m)
         return modulus

@@ -77,6 +77,8 @@ JUDGED = [
     (answer(LATE), result("unexplained", ["hysteresis"]), "outsider", "right", True),
     (answer(LATE), result("explained", ["hysteresis"]), "outsider", "wrong", False),
     (answer(LATE), result("nothing_missing"), "outsider", "missed", True),
+    (answer(LATE), result("ambiguous", (), [["a", "b"]]), "outsider", "honest", True),
+    (answer(LATE), result("ambiguous", ["hysteresis"], [["a", "b"]]), "outsider", "wrong", False),
     (answer(CREEP, BIAS), result("explained", ["force_bias", "viscoelasticity"]), "pair", "right",
      True),
     (answer(CREEP, BIAS), result("explained", ["force_bias"]), "pair", "wrong", False),

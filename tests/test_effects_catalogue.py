@@ -15,7 +15,7 @@ NAMES = (
     "extra_inclusion", "stiffness_gradient", "poisson_ratio", "preconditioning", "hysteresis",
     "spherical_tip", "base_compliance", "base_sliding", "tool_compliance", "force_bias",
     "force_drift", "force_saturation", "contact_offset", "surface_tilt", "breathing", "mesh_error",
-    "touch_threshold", "rigid_tip",
+    "touch_threshold", "rigid_tip", "inclusion_edge", "inclusion_stretch", "side_gradient",
 )  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def test_an_effect_is_found_by_its_name():
     [
         ("viscoelastic", "did you mean 'viscoelasticity'"),
         ("Tool-Compliance", "did you mean 'tool_compliance'"),
-        ("qqq", "there are: extra_inclusion, stiffness_gradient"),
+        ("qqq", "there are: extra_inclusion, inclusion_edge"),
     ],
 )
 def test_a_wrong_name_is_answered_with_the_nearest_right_one(wrong, says):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identify.gaussian_map import GaussianMap, Inclusion
+from identify.gaussian_map import GAUSSIAN, GaussianMap, Inclusion, Shape
 from identify.parameter_space import parameter_space
 from models.errors import InputError
 
@@ -33,16 +33,43 @@ def test_the_modulus_is_equation_13():
     assert_allclose(TWO.modulus(points), expected, rtol=1e-13)
 
 
+SHAPES = (GAUSSIAN, Shape(edge=0.75), Shape(edge=-0.3), Shape(0.5, (0.7, -0.4)))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
 @pytest.mark.parametrize("name", TWO.names)
-def test_the_gradient_is_that_of_the_modulus(name):
+def test_the_gradient_is_that_of_the_modulus(name, shape):
     points = random_points()
     k = TWO.names.index(name)
     value = TWO.values[k]
     h = 1e-5 * abs(value)
-    above, below = (TWO.changed({name: value + s * h}).modulus(points) for s in (1, -1))
+    above, below = (TWO.changed({name: value + s * h}).modulus(points, shape) for s in (1, -1))
     slope = (above - below) / (2 * h)
     # Central differences with h = 1e-5: truncation and rounding are both near 1e-9 of the largest.
-    assert_allclose(TWO.gradient(points)[:, k], slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
+    found = TWO.gradient(points, shape)[:, k]
+    assert_allclose(found, slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_a_shape_keeps_an_inclusions_integral(shape):
+    inclusion = Inclusion(1.0, 0.0, 0.0, 0.0, 1.0)
+    axis = np.linspace(-9, 9, 91)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = shape.added(inclusion, grid)[0].sum() * (axis[1] - axis[0]) ** 3
+    assert found == pytest.approx((2 * math.pi) ** 1.5, rel=2e-3)
+
+
+def test_an_edge_of_one_would_be_a_ball_and_a_stretch_is_a_ratio_of_lengths():
+    inclusion = Inclusion(1.0, 0.0, 0.0, 0.0, 0.01)
+    ball = 0.01 * (3 / 4 * math.sqrt(math.pi) * 2**1.5) ** (1 / 3)  # of the Gaussian's integral
+    near = np.array([[0.9 * ball, 0, 0], [1.1 * ball, 0, 0]])
+    assert_allclose(Shape(edge=0.98).added(inclusion, near)[0], [1.0, 0.0], atol=0.01)
+
+    a, b = math.log(2) * math.cos(1.0), math.log(2) * math.sin(1.0)
+    along = np.array([math.cos(0.5), math.sin(0.5), 0.0])  # half the angle of (a, b)
+    across = np.array([-along[1], along[0], 0.0])
+    q = Shape(stretch=(a, b)).added(inclusion, 0.01 * np.vstack([along, across]))[3]
+    assert_allclose(q, [0.5, 2.0], rtol=1e-12)  # lengths in the ratio 2
 
 
 def test_a_map_survives_the_way_through_its_values():

@@ -19,6 +19,34 @@ def test_modulus_falls_off_as_a_gaussian_in_all_three_directions():
     assert truth(points)[1] == pytest.approx(5000, rel=1e-3)
 
 
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+def test_a_blurred_ball_is_a_ball_folded_with_a_gaussian(share):
+    radius = 0.01
+    spot = Inclusion(1.0, (0.0, 0.0, 0.0), radius, ball_share=share)
+    rng = np.random.default_rng(0)
+    count = 400_000
+    direction = rng.standard_normal((count, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    ball = np.sqrt(5 * share) * radius * direction * rng.random((count, 1)) ** (1 / 3)
+    drawn = ball + np.sqrt(1 - share) * radius * rng.standard_normal((count, 3))
+    distance = np.linalg.norm(drawn, axis=1)
+    edges = np.linspace(0, 0.03, 16)
+    found = np.histogram(distance, edges)[0] / count
+    # the density of the drawn points is the inclusion over its integral
+    fine = (np.linspace(0, 0.03, 15 * 50 + 1)[1:] + np.linspace(0, 0.03, 15 * 50 + 1)[:-1]) / 2
+    values = spot.added(np.column_stack([fine, 0 * fine, 0 * fine]))
+    shells = (4 * np.pi * fine**2 * values * (fine[1] - fine[0])).reshape(15, 50).sum(axis=1)
+    np.testing.assert_allclose(shells / (2 * np.pi * radius**2) ** 1.5, found, atol=2.5e-3)
+
+
+def test_a_stretched_spot_is_longer_in_its_direction_alone():
+    spot = Inclusion(1.0, (0.0, 0.0, 0.0), 0.01, stretch=0.5, angle_rad=np.pi / 6)
+    along = 0.015 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    across = 0.010 * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0.0])
+    values = spot.added(np.array([along, across, [0.0, 0.0, 0.010]]))
+    np.testing.assert_allclose(values, np.exp(-0.5), rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -16,10 +16,13 @@ from identify.effects.force_bias import ForceBias
 from identify.effects.force_drift import ForceDrift
 from identify.effects.force_saturation import ForceSaturation
 from identify.effects.hysteresis import Hysteresis
+from identify.effects.inclusion_edge import InclusionEdge
+from identify.effects.inclusion_stretch import InclusionStretch
 from identify.effects.mesh_error import MeshError
 from identify.effects.poisson_ratio import PoissonRatio
 from identify.effects.preconditioning import Preconditioning
 from identify.effects.rigid_tip import RigidTip
+from identify.effects.side_gradient import SideGradient
 from identify.effects.skin_layer import SkinLayer
 from identify.effects.spherical_tip import SphericalTip
 from identify.effects.stiffness_gradient import StiffnessGradient
@@ -32,7 +35,10 @@ from models.errors import InputError
 
 CATALOGUE: tuple[Effect, ...] = (
     ExtraInclusion(),
+    InclusionEdge(),
+    InclusionStretch(),
     StiffnessGradient(),
+    SideGradient(),
     SkinLayer(),
     Anisotropy(),
     PoissonRatio(),

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.body_state import BodyState, Bump
+from identify.body_state import BodyState
 from identify.effects.effect import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.words import length, pressure
+from identify.gaussian_map import Inclusion
 from identify.readings import Readings
 
 # Measured on a block of 96 x 96 x 48 mm and 81 presses: any inclusion of 6 to 14 mm radius is like
@@ -56,9 +57,7 @@ class ExtraInclusion(Effect):
 
     def body(self, state: BodyState, values: Values) -> BodyState:
         """Put the inclusion into the body."""
-        centre = (values["x_m"], values["y_m"], values["z_m"])
-        bump = Bump(values["weight_pa"], centre, values["radius_m"])
-        return state.changed(bumps=(*state.bumps, bump))
+        return state.changed(bumps=(*state.bumps, Inclusion(**values)))
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Places below the pressed area, a good radius apart, at two depths."""

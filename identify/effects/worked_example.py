@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.body_state import BodyState
 from identify.effects.effect import Effect, Pressing, WorkedExample
+from identify.gaussian_map import Inclusion
 from identify.readings import Readings
 
 _BOX_M = ((0.0, 0.0, 0.0), (0.096, 0.096, 0.048))
@@ -15,6 +16,7 @@ _PER_READING = {
     "press", "time_s", "phase", "point_m", "force_n", "travel_m", "compliance_m_per_n",
     "modulus_pa", "radius_m", "contact_radius_m",
 }  # fmt: skip
+_INCLUSION = Inclusion(1.0, 0.0, 0.0, 0.0, 0.01)
 _GIVEN = _PER_READING | {"order", "poisson_ratio"}
 _BY_HOOK = {
     "force": "force_n",
@@ -32,8 +34,8 @@ def work(effect: Effect, example: WorkedExample) -> dict[str, np.ndarray]:
     `phase`, `point_m`, `force_n`, `travel_m`, and for the contact `radius_m` (of the probe),
     `contact_radius_m`, `compliance_m_per_n`, `modulus_pa`; besides, `order` of the presses and
     `poisson_ratio`. What is not given is one press loading at the origin, 0.3 N, 1 mm, a tip of
-    5 mm, 6 kPa. Body effects: `factor` and `added_pa` at the points `point_m`, or any attribute of
-    `BodyState`.
+    5 mm, 6 kPa. Body effects: at the points `point_m`, `factor`, `added_pa` and `inclusion` (what
+    an inclusion of 10 mm at the origin has there of its weight), or any attribute of `BodyState`.
 
     Raises
     ------
@@ -122,7 +124,11 @@ class Inputs:
 
 def _body(state: BodyState, inputs: Inputs, example: WorkedExample) -> dict[str, np.ndarray]:
     points = inputs.get("point_m", (0.0, 0.0, 0.0))
-    fields = {"factor": state.factor, "added_pa": state.added_pa}
+    fields = {
+        "factor": state.factor,
+        "added_pa": state.added_pa,
+        "inclusion": lambda points: state.inclusion_shape.added(_INCLUSION, points)[0],
+    }
     found = {}
     for name in example.expected:
         if name in fields:

@@ -12,6 +12,7 @@ from sim.truth_map import Inclusion
 
 if TYPE_CHECKING:
     from sim.bench import Bench
+    from sim.hidden_body import HiddenBody
 
 
 class ExtraInclusion(HiddenEffect):
@@ -44,6 +45,50 @@ class ExtraInclusion(HiddenEffect):
         extra = Inclusion(values["weight_pa"], centre, values["radius_m"])
         truth = replace(body.truth, inclusions=(*body.truth.inclusions, extra))
         return replace(body, truth=truth)
+
+
+class InclusionEdge(HiddenEffect):
+    """The map's first inclusion is a ball with a blurred edge, as a phantom's may be."""
+
+    name, category = "inclusion_edge", "compliance"
+    law = "ball with the part share of the mean square radius, blurred by a Gaussian of the rest"
+    amplitude, typical, limit = "share", 0.3, 0.9
+
+    def body(self, body, values):
+        """Give it an edge."""
+        return _first_inclusion(body, ball_share=values["share"])
+
+
+class InclusionStretch(HiddenEffect):
+    """The map's first inclusion is long, not round."""
+
+    name, category = "inclusion_stretch", "structured"
+    law = "radius (1 + stretch) along one horizontal direction"
+    amplitude, typical, limit = "stretch", 0.5, 3.0
+
+    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+        """Draw the direction."""
+        return {"angle_rad": float(rng.uniform(0, np.pi))}
+
+    def body(self, body, values):
+        """Stretch it."""
+        return _first_inclusion(body, stretch=values["stretch"], angle_rad=values["angle_rad"])
+
+
+class SideGradient(HiddenEffect):
+    """The whole body is stiffer on one side than on the other."""
+
+    name, category = "side_gradient", "structured"
+    law = "E exp(g s), s from one side to the other"
+    amplitude, typical, limit = "gradient", 0.2, 4.0
+
+    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+        """Draw the direction."""
+        return {"angle_rad": float(rng.uniform(0, 2 * np.pi))}
+
+    def body(self, body, values):
+        """Grade the modulus."""
+        return replace(body, side_gradient=values["gradient"], side_angle_rad=values["angle_rad"])
 
 
 class StiffnessGradient(HiddenEffect):
@@ -155,3 +200,9 @@ class MeshError(HiddenEffect):
         """Mix the coarse mesh's compliances in."""
         ratio = bench.compliance(converged=False) / bench.compliance()
         return travel_m * (1 + values["share"] * (ratio - 1))[:, None]
+
+
+def _first_inclusion(body: HiddenBody, **changes: float) -> HiddenBody:
+    first, *others = body.truth.inclusions
+    inclusions = (replace(first, **changes), *others)
+    return replace(body, truth=replace(body.truth, inclusions=inclusions))

@@ -21,9 +21,7 @@ class InclusionEdge(Effect):
     )
     formula = "exp(-q/2) -> exp(-(q/s^2)^(n/2) / 2), q = distance^2/radius^2, edge = 1 - 2/n"
     source = "generalised normal distribution: S. Nadarajah, J. Appl. Stat. 32 (2005) 685-694"
-    gives_away = (
-        "presses over an inclusion and those around it misfit with opposite signs, in rings"
-    )
+    gives_away = "presses over an inclusion and those around it misfit with opposite signs"
     cure = "None is needed: the edge belongs to the body. Keep the effect in the study."
     parameters = (EffectParameter("edge", "1", "0: Gaussian, 1: even ball", 0.0, -0.5, 0.9, 0.3),)
     needs = ("several presses",)

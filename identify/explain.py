@@ -190,7 +190,7 @@ def climb(
             settled = now.comparison.is_noise
             break
         winner = rivals[0]
-        if not now.comparison.is_noise and _share(now.fit, winner.fit) < WORTHWHILE:
+        if not now.comparison.is_noise and not _worthwhile(now.fit, winner.fit):
             break
         additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))
         say(f"refitting with {winner.name}")
@@ -208,6 +208,11 @@ def _share(before: JointFit, after: JointFit) -> float:
     """Share of the excess chi-square of a fit that another one takes away."""
     excess = before.chi2 - before.dof
     return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0
+
+
+def _worthwhile(before: JointFit, after: JointFit) -> bool:
+    """Whether a fit takes its share of the excess; any does where the structure is below it."""
+    return before.chi2 - after.chi2 >= WORTHWHILE * (before.chi2 - before.dof)
 
 
 def _beside(rung: Rung, name: str) -> tuple[str, ...]:

@@ -1,15 +1,17 @@
 """The loop on a small body: nothing missing, one effect, what the model does not know."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from loop_problem import PEAK_N, TRUE, model, points, scan, timing, true_compliance
+from loop_problem import NOISE, PEAK_N, TRUE, model, points, scan, timing, true_compliance
 
 from identify.effects.catalogue import CATALOGUE, effect_named
 from identify.explain import climb
 from identify.held_out import held_out
 from identify.joint_fit import fit_jointly
+from identify.noise import Noise
 
 QUICK = [effect_named(n) for n in (
     "viscoelasticity", "hysteresis", "force_bias", "contact_offset", "force_drift",
@@ -67,6 +69,20 @@ def test_creep_is_found_with_its_time():
     own = found.final.fit
     assert own.values["viscoelasticity.g"] == pytest.approx(0.1, abs=0.02)
     assert own.values["viscoelasticity.tau_s"] == pytest.approx(0.8, abs=0.4)
+
+
+def test_a_small_effect_is_found_beside_noise_that_is_less_than_stated():
+    """Its chi-square is below the readings' number, so that no share of an excess can be told."""
+    table = planted(4, lambda d, f, t, phase, press: (d + 6e-5, f))
+    louder = Noise(1.1 * NOISE.displacement_m, 1.1 * NOISE.force_n)
+    found = climb(replace(model(table), noise=louder), TRUE, table, QUICK)
+    first = found.ladder[0]
+    assert first.fit.chi2_per_dof < 1
+    assert not first.comparison.is_noise
+    assert "contact_offset" in (
+        *found.added,
+        *(name for group in found.ambiguous for name in group),
+    )
 
 
 def test_a_late_force_channel_is_not_explained_by_any_name():

@@ -10,6 +10,12 @@ from scipy.special import erf
 from models.errors import InputError
 
 
+def _spot(distance: np.ndarray, share: float) -> np.ndarray:
+    """Blurred ball that is 1 at its centre, with the integral of exp(-distance^2/2)."""
+    height = _blurred_ball(np.zeros(1), share)[0]
+    return _blurred_ball(distance / height ** (1 / 3), share) / height
+
+
 def _blurred_ball(distance: np.ndarray, share: float) -> np.ndarray:
     """Ball with the part `share` of the mean square radius, folded with a Gaussian of the rest.
 
@@ -36,7 +42,7 @@ class Inclusion:
     centre_m : (x, y, z) m, body frame
     radius_m : standard deviation of the Gaussian, m
     ball_share : 0 a Gaussian, 1 a ball of even stiffness with a sharp edge, between them a ball
-        with a blurred one; the integral and the mean square radius stay
+        with a blurred one; the value at the centre and the integral stay
     stretch, angle_rad : it is longer by this share in the horizontal direction at this angle to x
     """
 
@@ -54,7 +60,7 @@ class Inclusion:
         shorter = 1 - (1 + self.stretch) ** -2
         squared = (away**2).sum(axis=1) - shorter * along**2
         scaled = squared / self.radius_m**2
-        shape = _blurred_ball(np.sqrt(scaled), self.ball_share)
+        shape = _spot(np.sqrt(scaled), self.ball_share)
         return self.weight_pa * shape
 
 

@@ -19,24 +19,23 @@ def test_modulus_falls_off_as_a_gaussian_in_all_three_directions():
     assert truth(points)[1] == pytest.approx(5000, rel=1e-3)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.85])
 def test_a_blurred_ball_is_a_ball_folded_with_a_gaussian(share):
-    radius = 0.01
-    spot = Inclusion(1.0, (0.0, 0.0, 0.0), radius, ball_share=share)
-    rng = np.random.default_rng(0)
-    count = 400_000
-    direction = rng.standard_normal((count, 3))
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    ball = np.sqrt(5 * share) * radius * direction * rng.random((count, 1)) ** (1 / 3)
-    drawn = ball + np.sqrt(1 - share) * radius * rng.standard_normal((count, 3))
-    distance = np.linalg.norm(drawn, axis=1)
-    edges = np.linspace(0, 0.03, 16)
-    found = np.histogram(distance, edges)[0] / count
-    # the density of the drawn points is the inclusion over its integral
-    fine = (np.linspace(0, 0.03, 15 * 50 + 1)[1:] + np.linspace(0, 0.03, 15 * 50 + 1)[:-1]) / 2
+    spot = Inclusion(1.0, (0.0, 0.0, 0.0), 0.01, ball_share=share)
+    assert spot.added(np.zeros((1, 3)))[0] == pytest.approx(1, rel=1e-9)
+    fine = (np.arange(6000) + 0.5) * 1e-5
     values = spot.added(np.column_stack([fine, 0 * fine, 0 * fine]))
-    shells = (4 * np.pi * fine**2 * values * (fine[1] - fine[0])).reshape(15, 50).sum(axis=1)
-    np.testing.assert_allclose(shells / (2 * np.pi * radius**2) ** 1.5, found, atol=2.5e-3)
+    shells = 4 * np.pi * fine**2 * values * 1e-5 / (2 * np.pi * 0.01**2) ** 1.5
+    assert shells.sum() == pytest.approx(1, rel=1e-4)  # the Gaussian's integral
+
+    rng = np.random.default_rng(0)
+    direction = rng.standard_normal((400_000, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    ball = np.sqrt(5 * share) * direction * rng.random((400_000, 1)) ** (1 / 3)
+    drawn = ball + np.sqrt(1 - share) * rng.standard_normal((400_000, 3))
+    distance = np.linalg.norm(drawn, axis=1) * np.sqrt(shells @ fine**2 / 3)
+    found = np.histogram(distance, np.linspace(0, 0.06, 31))[0] / 400_000
+    np.testing.assert_allclose(shells.reshape(30, 200).sum(axis=1), found, atol=2.5e-3)
 
 
 def test_a_stretched_spot_is_longer_in_its_direction_alone():

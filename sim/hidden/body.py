@@ -52,7 +52,7 @@ class InclusionEdge(HiddenEffect):
 
     name, category = "inclusion_edge", "compliance"
     law = "ball with the part share of the mean square radius, blurred by a Gaussian of the rest"
-    amplitude, typical, limit = "share", 0.3, 0.9
+    amplitude, typical, limit = "share", 0.3, 0.85
 
     def body(self, body, values):
         """Give it an edge."""

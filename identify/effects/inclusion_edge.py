@@ -47,8 +47,12 @@ class InclusionEdge(Effect):
                 f"The map's inclusions are more pointed than Gaussians (edge {edge:.2f}, 0 is the "
                 "Gaussian)."
             )
-        like = "more like even balls with an edge" if edge > 0.5 else "flatter at the top"
+        if edge < 0.5:
+            return (
+                f"The map's inclusions are flatter at the top than Gaussians, and steeper at the "
+                f"flank (edge {edge:.2f}; 0 is the Gaussian, 1 the even ball)."
+            )
         return (
-            f"The map's inclusions are {like} than Gaussians (edge {edge:.2f}; 0 is the Gaussian, "
-            "1 the ball)."
+            f"The map's inclusions are more like even balls than Gaussians (edge {edge:.2f}; 0 is "
+            "the Gaussian, 1 the ball, of 1.55 times the map's radius)."
         )

@@ -60,6 +60,18 @@ def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(run
     assert not is_more_missing(ladder, (group,))
 
 
+@pytest.mark.parametrize(
+    ("behind", "priced", "alike"), [(3, 11, True), (7, 11, False), (7, 9, True)]
+)
+def test_a_rival_is_beaten_by_the_data_and_not_by_its_price_alone(rungs, behind, priced, alike):
+    (addition,) = rungs[1]
+    best = addition.rivals[0]
+    other = replace(
+        best, name="another", chi2=best.chi2 + behind, criterion=best.criterion + priced
+    )
+    assert (replace(addition, rivals=(best, other)).equals == (best.name, "another")) is alike
+
+
 def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
     (first, last), _ = rungs
     quiet = replace(significant(first, 0.01, first.fit.chi2), comparison=last.comparison)

@@ -183,7 +183,7 @@ def climb(
         fit, additions = step
         ladder.append(rung_of(fit, scan, catalogue, seed, say))
         rise(ladder[-1])
-    while is_more_missing(ladder, additions) and len(additions) < most:
+    while (len(ladder) == 1 or is_more_missing(ladder, additions)) and len(additions) < most:
         now = ladder[-1]
         rivals = best_rivals(now, effects, say, dropped)
         if not rivals:

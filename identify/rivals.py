@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from identify.diagnosis import ALIKE, Diagnosis
 from identify.effects.effect import Effect
@@ -16,6 +17,7 @@ from identify.score import Score, holm_significant
 MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
 SURE = 1e-3  # family-wise chance, where nothing but the score speaks for an effect
 REFIT_EVALUATIONS = 15
+_FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
 _SHORTLIST = 3
 _RISE = 1.002  # an addition does not raise the error itself ...
 _EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
@@ -47,39 +49,61 @@ def best_rivals(
 ) -> tuple[Rival, ...]:
     """Return the best-scored effects that a refit bears out; empty if there are none.
 
-    Far from the truth the linear scores mislead: those next in rank are tried where the best fail.
-    Where the residual is noise, one of them must have a score that noise does not give in a
-    thousand scans (`SURE`).
+    Far from the truth the linear scores mislead: those next in rank are tried where the best fail,
+    and beside the first ones the effects that have a `refitted_from`. Where the residual is noise,
+    one of them must have a score that noise does not give in a thousand scans (`SURE`), or one of
+    the latter a fall of chi-square.
     """
-    noise = rung.comparison.is_noise
-    sure = holm_significant(rung.diagnosis.scores, SURE if noise else 1.0)
+    chance = SURE if rung.comparison.is_noise else 1.0
+    scores = [score for score in rung.diagnosis.scores if score.untestable is None]
+    sure = holm_significant(scores, chance)
+    tested = {score.name for score in scores} - set(exclude)
+    always = [name for name in effects if effects[name].refitted_from and name in tested]
     tried = list(exclude)
-    while names := shortlist(rung.diagnosis, tried):
-        rivals = compare_rivals(rung, effects, say, tried)
+    while names := list(dict.fromkeys([*shortlist(rung.diagnosis, tried), *always])):
+        rivals = compare_rivals(rung, effects, say, names)
+        sure |= {
+            r.name for r in rivals if r.name in always and _chance(rung, r) < chance / len(scores)
+        }
         better = rivals and rivals[0].criterion < rung.fit.bic
         if better and any(rival.name in sure for rival in rivals):
             return rivals
-        tried += names
+        tried, always = [*tried, *names], []
     return ()
+
+
+def _chance(rung: Rung, rival: Rival) -> float:
+    """Chance that noise makes chi-square fall so far by the rival's further parameters."""
+    return float(chdtrc(len(rival.fit.u) - len(rung.fit.u), max(rung.fit.chi2 - rival.chi2, 0.0)))
 
 
 def compare_rivals(
     rung: Rung,
     effects: dict[str, Effect],
     say: Callable[[str], None],
-    exclude: Sequence[str] = (),
+    names: Sequence[str],
 ) -> tuple[Rival, ...]:
-    """Refit the best-scored effects, and all that look like them, with the map; best first."""
+    """Refit these effects with the map; best first."""
     rivals = []
-    for name in shortlist(rung.diagnosis, exclude):
+    for name in names:
         say(f"trying {name}")
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
         if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
             continue
+        fit = _carried_on(fit, rung.fit)
         # Chi-square also falls where the model's slope, and with it the noise allowed, grows
         if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
+
+
+def _carried_on(fit: JointFit, before: JointFit) -> JointFit:
+    """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
+    free = len(fit.model.space.free)
+    far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
+    if fit.success and not far:
+        return fit
+    return try_fit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 
 
 def borne_out(before: JointFit, after: JointFit) -> float:
@@ -127,7 +151,7 @@ def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
     """
     best = None
     for share in (1.0, 0.3, 0.03):
-        values = dict(score.values)
+        values = dict(effect.refitted_from or score.values)
         for amplitude in effect.amplitudes:
             assert amplitude.null is not None
             moved = share * (values[amplitude.name] - amplitude.null)

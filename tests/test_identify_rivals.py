@@ -19,7 +19,7 @@ from fem import PalpationModel, RefinedModel, block_mesh
 from identify.effects.catalogue import CATALOGUE, effect_named
 from identify.effects.contact_offset import ContactOffset
 from identify.joint_fit import fit_jointly, try_fit
-from identify.rivals import borne_out, compare_rivals, fit_with
+from identify.rivals import borne_out, compare_rivals, fit_with, shortlist
 from identify.rung import rung_of
 from identify.score import fitted_basis, score_effect
 
@@ -42,7 +42,9 @@ def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
     assert fit.chi2 < saturated.fit.chi2 - 20
     assert fit.rms_m > 1.002 * saturated.fit.rms_m  # at the forces as they were read
     assert borne_out(saturated.fit, fit) == pytest.approx(1, abs=0.3)
-    rivals = compare_rivals(saturated, {e.name: e for e in CATALOGUE}, lambda text: None)
+    rivals = compare_rivals(
+        saturated, {e.name: e for e in CATALOGUE}, str, shortlist(saturated.diagnosis)
+    )
     assert rivals[0].name == "force_saturation"
 
 

@@ -116,6 +116,8 @@ class Effect:
     parameters : amplitudes (with a null) first, then shape parameters (null None)
     needs : what the scan must have for it to be testable
     contains : names of effects that are special cases of this one
+    refitted_from : values from which it is refitted whatever its score; for an effect without which
+        the map may end so far off that the score there says nothing of it, empty for others
     examples : at least one, away from the null
     """
 
@@ -130,6 +132,7 @@ class Effect:
     parameters: ClassVar[tuple[EffectParameter, ...]]
     needs: ClassVar[tuple[Need, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
+    refitted_from: ClassVar[Values] = {}
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
     # ---- hooks; override one -------------------------------------------------------------

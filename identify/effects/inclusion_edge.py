@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import MappingProxyType
 
 from identify.body_state import BodyState
 from identify.effects.effect import Effect, EffectParameter, Values, WorkedExample
@@ -25,6 +26,8 @@ class InclusionEdge(Effect):
     cure = "None is needed: the edge belongs to the body. Keep the effect in the study."
     parameters = (EffectParameter("edge", "1", "0: Gaussian, 1: even ball", 0.0, -0.5, 0.9, 0.3),)
     needs = ("several presses",)
+    # a ball that is fitted as a Gaussian may end far too narrow, too hard and too shallow
+    refitted_from = MappingProxyType({"edge": 0.6})
     examples = (
         WorkedExample(
             "0.8 and a radius of 10 mm: 99.2 % of the weight 10 mm away, nothing at 20 mm.",

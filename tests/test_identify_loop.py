@@ -12,6 +12,7 @@ from identify.explain import climb
 from identify.held_out import held_out
 from identify.joint_fit import fit_jointly
 from identify.noise import Noise
+from sim.truth_map import Inclusion, TruthMap
 
 QUICK = [effect_named(n) for n in (
     "viscoelasticity", "hysteresis", "force_bias", "contact_offset", "force_drift",
@@ -83,6 +84,21 @@ def test_a_small_effect_is_found_beside_noise_that_is_less_than_stated():
         *found.added,
         *(name for group in found.ambiguous for name in group),
     )
+
+
+def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
+    (spot,) = TRUE.inclusions
+    ball = Inclusion(spot.weight_pa, (spot.x_m, spot.y_m, spot.z_m), spot.radius_m, ball_share=0.85)
+    compliance = true_compliance(TruthMap(TRUE.background_pa, (ball,)))
+    press, _, _, force = timing(8)
+    table = scan(compliance[press] * 4 * force, 4 * force, 8)
+    catalogue = [*QUICK, *(effect_named(n) for n in ("inclusion_edge", "rigid_tip"))]
+    found = climb(model(table), TRUE, table, catalogue)
+    assert found.ladder[0].diagnosis["inclusion_edge"].p_value > 0.01
+    assert found.ladder[0].fit.values["inclusion_1.weight_pa"] > 3 * spot.weight_pa
+    assert "inclusion_edge" in (*found.added, *(n for group in found.ambiguous for n in group))
+    assert found.final.fit.values["inclusion_1.weight_pa"] == pytest.approx(15000, rel=0.2)
+    assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=0.2)
 
 
 def test_a_late_force_channel_is_not_explained_by_any_name():

@@ -170,16 +170,15 @@ def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
 
 
 def _from_afar(fit: JointFit, effect: Effect) -> JointFit | None:
-    """Refit with one more effect from its `refitted_from`, beside the map and an eased one.
+    """Refit with one more effect from its `refitted_from`, beside an eased map or else the map.
 
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
     """
     model = fit.model.with_effect(effect, effect.refitted_from, fit.at.state)
-    fits = (
-        try_fit(model, _eased(fit), max_evaluations=REFIT_EVALUATIONS),
-        try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS),
-    )
-    return min((f for f in fits if f is not None), key=lambda f: f.chi2, default=None)
+    eased = try_fit(model, _eased(fit), max_evaluations=REFIT_EVALUATIONS)
+    if eased is not None and eased.chi2 <= fit.chi2:
+        return eased
+    return try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS) or eased
 
 
 def _eased(fit: JointFit) -> GaussianMap:

@@ -5,6 +5,8 @@ import json
 from contextlib import redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from models.scan import Scan, write_scan
 from palpmap.comparison import run_compare
 from palpmap.console import Output
 from palpmap.figure_style import png
-from palpmap.finding import matched, read_truth, study_outline
+from palpmap.finding import Finding, Outline, matched, read_truth, study_outline
 from palpmap.finding_files import load_finding
 from palpmap.map_figures import cuts, draw_map, draw_uncertainty, sample
 from palpmap.report import parameter_rows, write_report
@@ -282,3 +284,19 @@ def test_what_cannot_be_compared_is_said(tmp_path):
     write_record(tmp_path / "truth.json", {"body": {"background_pa": 1.0}})
     with pytest.raises(InputError, match="key body"):
         read_truth(tmp_path / "truth.json")
+
+
+def test_the_map_that_is_shown_has_in_it_what_the_fitted_effects_change():
+    plain = GaussianMap(5000.0, ())
+    values = {"weight_pa": 8000.0, "x_m": 0.02, "y_m": 0.03, "z_m": 0.02, "radius_m": 0.01}
+    effects = {f"extra_inclusion.{name}": value for name, value in values.items()}
+    effects |= {"side_gradient.g_x": 0.4, "side_gradient.g_y": 0.0, "contact_offset.offset_m": 1e-4}
+    fit: Any = SimpleNamespace(
+        map=plain, parameters={name: SimpleNamespace(value=v) for name, v in effects.items()}
+    )
+    nothing: Any = None
+    outline = Outline(np.zeros(3), np.array([0.08, 0.08, 0.04]), lambda p: np.ones(len(p), bool))
+    shown = Finding("a study", fit, nothing, nothing, outline).map
+    at = np.array([[0.02, 0.03, 0.02], [0.08, 0.08, 0.0]])
+    np.testing.assert_allclose(shown.modulus(at), [13000 * 0.9, 5000 * 1.2], rtol=1e-6)
+    assert len(shown.inclusions) == 1

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
+from fem.mixed_precision import SymmetricMatrix, solve_with_rough_factor
 from fem.modulus_samples import CLOSE_SAMPLES, close_points_m
 from fem.near_field import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field_points import FUNCTIONS
@@ -36,6 +38,8 @@ from fem.support import Foundation, Support, first_order_rest
 __all__ = ["PalpationModel", "Response"]
 
 _GROUP = 16  # presses whose near fields are solved together
+#: Unknowns from which factors in single precision and iterations are faster than double precision.
+LARGE = 100_000
 
 
 class HeldBody:
@@ -53,6 +57,25 @@ class HeldBody:
     def pattern(self) -> Pattern:
         """The analysed pattern."""
         return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices)
+
+    @cached_property
+    def rough(self) -> Pattern | None:
+        """The same for factors in single precision; None for a body that gains nothing by them."""
+        if len(self.loads) < LARGE:
+            return None
+        return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices, approximate=True)
+
+    def solve(self, values: np.ndarray) -> np.ndarray:
+        """Return the displacements (3 f, j) under all loads for values of the matrix."""
+        if self.rough is not None:
+            matrix = SymmetricMatrix(self.stiffness.indptr, self.stiffness.indices, values)
+            with suppress(SolverError):  # not positive definite, in single precision
+                factor = self.rough.factorize(values)
+                found = solve_with_rough_factor(matrix, factor, self.loads)
+                if found is not None:
+                    return found
+            self.rough = None
+        return self.pattern.factorize(values).solve(self.loads)
 
     @cached_property
     def foundation(self) -> Foundation:
@@ -219,20 +242,12 @@ class PalpationModel:
         if not support.bonded:
             springs = body.foundation.effective(support.normal, support.tangential, modulus)
             body.foundation.add(values, springs)
-        factor = body.pattern.factorize(values)
-        half = factor.forward(body.loads)  # all products with the inverse need no more
-        compliance = np.einsum("dj,dj->j", half, half)
-        amplitude = np.zeros((len(compliance), FUNCTIONS if self.enrichments else 0))
-        for group, near in self.near_fields(body.stiffness, material):
-            k = near.coupling
-            k = factor.forward(k.reshape(len(k), -1)).T.reshape(*k.shape[1:], -1)  # (j, m, d)
-            pressed = half[:, group].T
-            missing = near.load - (k @ pressed[..., None])[..., 0]
-            schur = near.energy - k @ k.swapaxes(1, 2)
-            amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
-            compliance[group] += np.sum(missing * amplitude[group], axis=1)
-            half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
-        field = factor.backward(half)
+        if self.enrichments:
+            compliance, field, amplitude = self._enriched(body, material, values)
+        else:
+            field = body.solve(values)
+            compliance = np.einsum("dj,dj->j", body.loads, field)
+            amplitude = np.zeros((len(compliance), 0))
         response = Response(compliance, self, body, material, field, amplitude, springs)
         if springs is not None:
             if np.isinf(support.tangential):
@@ -243,6 +258,25 @@ class PalpationModel:
             near = body.skinned.near(skin).value
             compliance += near / body.skinned.local_modulus(modulus)
         return response
+
+    def _enriched(
+        self, body: HeldBody, material: Material, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Compliances (j,), fields (3 f, j) and amplitudes (j, m) with the near fields."""
+        factor = body.pattern.factorize(values)
+        half = factor.forward(body.loads)  # all products with the inverse need no more
+        compliance = np.einsum("dj,dj->j", half, half)
+        amplitude = np.zeros((len(compliance), FUNCTIONS))
+        for group, near in self.near_fields(body.stiffness, material):
+            k = near.coupling
+            k = factor.forward(k.reshape(len(k), -1)).T.reshape(*k.shape[1:], -1)  # (j, m, d)
+            pressed = half[:, group].T
+            missing = near.load - (k @ pressed[..., None])[..., 0]
+            schur = near.energy - k @ k.swapaxes(1, 2)
+            amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
+            compliance[group] += np.sum(missing * amplitude[group], axis=1)
+            half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
+        return compliance, factor.backward(half), amplitude
 
     def values(self, body: HeldBody, material: Material) -> np.ndarray:
         """Values of a body's stiffness matrix, without the support's springs."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from fem.errors import SolverError
 from fem.finite_strain_assembly import FiniteStrainBody
+from fem.mixed_precision import SymmetricMatrix
 from fem.solver import Factor, Pattern
 
 
@@ -215,9 +216,8 @@ class TangentSolver:
     def product(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return the forces (3 f,) of a tangent's values (nnz,) on x, without those of the tip."""
         s = self.body.stiffness
-        y = np.empty_like(x)
-        _symmetric_product(y, x, s.indptr, s.indices, values)
-        return self.constraints.without_reactions(y)
+        forces = SymmetricMatrix(s.indptr, s.indices, values).product(x)
+        return self.constraints.without_reactions(forces)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -225,15 +225,3 @@ def _take_off(u, responses, amounts):
     for i in range(len(u)):
         for k in range(len(amounts)):
             u[i] -= responses[i, k] * amounts[k]
-
-
-@numba.njit(cache=True, nogil=True)
-def _symmetric_product(y, x, indptr, indices, values):
-    y[:] = 0.0
-    for i in range(len(indptr) - 1):
-        s = values[indptr[i]] * x[i]
-        for k in range(indptr[i] + 1, indptr[i + 1]):
-            j = indices[k]
-            s += values[k] * x[j]
-            y[j] += values[k] * x[i]
-        y[i] += s

@@ -65,7 +65,9 @@ def best_rivals(
     while names := list(dict.fromkeys([*shortlist(rung.diagnosis, tried), *always])):
         rivals = compare_rivals(rung, effects, say, names)
         sure |= {
-            r.name for r in rivals if r.name in always and _chance(rung, r) < chance / len(scores)
+            r.name
+            for r in rivals
+            if r.name in always and refit_chance(rung, r) < chance / len(scores)
         }
         better = rivals and rivals[0].criterion < rung.fit.bic
         if better and any(rival.name in sure for rival in rivals):
@@ -74,7 +76,7 @@ def best_rivals(
     return ()
 
 
-def _chance(rung: Rung, rival: Rival) -> float:
+def refit_chance(rung: Rung, rival: Rival) -> float:
     """Chance that noise makes chi-square fall so far by the rival's further parameters."""
     return float(chdtrc(len(rival.fit.u) - len(rung.fit.u), max(rung.fit.chi2 - rival.chi2, 0.0)))
 

@@ -6,6 +6,7 @@ from identify.diagnosis import Diagnosis
 from identify.effects.effect import Effect
 from identify.explain import Explanation
 from identify.joint_intervals import joint_intervals
+from identify.rivals import refit_chance
 from identify.rung import Rung
 from identify.score import Score
 from palpmap.map_fit import AXES
@@ -87,6 +88,8 @@ def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -
     elif verdict == "untestable":
         verdict = "not_seen"  # the record says why under its own key
     record = score_record(score, rung.diagnosis)
+    if effect.refitted_from:
+        record |= refit_record(name, explained)
     return {
         **record,
         "verdict": verdict,
@@ -109,6 +112,22 @@ def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
         "values": {name: float(value) for name, value in score.values.items()},
         "untestable": score.untestable,
     }
+
+
+def refit_record(name: str, explained: Explanation) -> dict[str, float]:
+    """Return what the refit says of an effect that shows in none of its scores, or nothing."""
+    refits = (r for addition in explained.additions for r in addition.rivals if r.name == name)
+    for rival in refits:
+        others = {part for part in rival.fit.model.has if part != name}
+        before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
+        if before is not None:
+            fall, excess = max(before.fit.chi2 - rival.chi2, 0.0), before.diagnosis.excess
+            return {
+                "score": fall,
+                "p_value": refit_chance(before, rival),
+                "explained_fraction": min(fall / excess, 1.0) if excess > 0 else 0.0,
+            }
+    return {}
 
 
 def evidence(effect: Effect, score: Score, problem: Problem, final: Rung | None = None) -> str:

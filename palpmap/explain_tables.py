@@ -208,9 +208,15 @@ def detection_table(limits: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _moved(name: str, value: float) -> str:
-    """Return a shift of a parameter in kPa or mm, two digits."""
+    """Return a shift of a parameter in kPa or mm, two digits, or more before the point.
+
+    >>> _moved("weight_pa", -154e3), _moved("x_m", 1.234e-3), _moved("x_m", 1e-6)
+    ('-154', '+1.2', '0')
+    """
     shown_value = (1e-3 if name.endswith("_pa") else 1e3) * value
-    return f"{shown_value:+.2g}" if abs(shown_value) >= 0.005 else "0"
+    if abs(shown_value) < 0.005:
+        return "0"
+    return f"{shown_value:+.0f}" if abs(shown_value) >= 10 else f"{shown_value:+.2g}"
 
 
 def _is_number(value: Any) -> bool:

@@ -12,6 +12,7 @@ from identify.explain import climb
 from identify.held_out import held_out
 from identify.joint_fit import fit_jointly
 from identify.noise import Noise
+from palpmap.explain_record import refit_record
 from sim.truth_map import Inclusion, TruthMap
 
 QUICK = [effect_named(n) for n in (
@@ -99,6 +100,11 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     assert "inclusion_edge" in (*found.added, *(n for group in found.ambiguous for n in group))
     assert found.final.fit.values["inclusion_1.weight_pa"] == pytest.approx(15000, rel=0.2)
     assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=0.2)
+    told = refit_record("inclusion_edge", found)  # what the report says in place of the score
+    assert told["score"] > 50
+    assert told["p_value"] < 1e-9
+    assert 0.3 < told["explained_fraction"] <= 1
+    assert refit_record("breathing", found) == {}
 
 
 def test_a_late_force_channel_is_not_explained_by_any_name():

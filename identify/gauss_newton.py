@@ -28,6 +28,7 @@ def minimize_gauss_newton(
     ftol: float = 1e-6,
     rtol: float = 0.0,
     above: float = 0.0,
+    enough: float = 0.0,
     max_evaluations: int = 100,
     callback: Callable[[np.ndarray, float], None] | None = None,
 ) -> OptimizeResult:
@@ -51,6 +52,8 @@ def minimize_gauss_newton(
         Converged, too, when an undamped step would lower |r|^2 / 2 by no more than the part rtol of
         what exceeds `above`, or when two steps in a row did: a valley that is rough or curved can
         promise more for ever.
+    enough
+        Converged, too, when two steps in a row lowered |r|^2 / 2 by no more than this.
     max_evaluations
         Limit of evaluations.
     callback
@@ -82,7 +85,9 @@ def minimize_gauss_newton(
             within = "ftol" if expected <= ftol else f"{slack:.1e}"
             return result(0, f"a further step would lower fun by {expected:.1e}, within {within}")
         if idle == _IDLE_STEPS:
-            return result(0, f"the last {idle} steps lowered fun by less than {slack:.1e} each")
+            return result(
+                0, f"the last {idle} steps lowered fun by {max(slack, enough):.1e} at most"
+            )
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
         step = _solve(normal, gradient, diagonal, damping, free)
@@ -95,7 +100,7 @@ def minimize_gauss_newton(
         trial_fun = np.inf if trial is None else 0.5 * float(trial[0] @ trial[0])
         if trial is not None and trial_fun < fun:
             gain = (fun - trial_fun) / predicted if predicted > 0 else 0.0
-            idle = idle + 1 if fun - trial_fun <= slack else 0
+            idle = idle + 1 if fun - trial_fun <= max(slack, enough) else 0
             x, fun, (r, jac), nit = trial_x, trial_fun, trial, nit + 1
             damping = max(damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
             growth = 2.0

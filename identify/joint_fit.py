@@ -121,6 +121,7 @@ def fit_jointly(
     *,
     rounds: int = _ROUNDS,
     max_evaluations: int = 40,
+    enough: float = 0.0,
     callback: Callable[[float], None] | None = None,
 ) -> JointFit:
     """Fit all free parameters of map and effects.
@@ -131,6 +132,7 @@ def fit_jointly(
     stiffness : map to start from
     rounds : most rounds of correction towards the finer model; 0 keeps the present correction
     max_evaluations : of a round
+    enough : a round ends, too, when two steps in a row lowered chi-square by no more than this
     callback : called with chi-square after each accepted step
 
     Raises
@@ -166,6 +168,7 @@ def fit_jointly(
             ftol=_FTOL,
             rtol=_GROSS_RTOL if gross else _RTOL,
             above=gross,
+            enough=0.5 * enough,
             max_evaluations=max_evaluations,
             callback=accepted,
         )

@@ -12,6 +12,7 @@ from identify.diagnosis import ALIKE, Diagnosis
 from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap, Inclusion
 from identify.joint_fit import JointFit, try_fit
+from identify.measurement_model import MeasurementModel
 from identify.rung import Rung
 from identify.score import Score, holm_significant
 
@@ -21,6 +22,10 @@ REFIT_EVALUATIONS = 15
 _EASED_WEIGHT, _EASED_RADIUS = 0.35, 1.3
 _FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
 _SHORTLIST = 3
+_ENOUGH = 0.5  # in chi-square: a rival whose steps bring less has shown what it can
+# A rival is beaten if it is so far behind, in chi-square, and has done less than half of what the
+# best one did: a true one has come from behind by 130 once the finer model corrected its map.
+_BEATEN_BY, _BEATEN_SHARE = 200.0, 0.5
 _RISE = 1.002  # an addition does not raise the error itself ...
 _EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
 _PROMISED = 0.3  # of the score: a refit that brings less may have begun at the wrong place
@@ -91,23 +96,36 @@ def compare_rivals(
     rivals = []
     for name in names:
         say(f"trying {name}")
-        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name])
+        best = min((rival.chi2 for rival in rivals), default=np.inf)
+        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name], best)
         if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
             continue
-        fit = _carried_on(fit, rung.fit)
+        fit = _carried_on(fit, rung.fit, best)
         # Chi-square also falls where the model's slope, and with it the noise allowed, grows
         if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
 
 
-def _carried_on(fit: JointFit, before: JointFit) -> JointFit:
+def _refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> JointFit | None:
+    """Refit a rival, or None where the start is impossible; 15 evaluations where not said."""
+    options.setdefault("max_evaluations", REFIT_EVALUATIONS)
+    return try_fit(model, stiffness, enough=_ENOUGH, **options)
+
+
+def _beaten(fit: JointFit, before: JointFit, best: float) -> bool:
+    """Whether no further refit of a rival can bring it near the best one's chi-square."""
+    behind = fit.chi2 - best
+    return behind > max(_BEATEN_BY, _BEATEN_SHARE * (before.chi2 - best))
+
+
+def _carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
-    if fit.success and not far:
+    if (fit.success and not far) or _beaten(fit, before, best):
         return fit
-    return try_fit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
+    return _refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 
 
 def borne_out(before: JointFit, after: JointFit) -> float:
@@ -147,14 +165,14 @@ def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
     return best + near
 
 
-def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
+def fit_with(fit: JointFit, effect: Effect, score: Score, rival: float = np.inf) -> JointFit | None:
     """Refit with one more effect from its first estimate, or parts of it; the best fit.
 
     The estimate is linear. Where it is impossible, or far beyond where the effect's law levels off,
     a fit that begins there does not bring what the score promises, and a part of it is tried.
     """
     if effect.refitted_from:
-        return _from_afar(fit, effect)
+        return _from_afar(fit, effect, rival)
     best = None
     for share in (1.0, 0.3, 0.03):
         values = dict(score.values)
@@ -163,7 +181,7 @@ def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
             moved = share * (values[amplitude.name] - amplitude.null)
             values[amplitude.name] = amplitude.null + moved
         model = fit.model.with_effect(effect, values, fit.at.state)
-        found = try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS)
+        found = _refit(model, fit.map, rounds=0)
         if found is not None and (best is None or found.chi2 < best.chi2):
             best = found
         if best is not None and fit.chi2 - best.chi2 > _PROMISED * score.statistic:
@@ -171,16 +189,19 @@ def fit_with(fit: JointFit, effect: Effect, score: Score) -> JointFit | None:
     return best
 
 
-def _from_afar(fit: JointFit, effect: Effect) -> JointFit | None:
+def _from_afar(fit: JointFit, effect: Effect, rival: float) -> JointFit | None:
     """Refit with one more effect from its `refitted_from`, beside an eased map or else the map.
 
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
     """
     model = fit.model.with_effect(effect, effect.refitted_from, fit.at.state)
-    eased = try_fit(model, _eased(fit), max_evaluations=REFIT_EVALUATIONS)
+    eased = _refit(model, _eased(fit), rounds=0)
+    if eased is not None and _beaten(eased, fit, rival):
+        return eased
+    eased = None if eased is None else _refit(eased.model, eased.map)
     if eased is not None and eased.chi2 <= fit.chi2:
         return eased
-    return try_fit(model, fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS) or eased
+    return _refit(model, fit.map, rounds=0) or eased
 
 
 def _eased(fit: JointFit) -> GaussianMap:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from loop_problem import (
+    NOISE,
     NU,
     PEAK_N,
     SIZE,
@@ -16,6 +17,7 @@ from loop_problem import (
 )  # fmt: skip
 
 from fem import PalpationModel, RefinedModel, block_mesh
+from identify import rivals
 from identify.effects.catalogue import CATALOGUE, effect_named
 from identify.effects.contact_offset import ContactOffset
 from identify.joint_fit import fit_jointly, try_fit
@@ -88,3 +90,24 @@ def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
     found = fit_with(fit, effect, score)
     assert found is not None
     assert found.chi2 < lost.chi2 - 0.5 * score.statistic
+
+
+def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
+    press, _, _, force = timing(SEED)
+    late = scan(true_compliance()[press] * force + 10 * NOISE.displacement_m, force, SEED)
+    rung = rung_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
+    effects = {e.name: e for e in CATALOGUE}
+    refits = []
+
+    def counted(tried, *rest, **options):
+        refits.append(tried.effects[-1].effect.name)
+        return try_fit(tried, *rest, **options)
+
+    monkeypatch.setattr(rivals, "try_fit", counted)
+    compare_rivals(rung, effects, str, ["inclusion_edge"])
+    assert len(refits) > 1
+    refits.clear()
+    best, beaten = compare_rivals(rung, effects, str, ["contact_offset", "inclusion_edge"])
+    assert (best.name, beaten.name) == ("contact_offset", "inclusion_edge")
+    assert beaten.chi2 > best.chi2 + 200
+    assert refits.count("inclusion_edge") == 1

@@ -11,18 +11,15 @@ _KINDS_APART = 1.0  # of the scan's extent: presses with another tip or force ar
 def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     """Return a scan with at most so many presses, each next one farthest from those before.
 
-    Farthest in place, in the tip's radius and in the largest force. The first press is kept, the
-    order of the rest as well. Presses that only repeat others are taken last, evenly.
+    Farthest in place, in the tip's radius and in how far it was pressed: in the largest force or
+    the largest travel, whichever the robot was told to keep. The first press is kept, the order of
+    the rest as well. Presses that only repeat others are taken last, evenly.
     """
     points = scan.contact_points
     if len(points) <= most:
         return scan
-    force = np.zeros(len(points))
-    np.maximum.at(force, scan.press_index, scan.force_n)
     extent = max(float(np.ptp(points, axis=0).max()), 1e-9)
-    # Forces that differ by the sensor's noise alone are alike: whole steps of a quarter
-    share = np.clip(force / max(force.max(), 1e-9), 1e-3, 1.0)
-    kinds = np.column_stack([np.log(scan.contact_radii), np.rint(4 * np.log2(share))])
+    kinds = np.column_stack([np.log(scan.contact_radii), _depth_told(scan)])
     low, high = kinds.min(axis=0), kinds.max(axis=0)
     kinds = (kinds - low) / np.where(high > low, high - low, 1.0)
     features = np.hstack([points / extent, _KINDS_APART * kinds])
@@ -34,3 +31,18 @@ def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     again = np.setdiff1d(np.arange(len(points)), kept)
     evenly = np.linspace(0, len(again) - 1, most - len(kept)).round().astype(int)
     return scan.rows(np.isin(scan.press_index, [*kept, *again[evenly]]))
+
+
+def _depth_told(scan: Scan) -> np.ndarray:
+    """How far each press was told to go (j,), in whole quarters of a doubling.
+
+    Of force and travel the body makes the one vary from place to place: rare values of that are
+    places, hard or soft, that would then be chosen more often than others. Values that differ by
+    the sensors' noise alone are alike.
+    """
+    told = []
+    for reading in (scan.force_n, scan.displacement_m):
+        most = np.zeros(len(scan.contact_points))
+        np.maximum.at(most, scan.press_index, reading)
+        told.append(np.log2(np.clip(most / max(most.max(), 1e-12), 1e-3, 1.0)))
+    return np.rint(4 * min(told, key=np.std))

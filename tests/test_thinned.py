@@ -7,10 +7,12 @@ from models.scan import Scan
 from palpmap.thinned import thinned
 
 
-def scan_of(points, radius, force) -> Scan:
-    """Return a scan of presses of two rows."""
+def scan_of(points, radius, force, travel=None) -> Scan:
+    """Return a scan of presses of two rows, by force; by travel where that is given."""
     n = len(points)
     rng = np.random.default_rng(0)
+    if travel is None:
+        travel = 2e-5 * force / radius * (1 + 0.5 * np.sin(50 * points[:, 0]))
     return Scan(
         press=np.repeat(np.arange(n), 2),
         time_s=np.arange(2.0 * n),
@@ -18,7 +20,7 @@ def scan_of(points, radius, force) -> Scan:
         point_m=np.repeat(points, 2, axis=0),
         direction=np.tile([0.0, 0.0, -1.0], (2 * n, 1)),
         force_n=np.repeat(force, 2) * np.tile([0.5, 1.0], n) + 1e-3 * rng.normal(size=2 * n),
-        displacement_m=np.full(2 * n, 1e-3),
+        displacement_m=np.repeat(travel, 2) * np.tile([0.5, 1.0], n),
         probe_radius_m=np.repeat(radius, 2),
     )
 
@@ -56,3 +58,15 @@ def test_repeated_presses_fill_what_is_left_evenly():
     assert np.isin(np.arange(25), kept.press_ids).all()
     rounds = np.bincount(kept.press_ids // 25, minlength=4)
     assert rounds[1:].min() >= 8
+
+
+def test_hard_places_of_a_scan_to_one_depth_are_not_chosen_more_often_than_others():
+    places = grid(20)
+    hard = np.hypot(places[:, 0] - 0.02, places[:, 1] - 0.03) < 0.012
+    force = 1.0 + 9.0 * np.exp(-((places[:, 0] - 0.02) ** 2 + (places[:, 1] - 0.03) ** 2) / 1e-4)
+    kept = thinned(scan_of(places, np.full(400, 0.003), force, np.full(400, 2e-3)), 100)
+    assert np.count_nonzero(hard[kept.press_ids]) <= 1.4 * 100 * hard.mean()
+    # Told forces, on the other hand, count as kinds
+    twice = scan_of(np.vstack([places] * 2), np.full(800, 0.003), np.repeat([0.1, 0.3], 400))
+    levels = np.bincount(thinned(twice, 100).press_ids // 400)
+    assert levels.min() > 40

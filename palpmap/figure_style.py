@@ -38,8 +38,18 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def settle(figure: Figure, dpi: float = DPI) -> None:
+    """Place all parts of a constrained figure for good; without it each save does so twice."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        figure.set_dpi(dpi)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG."""
+    settle(figure)
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
     return buffer.getvalue()

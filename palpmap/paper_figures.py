@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpmap.figure_style import settle
 from palpmap.paper_twin import PaperResult, symbol
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 FIGURES = {"I_1": 8, "I_2": 8, "II": 9, "III": 10, "IV": 11, "V": 12, "VI": 13}
 # Colours that differ for colour-blind eyes too (Okabe and Ito).
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+_DPI = 150
 _AXES = {"Pa": "Young's modulus / Pa", "mm": "length / mm"}
 
 
@@ -49,12 +51,9 @@ def _draw(number: int, results: Sequence[PaperResult], folder: Path) -> list[Pat
     name = results[0].test.name.split("_")[0]
     figure.suptitle(f"Test {name} (paper: Fig. {number}), identical twin")
     paths = [folder / f"paper_test_{name}{ending}" for ending in (".png", ".svg")]
-    constrained = figure.get_layout_engine()
-    assert constrained is not None
-    constrained.execute(figure)
-    figure.set_layout_engine("none")  # the places are found, for both files
+    settle(figure, _DPI)
     for path in paths:
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=_DPI)
     return paths
 
 

@@ -116,6 +116,22 @@ def pose(
     return Problem(study, placement, body, fit, model, start, catalogue, law, left)
 
 
+def law_of_study(
+    study: Study,
+    placement: Placement,
+    body: BodyModel,
+    catalogue: Sequence[Effect],
+    say: Say = lambda text: None,
+) -> ContactLaw | None:
+    """Return what the presses by themselves call for beside the study's effects, see `law_of`."""
+    scan = placement.scan
+    noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
+    presses = presses_alone(scan, body, noise)
+    effects = [(named(catalogue, entry.name), entry.initial) for entry in study.effects]
+    had = [presses.begun(e, initial) for e, initial in effects if presses.shows(e)]
+    return law_of(presses, had, catalogue, say)
+
+
 def rough_fit(
     study: Study,
     placement: Placement,
@@ -133,10 +149,7 @@ def rough_fit(
     """
     scan = placement.scan
     noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
-    presses = presses_alone(scan, body, noise)
-    effects = [(named(catalogue, entry.name), entry.initial) for entry in study.effects]
-    had = [presses.begun(e, initial) for e, initial in effects if presses.shows(e)]
-    law = law_of(presses, had, catalogue, say)
+    law = law_of_study(study, placement, body, catalogue, say)
     say("fitting the map")
     if law is None:
         return None, fit_study(study, placement, body, callback=on_iteration, rough=True), 0.0

@@ -12,11 +12,15 @@ import numpy as np
 import pytest
 
 from identify.contact_law import GROSS
-from models.scan import write_scan
+from identify.effects.catalogue import CATALOGUE
+from models.scan import read_scan, write_scan
+from palpmap.body_model import build_body_model
 from palpmap.console import Output
 from palpmap.explain import explain_study
-from palpmap.problem import pose
+from palpmap.placement import place_scan
+from palpmap.problem import law_of_study
 from palpmap.study import About, Body, Map, Probe, Study, load_study
+from palpmap.thinned import thinned
 from sim.hidden.planted_scan import planted_scan
 from sim.hidden_body import HiddenBody
 
@@ -68,7 +72,10 @@ def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
     text = (HERE.parent / "examples" / "arma_two_stiff" / "study.toml").read_text()
     (tmp_path / "study.toml").write_text(text.replace('tip = "sphere"', f'tip = "{tip}"'))
     shutil.copy(source, tmp_path)
-    law = pose(load_study(tmp_path / "study.toml")).law
+    study = load_study(tmp_path / "study.toml")
+    placement = place_scan(thinned(read_scan(study.scan)), study)
+    body = build_body_model(study, placement.scan.used())
+    law = law_of_study(study, placement, body, CATALOGUE)
     assert law is not None
     assert ("spherical_tip" in law.names) == (tip == "flat")
     assert "touch_threshold" in law.names

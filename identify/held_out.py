@@ -5,7 +5,8 @@ model is linear in its unknowns around the estimate:
 
     e = r_o + G_o (G'G - G_o'G_o)^-1 G_o' r_o
 
-with residual r_o and derivatives G_o of the rows left out. Steps end where a fit's do.
+with residual r_o and derivatives G_o of the rows left out. A step ends where nothing is linear any
+more: where the only press on a small spot is left out, it would take the spot through the body.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from identify.joint_fit import JointFit
 
 _FOLDS = 9
+_LONGEST = 0.3  # of the map's scaled unknowns: of a logarithm, or of the body's size
 _HIGHEST = 2 / 3  # of the largest force: what lies above is the highest level
 
 
@@ -60,8 +62,9 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     g = g / scale
     rest = g[~out].T @ g[~out]
     step = np.linalg.lstsq(rest, g[out].T @ r[out], rcond=1e-12)[0]
-    # Beyond a scaled unknown's own size nothing is linear (a fit's own steps end there, too)
-    step *= min(1.0, 1.0 / max(float(np.abs(step / scale).max(initial=0.0)), 1e-300))
+    longest = fit.model.longest_step(fit.u)
+    longest[: len(fit.model.space.free)] = _LONGEST
+    step *= min(1.0, float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0)))
     return r[out] + g[out] @ step
 
 

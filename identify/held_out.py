@@ -5,17 +5,20 @@ model is linear in its unknowns around the estimate:
 
     e = r_o + G_o (G'G - G_o'G_o)^-1 G_o' r_o
 
-with residual r_o and derivatives G_o of the rows left out. A step ends where nothing is linear any
-more: where the only press on a small spot is left out, it would take the spot through the body.
+with residual r_o and derivatives G_o of the rows left out. Where nothing is linear any more, as
+where the only press on a small spot is left out, the step ends and the model itself predicts.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from fem.errors import SolverError
 from identify.joint_fit import JointFit
+from identify.optimize_result import InadmissibleError
 
 _FOLDS = 9
 _LONGEST = 0.3  # of the map's scaled unknowns: of a logarithm, or of the body's size
@@ -64,8 +67,12 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     step = np.linalg.lstsq(rest, g[out].T @ r[out], rcond=1e-12)[0]
     longest = fit.model.longest_step(fit.u)
     longest[: len(fit.model.space.free)] = _LONGEST
-    step *= min(1.0, float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0)))
-    return r[out] + g[out] @ step
+    share = float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0))
+    if share < 1:
+        with suppress(InadmissibleError, SolverError):
+            there = np.clip(fit.u - share * step / scale, *fit.model.bounds)
+            return fit.model.linearise(there).residual[out]
+    return r[out] + share * (g[out] @ step)
 
 
 def _rms(fit: JointFit, error: np.ndarray, rows: np.ndarray) -> tuple[float, float]:

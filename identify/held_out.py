@@ -21,7 +21,7 @@ from identify.joint_fit import JointFit
 from identify.optimize_result import InadmissibleError
 
 _FOLDS = 9
-_LONGEST = 0.3  # of the map's scaled unknowns: of a logarithm, or of the body's size
+_LONGEST = 0.3  # of a logarithm of the map, or of an inclusion's radius
 _HIGHEST = 2 / 3  # of the largest force: what lies above is the highest level
 
 
@@ -65,14 +65,24 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     g = g / scale
     rest = g[~out].T @ g[~out]
     step = np.linalg.lstsq(rest, g[out].T @ r[out], rcond=1e-12)[0]
-    longest = fit.model.longest_step(fit.u)
-    longest[: len(fit.model.space.free)] = _LONGEST
+    longest = _longest_step(fit)
     share = float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0))
     if share < 1:
         with suppress(InadmissibleError, SolverError):
             there = np.clip(fit.u - share * step / scale, *fit.model.bounds)
             return fit.model.linearise(there).residual[out]
     return r[out] + share * (g[out] @ step)
+
+
+def _longest_step(fit: JointFit) -> np.ndarray:
+    """Scaled steps (k,) within which a prediction is about linear."""
+    longest, slope = fit.model.longest_step(fit.u), fit.model.slope(fit.u)
+    for i, name in enumerate(fit.model.space.free_names):
+        inclusion, _, own = name.partition(".")
+        longest[i] = _LONGEST
+        if own in ("x_m", "y_m", "z_m"):
+            longest[i] *= fit.values[f"{inclusion}.radius_m"] / abs(slope[i])
+    return longest
 
 
 def _rms(fit: JointFit, error: np.ndarray, rows: np.ndarray) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Solutions in double precision by factors in single precision: half the memory, half the time.
+"""Solutions in double precision by factors in single precision, which take half the memory.
 
 For large bodies the factorisation takes all but a few seconds of an evaluation, and most of its
 memory. Done in single precision it is a preconditioner so good that conjugate gradients in double

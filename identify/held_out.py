@@ -70,7 +70,8 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     if share < 1:
         with suppress(InadmissibleError, SolverError):
             there = np.clip(fit.u - share * step / scale, *fit.model.bounds)
-            return fit.model.linearise(there).residual[out]
+            at = fit.model.linearise(there)
+            return (at.residual * at.sigma_m / fit.at.sigma_m)[out]
     return r[out] + share * (g[out] @ step)
 
 

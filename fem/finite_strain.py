@@ -320,7 +320,7 @@ class FiniteStrainModel:
         for j, (_, states, _, _) in enumerate(presses):
             for level, state in enumerate(states):
                 if state is not None:
-                    readings[j, level] = self._loads[j] @ state.u
+                    readings[j, level] = state.reading_m
                     tangent[j, level] = scale[j] * (self._loads[j] @ state.z)
         expected = (compliance * scale)[:, None] * forces
         ratio = np.divide(readings, expected, out=np.ones(forces.shape), where=expected > 0)

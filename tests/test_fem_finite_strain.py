@@ -7,7 +7,7 @@ import pytest
 
 from fem import Contacts, PalpationModel, SolverError, block_mesh
 from fem.assembly import shape_functions
-from fem.contact import PressedSurface, contact_frame, disc_quadrature
+from fem.contact import PressedSurface, contact_frame, contact_weights, disc_quadrature
 from fem.errors import MeshError
 from fem.finite_strain import FiniteStrainModel, LoadNotReached
 from fem.half_space import FLAT
@@ -75,6 +75,21 @@ def test_kept_factors_reach_what_newton_reaches_with_fewer_factorisations():
     np.testing.assert_allclose(kept.readings_m, newton.readings_m, rtol=1e-8)
     np.testing.assert_allclose(kept.tangent_compliance, newton.tangent_compliance, rtol=1e-6)
     assert kept.factorizations < newton.factorizations / 2
+
+
+def test_readings_are_far_closer_than_the_states_that_they_are_read_off():
+    modulus = modulus_at(model_of().points_m)
+    exact = model_of(options=TIGHT).evaluate(modulus, FORCES).readings_m
+    model = model_of()
+    response = model.evaluate(modulus, FORCES)
+    assert np.abs(response.readings_m / exact - 1).max() < 1e-7
+    weights = contact_weights(MESH, CONTACTS)
+    off = [
+        abs(np.sum(weights[j] * response.displacement(j, level)) / exact[j, level] - 1)
+        for j in range(2)
+        for level in range(3)
+    ]
+    assert 1e-7 < max(off) < 1e-4  # else the readings' correction would not be seen here
 
 
 def test_equilibrium_holds_at_every_node_and_reactions_carry_the_force():
@@ -190,7 +205,7 @@ def test_a_rigid_tip_keeps_the_surface_flat_where_a_dead_pressure_does_not():
 
     def spread(tip) -> np.ndarray:
         """Weighted standard deviation of the displacement under the tip, along x, y, z."""
-        model = FiniteStrainModel(mesh, NU, contacts, NeoHookean(), tip=tip)
+        model = FiniteStrainModel(mesh, NU, contacts, NeoHookean(), tip=tip, options=TIGHT)
         response = model.evaluate(6e3, [1.5])
         u = np.einsum("pi,pia->pa", shape, response.displacement(0, 0)[surface.faces[under.face]])
         mean = weight @ u
@@ -261,7 +276,10 @@ def test_a_rigid_flat_tip_needs_a_flat_profile():
 def test_single_precision_of_the_factors_is_not_felt_in_what_is_answered(nu, tip):
     found = []
     for solver in (None, SuperLUSolver()):  # PARDISO in single precision, SuperLU in double
-        model = FiniteStrainModel(MESH, nu, CONTACTS, NeoHookean(), tip=tip, solver=solver)
+        model = FiniteStrainModel(
+                MESH, nu, CONTACTS, NeoHookean(), tip=tip, solver=solver,
+                options=NewtonOptions(rtol=1e-6),
+            )  # fmt: skip
         response = model.evaluate(modulus_at(model.points_m), FORCES)
         response.require_complete()
         found.append(response)

@@ -1,6 +1,9 @@
 """From a study and its scan to the finite element models that the fit works with."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +13,11 @@ from models.scan import Scan
 from palpmap.study import Study
 from palpmap.study_body import Body
 
+if TYPE_CHECKING:
+    from fem.surface import Surface
+
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
+MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
 REFINEMENT = 1.5
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
@@ -110,37 +117,73 @@ def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:
     return Contacts(points, directions, contact, "hertz"), note
 
 
-def block_divisions(size_m: tuple[float, float, float]) -> list[int]:
-    """Divide a block into about `COARSE_CELLS` cubes, at least three a side.
+def cell_size_m(body: Body) -> float:
+    """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
 
-    >>> block_divisions((0.096, 0.096, 0.048))
+    >>> cell_size_m(Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.3))
+    0.012
+
+    Raises
+    ------
+    InputError
+        Cells so small that the finer mesh could not be computed with.
+    """
+    if body.cell_size_m is None:
+        cells = COARSE_CELLS if body.size_m is not None else SURFACE_EDGES[0] ** 3
+        return float(np.cbrt(_volume(body) / cells))
+    if body.cell_size_m < smallest_cell_m(body):
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make "
+            f"{_volume(body) / body.cell_size_m**3:,.0f} cells of this body; expected at least "
+            f"{smallest_cell_m(body):.3g} m"
+        )
+    return body.cell_size_m
+
+
+def smallest_cell_m(body: Body) -> float:
+    """Return the least size of cells with which can be computed, m."""
+    return float(f"{np.cbrt(_volume(body) / MOST_CELLS):.3g}")
+
+
+def _volume(body: Body) -> float:
+    return float(np.prod(body.size_m)) if body.size_m is not None else _surface(body).volume
+
+
+def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
+    """Divide a block into cubes of about a size, at least three a side.
+
+    >>> block_divisions((0.096, 0.096, 0.048), 0.012)
     [8, 8, 4]
     """
-    size = np.array(size_m)
-    cell = np.cbrt(np.prod(size) / COARSE_CELLS)
-    return [max(round(edge / cell), 3) for edge in size]
+    return [max(round(edge / cell_m), 3) for edge in size_m]
 
 
 def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
     """Return the mesh on which starts are tried; of a closed surface another would cost more."""
     if study.body.size_m is None:
         return coarse
-    counts = block_divisions(study.body.size_m)
+    counts = block_divisions(study.body.size_m, cell_size_m(study.body))
     return block_mesh(study.body.size_m, [max(round(SEARCH * count), 3) for count in counts])
 
 
 def _meshes(study: Study) -> tuple[Mesh, Mesh]:
     """Mesh the body twice, both quadratic, the second finer."""
+    cell_m = cell_size_m(study.body)
     if study.body.size_m is not None:
-        coarse = block_divisions(study.body.size_m)
+        coarse = block_divisions(study.body.size_m, cell_m)
         finer = [round(REFINEMENT * count) for count in coarse]
         return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, finer)
-    from fem import read_surface, tetrahedralize_surface
+    from fem import tetrahedralize_surface
 
-    surface = read_surface(str(study.body.file))
-    length = np.cbrt(surface.volume)
+    surface = _surface(study.body)
     coarse, finer = (
-        tetrahedralize_surface(surface.vertices, surface.triangles, length / edges)
-        for edges in SURFACE_EDGES
+        tetrahedralize_surface(surface.vertices, surface.triangles, length)
+        for length in (cell_m, cell_m * SURFACE_EDGES[0] / SURFACE_EDGES[1])
     )
     return coarse, finer
+
+
+def _surface(body: Body) -> Surface:
+    from fem import read_surface
+
+    return read_surface(str(body.file))

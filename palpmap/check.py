@@ -7,6 +7,7 @@ import numpy as np
 
 from models.scan import Scan, read_scan
 from models.scan_checks import PHASES
+from palpmap.body_model import cell_size_m
 from palpmap.placement import Placement, place_scan
 from palpmap.run_folder import sha256
 from palpmap.study import Study, load_study
@@ -39,6 +40,7 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
         "scan": str(study.scan),
         "sha256": {"study": sha256(path), "scan": sha256(study.scan)},
         "body": study.body.model_dump(mode="json", exclude_none=True),
+        "cell_size_m": cell_size_m(study.body),
         "presses": len(scan.press_ids),
         "rows": len(scan),
         "ignored_rows": scan.ignored_rows,

@@ -10,6 +10,7 @@ from identify.rivals import refit_chance
 from identify.rung import Rung
 from identify.score import Score
 from palpmap.map_fit import AXES
+from palpmap.next_scan import finer_cells
 from palpmap.presses_words import presses_record
 from palpmap.problem import Problem, named
 from palpmap.suspects import WithoutSuspects
@@ -43,6 +44,7 @@ def explain_record(
         "without_suspects": None if without is None else without_record(without.explained),
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),
+        "finer_cells": finer_cells(explained, problem.study.body),
     }
 
 

@@ -211,7 +211,9 @@ def _map(t: Told) -> str:
 def _ahead(t: Told) -> str:
     """Which presses to make next, and what could hide."""
     text = ""
-    presses = t.record.get("next_presses")
+    presses, finer = t.record.get("next_presses"), t.record.get("finer_cells")
+    if finer:
+        text += section("The mesh or the body", paragraph(f"{finer}."))
     if presses:
         text += section(
             "Which presses to make next",

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.explain import Explanation
+from identify.explain import MODEL_ERROR, Explanation
 from identify.next_presses import Proposal, next_presses
 from identify.scan_design import Presses, presses_of, variations
+from palpmap.body_model import cell_size_m, smallest_cell_m
 from palpmap.problem import Problem, Say, named
+from palpmap.study_body import Body
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 REPEAT = "repeat_presses.csv"
+FINER = 2 / 3
 _MOST = 3
 _IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
 
@@ -96,10 +99,28 @@ def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[s
     }
 
 
+def finer_cells(explained: Explanation, body: Body) -> str | None:
+    """Say how an error of the mesh is told from the effects that it looks like, if it is asked."""
+    names = {*explained.added, *(name for group in explained.ambiguous for name in group)}
+    if MODEL_ERROR not in names:
+        return None
+    present = cell_size_m(body)
+    finer = FINER * present
+    if finer < smallest_cell_m(body):
+        return None
+    return (
+        f"Explain it again with finer elements, cell_size_m = {finer:.2g} under [body] (now "
+        f"{present:.2g}), which takes several times as long: what the mesh does wrong shrinks, "
+        "what the body does stays"
+    )
+
+
 def next_lines(record: Mapping[str, Any], run: Path) -> tuple["RenderableType", ...]:
-    """Return what to press next and what it would bring; nothing where nothing is proposed."""
+    """Return what to do next and what it would bring; nothing where nothing is proposed."""
     from rich.text import Text
 
+    if record["finer_cells"]:
+        return (Text(f"Next: {record['finer_cells']}.", style="bold"),)
     if not record["next_presses"]:
         return ()
     best = record["next_presses"][0]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpmap.figure_style import settle
-from palpmap.paper_twin import PaperResult, symbol
+from palpmap.paper_twin import PaperResult, PaperTest, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,14 +24,38 @@ _DPI = 150
 _AXES = {"Pa": "Young's modulus / Pa", "mm": "length / mm"}
 
 
-def draw_paper_figures(results: Sequence[PaperResult], folder: Path) -> list[Path]:
-    """Draw one figure a test as PNG and SVG into a folder; returns the files' paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    drawn = []
-    for number in sorted({FIGURES[result.test.name] for result in results}):
-        shown = [result for result in results if FIGURES[result.test.name] == number]
-        drawn += _draw(number, shown, folder)
-    return drawn
+class PaperFigures:
+    """Draws a figure as soon as its tests are solved, in a thread beside those that solve.
+
+    Parameters
+    ----------
+    tests : that will be solved
+    folder : of the PNG and SVG files; it is made
+    """
+
+    def __init__(self, tests: Sequence[PaperTest], folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._order = [test.name for test in tests]
+        self._solved: dict[str, PaperResult] = {}
+        self._drawn: dict[int, Future[list[Path]]] = {}
+        self._lock = Lock()
+        self._thread = ThreadPoolExecutor(1)
+
+    def add(self, result: PaperResult) -> None:
+        """Take a solved test; from any thread."""
+        number = FIGURES[result.test.name]
+        shown = [name for name in self._order if FIGURES[name] == number]
+        with self._lock:
+            self._solved[result.test.name] = result
+            if all(name in self._solved for name in shown):
+                results = [self._solved[name] for name in shown]
+                self._drawn[number] = self._thread.submit(_draw, number, results, self._folder)
+
+    def files(self) -> list[Path]:
+        """Wait for the figures; return their files' paths."""
+        self._thread.shutdown()
+        return [path for _, drawn in sorted(self._drawn.items()) for path in drawn.result()]
 
 
 def _draw(number: int, results: Sequence[PaperResult], folder: Path) -> list[Path]:

@@ -146,9 +146,11 @@ def solve_test(test: PaperTest, model: PalpationModel, optimizer: Optimizer) -> 
 
 
 def solve_tests(
-    tests: Sequence[PaperTest], optimizer: Optimizer, advance: Callable[[], None] = lambda: None
+    tests: Sequence[PaperTest],
+    optimizer: Optimizer,
+    solved: Callable[[PaperResult], None] = lambda _: None,
 ) -> list[PaperResult]:
-    """Solve several tests, one a core side by side; `advance` is called after each.
+    """Solve several tests, one a core side by side; `solved` is called with each, in its thread.
 
     Two solves side by side take less time than two threads inside one after the other.
     """
@@ -159,11 +161,11 @@ def solve_tests(
 
     def solve(model: PalpationModel, place: int) -> PaperResult:
         result = solve_test(tests[order[place]], model, optimizer)
-        advance()
+        solved(result)
         return result
 
-    solved = dict(zip(order, share_out(models, solve, len(tests)), strict=True))
-    return [solved[i] for i in range(len(tests))]
+    results = dict(zip(order, share_out(models, solve, len(tests)), strict=True))
+    return [results[i] for i in range(len(tests))]
 
 
 def _table_map(row: dict[str, Any]) -> GaussianMap:

@@ -250,6 +250,7 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
 def _check_units(path: Path, study: Study) -> None:
     """Refuse sizes that only make sense in millimetres or grams."""
     lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
+    lengths += [("body.cell_size_m", study.body.cell_size_m or 0.0, LARGEST_BODY_M)]
     lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
     lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
     lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]

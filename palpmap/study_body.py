@@ -47,11 +47,13 @@ class Body(Table):
 
     A block's corner stands at `origin_m` in the scan's frame, x and y in [0, size], z up from the
     base. With `project_points` a block stands in for a body with a curved surface: contact points
-    are moved along z onto its top and directions are replaced by the top's normal.
+    are moved along z onto its top and directions are replaced by the top's normal. `cell_size_m` is
+    the size of the finite elements of the coarser of two meshes (`palpmap.body_model`).
     """
 
     shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")
     size_m: Size | None = None
+    cell_size_m: Positive | None = None
     file: File | None = None
     poisson_ratio: Real = Field(ge=0, le=0.4999, description="Poisson's ratio, 0 to 0.4999")
     support: Literal["base-bonded", "base-sliding", "base-elastic"] = "base-bonded"

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fem import Contacts, PalpationModel, Support, block_mesh
+from identify.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
 from models.scan import Scan, read_scan
-from palpmap.body_model import build_body_model, support_of
+from palpmap.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
 from palpmap.scan import build_laboratory
 from palpmap.study import Study, load_study, write_study
 
@@ -96,3 +97,31 @@ def test_a_slanted_press_on_a_sliding_base_is_refused_with_what_to_do(three_pres
 def test_the_laboratory_refuses_a_support_that_it_does_not_have(body, tmp_path):
     with pytest.raises(InputError, match="bonded at its base and free elsewhere"):
         build_laboratory(tmp_path, study_with(**body), 0.3, 2, 0)
+
+
+def test_finer_cells_come_closer_to_what_a_fine_mesh_answers(three_presses):
+    contacts = Contacts(three_presses.contact_points, (0, 0, -1), 0.005)
+    mesh = block_mesh((0.096, 0.096, 0.048), (14, 14, 7), split="alternating")
+    exact = PalpationModel(mesh, 0.49, contacts)
+    ball = GaussianMap(6e3, (Inclusion(20e3, 0.043, 0.047, 0.036, 0.007),))
+    known = exact.evaluate(ball.modulus(exact.points_m)).compliance
+
+    def error(study: Study) -> float:
+        model = build_body_model(study, three_presses).coarse
+        return float(
+            np.abs(model.evaluate(ball.modulus(model.points_m)).compliance / known - 1).max()
+        )
+
+    assert error(study_with(cell_size_m=0.008)) < 0.5 * error(study_with())
+    same = build_body_model(study_with(cell_size_m=0.012), three_presses)
+    default = build_body_model(study_with(), three_presses)
+    for model in ("search", "coarse"):
+        cells = [len(getattr(one, model).mesh.cells) for one in (same, default)]
+        assert cells[0] == cells[1]
+
+
+def test_cells_that_cannot_be_computed_with_are_refused_with_the_least_size():
+    least = smallest_cell_m(study_with().body)
+    assert cell_size_m(study_with(cell_size_m=least).body) == least
+    with pytest.raises(InputError, match=rf"cell_size_m: found 0.001 m, .* at least {least:g} m"):
+        cell_size_m(study_with(cell_size_m=0.001).body)

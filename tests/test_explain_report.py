@@ -14,13 +14,14 @@ from identify.comparison import read_comparison
 from identify.explain import Addition
 from identify.joint_record import estimates
 from identify.rivals import Rival
+from palpmap.body_model import smallest_cell_m
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import _name_notes, verdict_detail
-from palpmap.next_scan import propose
+from palpmap.next_scan import finer_cells, propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
@@ -96,6 +97,11 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     text = " ".join(_name_notes(explained, "tool_compliance"))
     assert "tool_compliance and mesh_error cannot be told apart" in text
     assert "what the map leaves of tool_compliance is so little" in text
+    body = told.problem.study.body
+    assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(explained, body))
+    finest = body.model_copy(update={"cell_size_m": smallest_cell_m(body)})
+    assert finer_cells(explained, finest) is None
+    assert finer_cells(told.explained, body) is None
 
 
 def test_the_loop_explains_the_case(explained_case):

@@ -113,6 +113,11 @@ BAD = {
         "[96, 96, 48]",
         r"size_m: found 96 m.*looks like millimetres",
     ),
+    "cells in millimetres": (
+        'shape = "block"',
+        'shape = "block"\ncell_size_m = 12',
+        r"body.cell_size_m: found 12 m.*looks like millimetres",
+    ),
     "a tip in millimetres": (
         "radius_m = 0.005",
         "radius_m = 5",

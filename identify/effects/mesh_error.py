@@ -21,7 +21,7 @@ class MeshError(Effect):
     formula = "C -> C + share (estimated error of C), the estimate from two meshes"
     source = "L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357 (two meshes)"
     gives_away = "the misfit follows the model's own estimate of its error from press to press"
-    cure = "Take a finer mesh, or a wider tip."
+    cure = "Take finer cells (cell_size_m under [body] in the study), or a wider tip."
     parameters = (EffectParameter("share", "1", "of the estimated error", 0.0, -50.0, 50.0, 1.0),)
     examples = (
         WorkedExample("The whole estimated error.", {"share": 1.0}, {}, {"mesh_error_share": 1.0}),
@@ -35,5 +35,6 @@ class MeshError(Effect):
         """Say what share of the estimated error the data ask for."""
         return (
             f"The misfit has the pattern of the mesh's own error, {percent(values['share'])} of "
-            "its estimated size: refine the mesh before any physics is blamed."
+            "its estimated size: take finer cells (cell_size_m under [body] in the study) before "
+            "any physics is blamed."
         )

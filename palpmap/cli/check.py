@@ -36,6 +36,7 @@ def _table(found: dict[str, Any]) -> "Table":
     table = Table(title=found["study"], box=box.SIMPLE, show_header=False, title_justify="left")
     table.add_row("scan", found["scan"])
     table.add_row("body", f"{body['shape']}, {size}, Poisson's ratio {body['poisson_ratio']:g}")
+    table.add_row("finite elements", f"{1e3 * found['cell_size_m']:.3g} mm, and finer ones")
     table.add_row("presses", str(found["presses"]))
     phases = ", ".join(f"{count} {phase}" for phase, count in found["samples"].items())
     table.add_row("rows", f"{found['rows']} ({phases}); {found['ignored_rows']} ignored")

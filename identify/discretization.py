@@ -36,8 +36,13 @@ class FineSolution(NamedTuple):
 def fine_solution(
     fine: FineModel, stiffness: ModulusField, coarse: PalpationModel, coarse_compliance: np.ndarray
 ) -> FineSolution:
-    """Evaluate the finer model for a map; `coarse_compliance` (j,) is the coarse one's."""
-    modulus = positive_modulus(stiffness, fine.points_m)
+    """Evaluate the finer model for a map; `coarse_compliance` (j,) is the coarse one's.
+
+    The finer meshes see the map of a soft inclusion at points where it may be softer than anywhere
+    on the coarse one, or not positive at all. There the least modulus on the coarse mesh stands.
+    """
+    least = positive_modulus(stiffness, coarse.points_m).min()
+    modulus = np.maximum(stiffness.modulus(fine.points_m), least)
     if isinstance(fine, RefinedModel):
         known = coarse_compliance if fine.coarse is coarse else None
         response = fine.evaluate(modulus, coarse_compliance=known)

@@ -39,6 +39,8 @@ def intervals(
 ) -> tuple[np.ndarray, int]:
     """Return the ends (k, 2) of the intervals in scaled coordinates, and the evaluations spent.
 
+    They stay within the bounds of what is possible.
+
     Parameters
     ----------
     total, noise : (k, k) covariance with and without the model's own error, scaled coordinates
@@ -46,8 +48,9 @@ def intervals(
     """
     u, forward = minimum.result.x, minimum.forward
     space, spent = forward.space, 0
+    low, high = space.bounds
     if not bent or problem.is_gross(minimum):
-        return straight(u, total), spent
+        return np.clip(straight(u, total), low[:, None], high[:, None]), spent
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
         nonlocal spent
@@ -62,7 +65,8 @@ def intervals(
         return found.result.fun, whole
 
     valley = Valley(u, minimum.result.fun, total, noise, space.bounds, refit)
-    return bent_intervals(valley, space.free_names), spent
+    ends = bent_intervals(valley, space.free_names)
+    return np.clip(ends, low[:, None], high[:, None]), spent
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ An optimiser works on u (k,), not on the parameters themselves, so that all have
 - background, radius, and a weight that starts positive: u = ln(value). A weight in log scale keeps
   its sign, so that a hard inclusion stays hard and E > 0 everywhere.
 - a weight that starts at or below zero (a soft inclusion): u = weight / background at the start.
-  E > 0 is then not guaranteed, and a map that breaks it is an inadmissible trial (see `forward`).
+  Its bound keeps E > 0 but where inclusions overlap, or the background falls far below its start;
+  a map that breaks it is an inadmissible trial (see `forward`).
 - position: u = coordinate / size of the body.
 """
 
@@ -102,7 +103,8 @@ def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...
 
     Bounds: a centre lies inside the box; a radius between 1/15 of the body's smallest size
     (less is resolved neither by presses nor by cells) and its largest; the background within a
-    factor of 1000 of its start, positive weights up to 100 backgrounds (more is as good as rigid).
+    factor of 1000 of its start, positive weights up to 100 backgrounds (more is as good as rigid),
+    negative ones down to 0.95 of the start's background (less is as good as a hole).
     """
     low, high = np.asarray(box, float)
     size = high - low
@@ -118,7 +120,7 @@ def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...
         name = f"inclusion_{i}"
         hard = weight > 0
         upper = max(100 * background, 2 * weight)
-        lower, upper = (weight / 1e3, upper) if hard else (-1e3 * background, 0.0)
+        lower, upper = (weight / 1e3, upper) if hard else (min(-0.95 * background, weight), 0.0)
         described.append(Parameter(f"{name}.weight_pa", "Pa", lower, upper, background, log=hard))
         for axis, letter in enumerate("xyz"):
             described.append(

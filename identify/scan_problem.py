@@ -30,7 +30,7 @@ _FTOL = 1e-4
 _GROSS, _GROSS_ROUNDS = 5.0, 3
 _GROSS_RTOL = 1e-3
 _KEPT_STARTS = 3
-_TRIAL_EVALUATIONS = 8
+_TRIAL_EVALUATIONS = 8  # of one inclusion; several take longer to sort themselves out
 _FINE_ROUNDS = 8
 # A round of defect correction that moves the estimate by fewer standard deviations is the last.
 _SETTLED = 0.03
@@ -178,11 +178,15 @@ class ScanProblem:
                 "displacement_m"
             )
         tried.sort(key=lambda pair: pair[0])
+        kept = [stiffness for _, stiffness in tried[:_KEPT_STARTS]]
+        # A body with hard and soft spots: a start with a wrong sign never comes back from it
+        kept += [stiffness for _, stiffness in tried[_KEPT_STARTS:] if _is_mixed(stiffness)][:1]
         followed = []
-        for _, stiffness in tried[:_KEPT_STARTS]:
+        for stiffness in kept:
             forward = Forward(model, parameter_space(stiffness, box), ratio)
             u = forward.space.to_scaled(stiffness)
-            followed.append(self.minimize(forward, u, _TRIAL_EVALUATIONS))
+            most = _TRIAL_EVALUATIONS * max(2 * len(stiffness.inclusions) - 1, 1)
+            followed.append(self.minimize(forward, u, most))
         best = min(followed, key=lambda minimum: minimum.result.fun)
         if self.progress:
             for step in best.history:
@@ -212,3 +216,8 @@ class ScanProblem:
             rounds += 1
             if settled or rounds == (_GROSS_ROUNDS if self.is_gross(minimum) else _FINE_ROUNDS):
                 return Correction(minimum, coarse / corrected - 1, own_error, settled)
+
+
+def _is_mixed(stiffness: GaussianMap) -> bool:
+    """Whether a map has hard and soft inclusions."""
+    return len({inclusion.weight_pa > 0 for inclusion in stiffness.inclusions}) > 1

@@ -9,12 +9,22 @@ depth and the radius cannot be read off, a few of both are proposed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from identify.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
 
+
+class _Kind(NamedTuple):
+    """Sign of all inclusions, None for hard and soft ones; percentile that is the background."""
+
+    sign: float | None
+    background_percent: float
+
+
+_KINDS = (_Kind(1.0, 20.0), _Kind(-1.0, 80.0), _Kind(None, 50.0))
 _DEPTHS = (0.15, 0.35, 0.6)
 _RADII = (0.12, 0.25, 0.45)
 REFERENCE_PA = 1e4
@@ -52,41 +62,41 @@ def start_maps(apparent: ApparentModulus, box: np.ndarray, inclusions: int) -> l
     if inclusions == 0:
         return [GaussianMap(float(np.median(apparent.modulus_pa)))]
     maps = []
-    for hard in (True, False):
+    for kind in _KINDS if inclusions > 1 else _KINDS[:2]:
         for radius in _RADII:
-            maps += _proposals(apparent, box, inclusions, radius, hard=hard)
+            maps += _proposals(apparent, box, inclusions, radius, kind)
     return maps
 
 
 def _proposals(
-    apparent: ApparentModulus, box: np.ndarray, inclusions: int, radius: float, *, hard: bool
+    apparent: ApparentModulus, box: np.ndarray, inclusions: int, radius: float, kind: _Kind
 ) -> list[GaussianMap]:
     """Propose maps with inclusions of one relative radius at several depths."""
     modulus = apparent.modulus_pa
     mean_direction = np.abs(apparent.directions.mean(axis=0))
     thickness = float((box[1] - box[0]) @ mean_direction / mean_direction.sum())
-    background = float(np.percentile(modulus, 20 if hard else 80))
-    sign = 1.0 if hard else -1.0
+    background = float(np.percentile(modulus, kind.background_percent))
     width = 2.0 * radius * thickness
-    contrast = sign * (modulus / background - 1.0)
+    differs = modulus / background - 1.0
+    contrast = np.abs(differs) if kind.sign is None else kind.sign * differs
     peaks = []
     for _ in range(inclusions):
         top = int(np.argmax(contrast))
-        height = float(contrast[top])
-        peaks.append((top, max(height, 0.05) if hard else min(max(height, 0.05), 0.9)))
+        height = max(float(contrast[top]), 0.05)
+        peaks.append((top, height, kind.sign or float(np.sign(differs[top]))))
         distance = np.linalg.norm(apparent.points_m - apparent.points_m[top], axis=1)
-        contrast = contrast - max(height, 0.05) * np.exp(-(distance**2) / (2 * width**2))
+        contrast = contrast - height * np.exp(-(distance**2) / (2 * width**2))
         contrast[distance < 0.5 * width] = -np.inf
     maps = []
     for depth in _DEPTHS:
         # The press feels the layers above the centre, where the Gaussian has decayed.
         decay = np.exp(-0.5 * (0.5 * depth / radius) ** 2)
         placed = []
-        for top, height in peaks:
-            weight = sign * background * (height / max(decay, 0.2) if hard else height)
+        for top, height, sign in peaks:
+            share = height / max(decay, 0.2) if sign > 0 else -min(height, 0.9)
             below = apparent.points_m[top] + depth * thickness * apparent.directions[top]
             x, y, z = np.clip(below, *box).tolist()
-            placed.append(Inclusion(weight, x, y, z, radius * thickness))
+            placed.append(Inclusion(share * background, x, y, z, radius * thickness))
         maps.append(GaussianMap(background, tuple(placed)))
     return maps
 

@@ -9,6 +9,7 @@ from identify.joint_intervals import joint_intervals
 from identify.rivals import refit_chance
 from identify.rung import Rung
 from identify.score import Score
+from identify.unseen_inclusions import unseen_inclusions
 from palpmap.map_fit import AXES
 from palpmap.next_scan import finer_cells
 from palpmap.presses_words import presses_record
@@ -44,6 +45,7 @@ def explain_record(
         "without_suspects": None if without is None else without_record(without.explained),
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),
+        "unseen_inclusions": list(unseen_inclusions(explained.final.fit)),
         "finer_cells": finer_cells(explained, problem.study.body),
     }
 

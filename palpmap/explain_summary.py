@@ -13,6 +13,7 @@ from palpmap.explain_words import (
     rung_labels,
     step_evidence,
     steps_of,
+    unseen_inclusions,
     verdict_detail,
     without_suspects,
 )
@@ -61,6 +62,9 @@ def explain_summary(
     held = [name for name, p in record["parameters"].items() if p["at_bound"]]
     if held:
         lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
+    lines.extend(Text(f"- {note}") for note in explained.final.comparison.notes)
+    if unseen := unseen_inclusions(record):
+        lines.append(Text(unseen, style="yellow"))
     if record["suspect_presses"]:
         presses = ", ".join(map(str, record["suspect_presses"]))
         text = f"Presses that stand out by themselves: {presses}. {without_suspects(record)}"

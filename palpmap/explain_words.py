@@ -164,6 +164,8 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
             f"At a bound of what is allowed, so not found: {', '.join(held)}. Nothing that rests "
             "on it is sure."
         )
+    if unseen := unseen_inclusions(record):
+        notes.append(unseen)
     if not explained.final.fit.success:
         notes.append("The last fit did not reach its minimum within its evaluations.")
     if explained.dropped:
@@ -181,6 +183,19 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
             + without_suspects(record)
         )
     return notes
+
+
+def unseen_inclusions(record: Mapping[str, Any]) -> str:
+    """Say which inclusions of the map the readings do not ask for, in a sentence; or nothing."""
+    unseen = record["unseen_inclusions"]
+    if not unseen:
+        return ""
+    count = len({name.split(".")[0] for name in record["parameters"] if ".radius_m" in name})
+    which = "The inclusion" if count == 1 else f"Inclusion {listed([str(i) for i in unseen])}"
+    return (
+        f"{which} is not seen: without it the model does as well. Say inclusions = "
+        f"{count - 1} under [map], or scan closer."
+    )
 
 
 def without_suspects(record: Mapping[str, Any]) -> str:

@@ -102,7 +102,7 @@ def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[s
 def finer_cells(explained: Explanation, body: Body) -> str | None:
     """Say how an error of the mesh is told from the effects that it looks like, if it is asked."""
     names = {*explained.added, *(name for group in explained.ambiguous for name in group)}
-    if MODEL_ERROR not in names:
+    if MODEL_ERROR not in names or explained.verdict == "unexplained":
         return None
     present = cell_size_m(body)
     finer = FINER * present

@@ -247,6 +247,22 @@ def test_a_soft_inclusion_is_found(twin):
     assert np.abs((fit.map.values - soft.values) / std).max() < 4
 
 
+def test_a_hard_and_a_soft_inclusion_are_found(twin):
+    both = GaussianMap(
+        6000.0,
+        (
+            Inclusion(16000.0, 0.031, 0.062, 0.036, 0.012),
+            Inclusion(-3500.0, 0.068, 0.033, 0.036, 0.012),
+        ),
+    )
+    scan = make_scan(compliance(twin, both), seed=3, noise=QUIET)
+    fit = fit_scan(scan, twin, inclusions=2, noise=QUIET)
+    found = sorted(fit.map.inclusions, key=lambda inclusion: inclusion.x_m)
+    assert_allclose([(i.x_m, i.y_m) for i in found], [(0.031, 0.062), (0.068, 0.033)], atol=1.5e-3)
+    assert found[0].weight_pa > 0 > found[1].weight_pa
+    assert fit.chi2_per_dof < 1.2
+
+
 def test_a_homogeneous_body_needs_no_inclusion(twin):
     scan = make_scan(compliance(twin, GaussianMap(7300.0)), seed=3)
     fit = fit_scan(scan, twin, inclusions=0, noise=NOISE)

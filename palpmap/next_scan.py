@@ -111,7 +111,7 @@ def finer_cells(explained: Explanation, body: Body) -> str | None:
     return (
         f"Explain it again with finer elements, cell_size_m = {finer:.2g} under [body] (now "
         f"{present:.2g}), which takes several times as long: what the mesh does wrong shrinks, "
-        "what the body does stays"
+        "an effect of the body keeps its size"
     )
 
 

@@ -29,8 +29,12 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
         shown.append(("True", finding.truth))
     both = cuts(finding)
     fields = [[sample(finding, cut, m.modulus) / 1e3 for _, m in shown] for cut in both]
-    low = min(float(np.nanmin(v)) for row in fields for v in row)
-    high = max(max(float(np.nanmax(v)) for row in fields for v in row), low + 1e-6)
+    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    judged = [v for row in fields for v in row[len(explained.ladder) > 1 :]]
+    low = min(float(np.nanmin(v)) for v in judged)
+    high = max(*(float(np.nanmax(v)) for v in judged), low + 1e-6)
+    below = any(np.nanmin(v) < low for row in fields for v in row)
+    above = any(np.nanmax(v) > high for row in fields for v in row)
     heights = [_ratio(finding, cut) for cut in both]
     width = 3.4 * len(shown) + 1.1
     figure = new_figure(width, 3.3 * sum(heights) + 1.3)
@@ -46,7 +50,9 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
             if column:
                 axes.set_ylabel("")
     if image is not None:
-        figure.colorbar(image, ax=grid, label="Young's modulus, kPa", shrink=0.8)
+        extend = "both" if below and above else "min" if below else "max" if above else "neither"
+        label = "Young's modulus, kPa"
+        figure.colorbar(image, ax=grid, label=label, shrink=0.8, extend=extend)
     return figure
 
 

@@ -18,6 +18,7 @@ from palpmap.body_model import smallest_cell_m
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
+from palpmap.explain_map_figures import draw_maps
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import _name_notes, verdict_detail
@@ -274,3 +275,17 @@ def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explaine
     beside = replace(first, diagnosis=replace(first.diagnosis, excess=1e9))
     little = replace(much, ladder=(beside,))
     assert "The nearest of the catalogue, viscoelasticity, would take" in verdict_detail(little)
+
+
+def test_the_maps_colours_are_those_of_the_last_one(told):
+    first = told.explained.ladder[0]
+    wild = {name: 1e3 * value for name, value in first.fit.values.items() if "weight" in name}
+    u = first.fit.model.space.to_scaled(first.fit.map.changed(wild))
+    before = replace(first, fit=replace(first.fit, u=u))
+    explained = replace(told.explained, ladder=(before, *told.explained.ladder[1:]))
+    figure = draw_maps(told.finding, explained)
+    images = [axes.images[0] for axes in figure.axes if axes.images]
+    columns = [images[column :: len(images) // 2] for column in range(len(images) // 2)]
+    assert max(image.get_array().max() for image in columns[0]) > 2 * images[0].norm.vmax
+    judged = max(image.get_array().max() for column in columns[1:] for image in column)
+    assert [image.norm.vmax for image in images] == pytest.approx([judged] * len(images))

@@ -18,8 +18,10 @@ def unseen_inclusions(fit: JointFit) -> tuple[int, ...]:
 
     Without such an inclusion, everything else fitted again, chi-square rises by less than what its
     free numbers cost (Bayesian information criterion). Looked at are those with a number at its
-    bound, or a weight that is not sure.
+    bound, or a weight that is not sure. None are where an effect tells the inclusions' shape.
     """
+    if any(name.startswith("inclusion_") for name in fit.model.has):
+        return ()
     return tuple(
         number
         for number in range(1, len(fit.map.inclusions) + 1)

@@ -45,9 +45,14 @@ def explain_record(
         "without_suspects": None if without is None else without_record(without.explained),
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),
-        "unseen_inclusions": list(unseen_inclusions(explained.final.fit)),
+        "unseen_inclusions": _unseen(explained),
         "finer_cells": finer_cells(explained, problem.study.body),
     }
+
+
+def _unseen(explained: Explanation) -> list[int]:
+    """Numbers of the inclusions that are not seen; what is unexplained may hide any."""
+    return [] if explained.verdict == "unexplained" else [*unseen_inclusions(explained.final.fit)]
 
 
 def without_record(explained: Explanation) -> dict[str, Any]:

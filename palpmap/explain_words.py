@@ -190,12 +190,14 @@ def unseen_inclusions(record: Mapping[str, Any]) -> str:
     unseen = record["unseen_inclusions"]
     if not unseen:
         return ""
-    count = len({name.split(".")[0] for name in record["parameters"] if ".radius_m" in name})
-    which = "The inclusion" if count == 1 else f"Inclusion {listed([str(i) for i in unseen])}"
-    return (
-        f"{which} is not seen: without it the model does as well. Say inclusions = "
-        f"{count - 1} under [map], or scan closer."
-    )
+    numbers = listed([str(number) for number in unseen])
+    mapped = [name for name in record["parameters"] if name.startswith("inclusion_")]
+    count = sum(name.endswith(".radius_m") for name in mapped)
+    if len(unseen) == 1:
+        which = f"Inclusion {numbers} is not seen: without it the model does as well."
+    else:
+        which = f"Inclusions {numbers} are not all seen: without any one the model does as well."
+    return f"{which} Say inclusions = {count - 1} under [map], or scan closer."
 
 
 def without_suspects(record: Mapping[str, Any]) -> str:

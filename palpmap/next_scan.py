@@ -109,8 +109,8 @@ def finer_cells(explained: Explanation, body: Body) -> str | None:
     if finer < smallest_cell_m(body):
         return None
     return (
-        f"Explain it again with finer elements, cell_size_m = {finer:.2g} under [body] (now "
-        f"{present:.2g}), which takes several times as long: what the mesh does wrong shrinks, "
+        f"Explain it again with finer elements, cell_size_m = {finer:.3g} under [body] (now "
+        f"{present:.3g}), which takes several times as long: what the mesh does wrong shrinks, "
         "an effect of the body keeps its size"
     )
 
@@ -119,16 +119,15 @@ def next_lines(record: Mapping[str, Any], run: Path) -> tuple["RenderableType", 
     """Return what to do next and what it would bring; nothing where nothing is proposed."""
     from rich.text import Text
 
+    lines: list[RenderableType] = []
     if record["finer_cells"]:
-        return (Text(f"Next: {record['finer_cells']}.", style="bold"),)
-    if not record["next_presses"]:
-        return ()
-    best = record["next_presses"][0]
-    minutes = f"{best['duration_s'] / 60:.2g} min"
-    return (
-        Text(f"Next: {best['change']} ({minutes}): {best['why']}.", style="bold"),
-        f"Program: {run / best['program']}",
-    )
+        lines.append(Text(f"Next: {record['finer_cells']}.", style="bold"))
+    if record["next_presses"]:
+        best = record["next_presses"][0]
+        minutes = f"{best['duration_s'] / 60:.2g} min"
+        lines.append(Text(f"Next: {best['change']} ({minutes}): {best['why']}.", style="bold"))
+        lines.append(f"Program: {run / best['program']}")
+    return tuple(lines)
 
 
 def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:

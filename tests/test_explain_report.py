@@ -21,7 +21,7 @@ from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_map_figures import draw_maps
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
-from palpmap.explain_words import _name_notes, verdict_detail
+from palpmap.explain_words import _name_notes, unseen_inclusions, verdict_detail
 from palpmap.next_scan import finer_cells, propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -289,3 +289,14 @@ def test_the_maps_colours_are_those_of_the_last_one(told):
     assert max(image.get_array().max() for image in columns[0]) > 2 * images[0].norm.vmax
     judged = max(image.get_array().max() for column in columns[1:] for image in column)
     assert [image.norm.vmax for image in images] == pytest.approx([judged] * len(images))
+
+
+def test_unseen_inclusions_are_counted_without_those_of_effects(told):
+    parameters = {"inclusion_1.radius_m": {}, "extra_inclusion.radius_m": {}}
+    one = {"unseen_inclusions": [1], "parameters": parameters}
+    assert "Inclusion 1 is not seen" in unseen_inclusions(one)
+    assert "Say inclusions = 0 under" in unseen_inclusions(one)
+    two = {"unseen_inclusions": [1, 2], "parameters": {**parameters, "inclusion_2.radius_m": {}}}
+    assert "Inclusions 1 and 2 are not all seen" in unseen_inclusions(two)
+    assert "Say inclusions = 1 under" in unseen_inclusions(two)
+    assert unseen_inclusions(told.record) == ""

@@ -81,6 +81,19 @@ def block_mesh(
     return promote_to_tet10(mesh) if order == 2 else mesh
 
 
+def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
+    """Return the mesh with its sides moved along x and y, m, and its middle left where it is.
+
+    Cells are stretched on one side and pressed together on the other, evenly from the middle on.
+    """
+    nodes = mesh.nodes.copy()
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    for axis, shift in enumerate(shift_m):
+        away = np.abs(2 * (nodes[:, axis] - low[axis]) / (high[axis] - low[axis]) - 1)
+        nodes[:, axis] += shift * away
+    return Mesh(nodes, mesh.cells, mesh.surfaces)
+
+
 def paper_mesh() -> Mesh:
     """Return the paper's body: 2,601 nodes, 12,288 four-node tetrahedra (Sec. III.B.1)."""
     return block_mesh(PAPER_SIZE_M, PAPER_DIVISIONS, order=1)

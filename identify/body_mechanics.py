@@ -23,13 +23,15 @@ from identify.body_state import BodyState, ChangedMap
 from identify.discretization import FineModel, fine_solution, mesh_error_growth
 from identify.forward import positive_modulus
 from identify.gaussian_map import GaussianMap
+from identify.interpolation import lagrange_weights
 from identify.optimize_result import InadmissibleError
+from identify.shifted_block import Shift, ShiftedBlock
 
 # Poisson ratios at which models are built; C is interpolated between the nearest three.
 _NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
 _NU_STEP = 0.01
-_KEPT_RATIOS = 6  # of the compliances at Poisson ratios: those of two maps and their neighbours
+_KEPT_RATIOS = 12  # of the compliances of other models: those of two maps and their neighbours
 _KEPT_SOLUTIONS = 3  # of the coarse model: fits begin where others have ended
 _BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
@@ -75,6 +77,8 @@ class BodyResponse:
         if state.poisson_ratio != self._state.poisson_ratio:
             step = state.poisson_ratio - self._state.poisson_ratio
             change += step * self._by_poisson_ratio()
+        if state.shift_m != self._state.shift_m:
+            change += self.compliance * self._log_by_shift(state.shift_m)
         if state.mesh_error_share != self._state.mesh_error_share:
             step = state.mesh_error_share - self._state.mesh_error_share
             change += step * own.model_error * self.compliance
@@ -125,6 +129,16 @@ class BodyResponse:
         modulus = ChangedMap(self._map, self._state).modulus(self._mechanics.coarse.points_m)
         return self._response.fibre_moments(modulus)
 
+    def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
+        """Change of the logarithm of the compliance (j,) by another place of the body."""
+        own, plain = self._state, self._response.compliance
+        # From its stated place on, which is all that a score asks for, one model a side will do
+        there, here = (
+            self._mechanics.log_shift_factor(self._map, own, s, plain, not any(own.shift_m))
+            for s in (shift_m, own.shift_m)
+        )
+        return there - here
+
     def _by_poisson_ratio(self) -> np.ndarray:
         """Difference quotient towards the compressible side, (j,)."""
         nu, plain = self._state.poisson_ratio, self._response.compliance
@@ -156,6 +170,7 @@ class BodyMechanics:
     model_error: np.ndarray | float = 0.0
     tip_gain: np.ndarray | float = 0.0
     _others: dict[float, PalpationModel] = field(default_factory=dict)
+    _shifted: ShiftedBlock | None = None
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
 
@@ -192,6 +207,9 @@ class BodyMechanics:
         if state.poisson_ratio != self.poisson_ratio:
             nu, own = state.poisson_ratio, response.compliance
             factor = factor * self.poisson_factor(stiffness, state, nu, own)
+        if any(state.shift_m):
+            own = response.compliance
+            factor *= np.exp(self.log_shift_factor(stiffness, state, state.shift_m, own))
         changed = ChangedMap(stiffness, state)
         return BodyResponse(
             compliance=factor * response.compliance,
@@ -214,8 +232,16 @@ class BodyMechanics:
         changed = ChangedMap(stiffness, plain)
         if self.fine is None:
             return replace(self, tip_gain=_tip_gain(coarse, changed))
-        fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
-        ratio = fine.compliance / coarse.compliance
+        shift = self.shifted.near(state.shift_m)
+        if any(shift):
+            there, finer = self.shifted.fine_at(shift)
+            known = self._solve(there, stiffness, plain).compliance
+            fine = fine_solution(finer, changed, there, known)
+            log_factor = self.log_shift_factor(stiffness, plain, shift, coarse.compliance)
+            ratio = fine.compliance / (coarse.compliance * np.exp(log_factor))
+        else:
+            fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
+            ratio = fine.compliance / coarse.compliance
         # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
         kept = np.clip(ratio, *_BELIEVED)
         return replace(
@@ -238,25 +264,58 @@ class BodyMechanics:
             raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
         others = _NODES[np.abs(_NODES - self.poisson_ratio) > 1e-6]
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
-        logs = [np.zeros_like(base)]
-        logs += [self._log_ratio(stiffness, state, float(node), base) for node in nearest]
-        nodes = np.array([self.poisson_ratio, *nearest])
-        weights = [
-            np.prod([(nu - b) / (a - b) for b in nodes if b != a]) for a in nodes
-        ]  # Lagrange's polynomial through three nodes
-        coarse = np.exp(np.sum([w * log for w, log in zip(weights, logs, strict=True)], axis=0))
+        weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
+        logs = [
+            self._log_ratio(node, lambda node=node: self._other(node), stiffness, state, base)
+            for node in nearest.tolist()
+        ]
+        coarse = np.exp(weights @ logs)
         return coarse * self.ratio ** (mesh_error_growth(nu, self.poisson_ratio) - 1)
 
-    def _log_ratio(
-        self, stiffness: GaussianMap, state: BodyState, node: float, base: np.ndarray
+    def _other(self, nu: float) -> PalpationModel:
+        if nu not in self._others:
+            self._others[nu] = self.at_poisson_ratio(nu)
+        return self._others[nu]
+
+    def log_shift_factor(
+        self,
+        stiffness: GaussianMap,
+        state: BodyState,
+        shift_m: Shift,
+        base: np.ndarray,
+        straight: bool = False,
     ) -> np.ndarray:
-        """Logarithm (j,) of the compliance at a node of Poisson's ratio over `base`."""
-        key = (node, stiffness, state.changed(poisson_ratio=node))
+        """Logarithm (j,) of the compliance of the body elsewhere over that at its stated place.
+
+        `base` (j,) is the coarse model's there; `straight` see `ShiftedBlock.log_factor`.
+        """
+        shifted = self.shifted
+
+        def log_ratio(place: Shift) -> np.ndarray:
+            return self._log_ratio(place, lambda: shifted.coarse_at(place), stiffness, state, base)
+
+        return shifted.log_factor(shift_m, straight, log_ratio)
+
+    @property
+    def shifted(self) -> ShiftedBlock:
+        """The models of the body elsewhere."""
+        if self._shifted is None:
+            object.__setattr__(self, "_shifted", ShiftedBlock(self.coarse, self.fine))
+        assert self._shifted is not None
+        return self._shifted
+
+    def _log_ratio(
+        self,
+        which: float | Shift,
+        model: Callable[[], PalpationModel],
+        stiffness: GaussianMap,
+        state: BodyState,
+        base: np.ndarray,
+    ) -> np.ndarray:
+        """Logarithm (j,) of the compliance of another model over `base`, kept by its name."""
+        key = (which, stiffness, _solved_state(state))
         if key not in self._ratios:
-            model = self._others.get(node)
-            if model is None:
-                model = self._others[node] = self.at_poisson_ratio(node)
-            ratio = self._solve(model, stiffness, state).compliance / base
+            ratio = self._solve(model(), stiffness, state).compliance / base
             if not (np.isfinite(ratio).all() and ratio.min() > 0):
                 raise InadmissibleError("the map is finer than the mesh of the body resolves")
             while len(self._ratios) >= _KEPT_RATIOS:
@@ -266,10 +325,7 @@ class BodyMechanics:
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
         """Solve on the coarse model, or return what was solved there not long ago."""
-        solved = state.changed(
-            poisson_ratio=0.0, mesh_error_share=0.0, rigid_tip_share=0.0, background_pa=None
-        )
-        key = (stiffness, solved)
+        key = (stiffness, _solved_state(state))
         response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
         self._solutions[key] = response
         while len(self._solutions) > _KEPT_SOLUTIONS:
@@ -293,6 +349,17 @@ class BodyMechanics:
             )
         except SolverError as error:
             raise InadmissibleError(str(error)) from error
+
+
+def _solved_state(state: BodyState) -> BodyState:
+    """Return the part of a state that a finite element model is solved for."""
+    return state.changed(
+        poisson_ratio=0.0,
+        mesh_error_share=0.0,
+        rigid_tip_share=0.0,
+        shift_m=(0.0, 0.0),
+        background_pa=None,
+    )
 
 
 def _tip_gain(response: Response, changed: ChangedMap) -> np.ndarray | float:

@@ -30,6 +30,7 @@ class BodyState:
     skin_thickness_m, skin_factor : a top layer of modulus factor * E
     mesh_error_share : share of the model's own discretisation error that is added to C
     rigid_tip_share : share of what the pressure of a rigid, upright flat tip takes off C
+    shift_m : how far the body lies from where the study says, along x and y
     background_pa : modulus that sizes of additions are measured against, where it is known
     """
 
@@ -46,6 +47,7 @@ class BodyState:
     skin_factor: float = 1.0
     mesh_error_share: float = 0.0
     rigid_tip_share: float = 0.0
+    shift_m: tuple[float, float] = (0.0, 0.0)
     background_pa: float | None = None
 
     def changed(self, **changes: Any) -> BodyState:

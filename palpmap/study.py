@@ -48,6 +48,7 @@ EFFECTS = (
     "inclusion_edge",
     "inclusion_stretch",
     "side_gradient",
+    "body_shift",
     "surface_tilt",
     "breathing",
     "mesh_error",

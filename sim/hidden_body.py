@@ -27,6 +27,7 @@ class HiddenBody:
         gets cells of its own
     fibre_share, fibre_angle_rad : fibres in the x-y plane at this angle to x, which add the
         energy (share E / 2) (a . strain . a)^2
+    shift_m : where the body's corner lies in the frame of presses and truth, x and y
     base_normal_m_per_pa, base_tangential_m_per_pa : how much the base gives way under 1 Pa
     """
 
@@ -42,11 +43,13 @@ class HiddenBody:
     fibre_angle_rad: float = 0.0
     base_normal_m_per_pa: float = 0.0
     base_tangential_m_per_pa: float = 0.0
+    shift_m: tuple[float, float] = (0.0, 0.0)
 
     def modulus(self, points_m: np.ndarray) -> np.ndarray:
-        """Young's modulus at points (p, 3) m, (p,) Pa."""
+        """Young's modulus at points (p, 3) m from the body's corner, (p,) Pa."""
         height = self.size_m[2]
-        modulus = self.truth(points_m) * np.exp(self.gradient * (points_m[:, 2] / height - 0.5))
+        modulus = self.truth(points_m + np.array([*self.shift_m, 0.0]))
+        modulus *= np.exp(self.gradient * (points_m[:, 2] / height - 0.5))
         if self.side_gradient:
             towards = [np.cos(self.side_angle_rad), np.sin(self.side_angle_rad)]
             off = (points_m[:, :2] - np.array(self.size_m[:2]) / 2) @ towards

@@ -119,14 +119,14 @@ def block_compliance(
     Parameters
     ----------
     body : the block
-    points_m : (j, 2) x and y
+    points_m : (j, 2) x and y, in the frame in which the body is shifted
     radius_m : (j,) of the contact
     profile : of the pressure, see `fem.Contacts`
     divisions : of the finer mesh
     converged : False for a coarse mesh alone, which is about a hundredth too stiff
     upright : the flat tip keeps the surface under it level; else its pressure is the half-space's
     """
-    rows = np.column_stack([points_m, radius_m])
+    rows = np.column_stack([points_m - np.array(body.shift_m), radius_m])
     unique, back = np.unique(rows, axis=0, return_inverse=True)
     where = (unique.tobytes(), profile, divisions, converged)
     shape = (body.size_m, body.poisson_ratio, body.skin_thickness_m)

@@ -7,6 +7,7 @@ import difflib
 from identify.effects.anisotropy import Anisotropy
 from identify.effects.base_compliance import BaseCompliance
 from identify.effects.base_sliding import BaseSliding
+from identify.effects.body_shift import BodyShift
 from identify.effects.breathing import Breathing
 from identify.effects.contact_offset import ContactOffset
 from identify.effects.effect import Effect
@@ -44,6 +45,7 @@ CATALOGUE: tuple[Effect, ...] = (
     PoissonRatio(),
     BaseCompliance(),
     BaseSliding(),
+    BodyShift(),
     MeshError(),
     RigidTip(),
     SphericalTip(),

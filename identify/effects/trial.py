@@ -75,6 +75,7 @@ class Trial:
                     (state.skin_factor - 1) * state.skin_thickness_m * 1e3,
                     state.mesh_error_share,
                     state.rigid_tip_share,
+                    *np.array(state.shift_m) * 1e3,
                     state.inclusion_shape.edge,
                     *state.inclusion_shape.stretch,
                 ],

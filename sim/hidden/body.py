@@ -91,6 +91,27 @@ class SideGradient(HiddenEffect):
         return replace(body, side_gradient=values["gradient"], side_angle_rad=values["angle_rad"])
 
 
+class BodyShift(HiddenEffect):
+    """The body lies beside the place that the study states."""
+
+    name, category = "body_shift", "structured"
+    law = "body moved by distance in one horizontal direction, presses and inclusions not"
+    amplitude, typical, limit = "distance_m", 1e-3, 1.8e-3  # wide tips stand 2 mm from the edge
+
+    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+        """Draw the direction."""
+        return {"angle_rad": float(rng.uniform(0, 2 * np.pi))}
+
+    def body(self, body, values):
+        """Move it."""
+        angle, (x, y) = values["angle_rad"], body.shift_m
+        x, y = (
+            old + values["distance_m"] * float(along)
+            for old, along in zip((x, y), (np.cos(angle), np.sin(angle)), strict=True)
+        )
+        return replace(body, shift_m=(x, y))
+
+
 class StiffnessGradient(HiddenEffect):
     """The body is stiffer (or softer) towards the top."""
 

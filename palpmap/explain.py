@@ -103,8 +103,8 @@ def write_explanation(
     record = explain_record(explained, problem, without)
     proposals = propose(explained, problem)
     record["next_presses"] = proposal_records(proposals, problem, run)
-    if without is not None:
-        record["next_presses"].append(repeat_record(without.presses, problem, run))
+    if record["suspects_left"]:
+        record["next_presses"].append(repeat_record(record["suspects_left"], problem, run))
     limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
     seen = {limit.name: limit.smallest_share for limit in limits}
     record["detection_limits"] = {name: share for name, share in seen.items() if share}

@@ -14,7 +14,7 @@ from palpmap.map_fit import AXES
 from palpmap.next_scan import finer_cells
 from palpmap.presses_words import presses_record
 from palpmap.problem import Problem, named
-from palpmap.suspects import WithoutSuspects
+from palpmap.suspects import WithoutSuspects, suspects_left
 
 SCHEMA = 1
 
@@ -42,6 +42,7 @@ def explain_record(
         "parameters": parameters_of(explained.final, problem, bent=True),
         "residual": explained.final.comparison.statement,
         "suspect_presses": list(explained.ladder[0].comparison.bad_presses),
+        "suspects_left": list(suspects_left(explained, without)),
         "without_suspects": None if without is None else without_record(without.explained),
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),

@@ -65,8 +65,8 @@ def explain_summary(
     lines.extend(Text(f"- {note}") for note in explained.final.comparison.notes)
     if unseen := unseen_inclusions(record):
         lines.append(Text(unseen, style="yellow"))
-    if record["suspect_presses"]:
-        presses = ", ".join(map(str, record["suspect_presses"]))
+    if record["suspects_left"]:
+        presses = ", ".join(map(str, record["suspects_left"]))
         text = f"Presses that stand out by themselves: {presses}. {without_suspects(record)}"
         lines.append(Text(text.strip(), style="yellow"))
     return tuple(lines)

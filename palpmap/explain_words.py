@@ -175,11 +175,16 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
             f"A trace of {' or '.join(explained.traces)} is left. It is small against what was "
             "explained, and as likely an inaccuracy of the effects that were found."
         )
-    presses = record["suspect_presses"]
-    if presses:
+    left, presses = record["suspects_left"], ", ".join(map(str, record["suspect_presses"]))
+    if left:
         notes.append(
-            f"Presses that stand out by themselves: {', '.join(map(str, presses))}. Look at them "
+            f"Presses that stand out by themselves: {', '.join(map(str, left))}. Look at them "
             "before physics is blamed: a slip, or a wrong place, looks like an effect. "
+            + without_suspects(record)
+        )
+    elif presses:
+        notes.append(
+            f"Presses {presses} stand out of the map alone, and no more of the last model. "
             + without_suspects(record)
         )
     return notes

@@ -53,6 +53,22 @@ def without_suspects(
     return WithoutSuspects(presses, again)
 
 
+def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:
+    """Return the suspect presses (ids) that the answer does not account for.
+
+    Many presses beside an edge stand out of a map alone where the body lies elsewhere. Once the
+    effect is in the model they do no more, and without them it is found as well.
+    """
+    if without is None:
+        return ()
+    other = without.explained
+    same = (other.verdict, other.added) == (explained.verdict, explained.added)
+    if not same or explained.resting_on_suspects:
+        return without.presses
+    still = explained.final.comparison.bad_presses
+    return tuple(press for press in without.presses if press in still)
+
+
 def weighed(explained: Explanation, without: WithoutSuspects | None) -> Explanation:
     """Return the explanation with all that rests on the suspect presses marked as such."""
     if without is None:

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from identify.explain import SUSPECT_PRESSES
 from palpmap.__main__ import app
 from palpmap.explain_record import explain_record
-from palpmap.explain_words import verdict_detail
-from palpmap.suspects import WithoutSuspects, weighed
+from palpmap.explain_words import doubts, verdict_detail
+from palpmap.suspects import WithoutSuspects, suspects_left, weighed
 
 SLIPPED = (6, 17)
 
@@ -89,3 +89,16 @@ def test_an_effect_that_is_found_without_them_too_keeps_its_place(explained_case
     explained = explained_case.explained
     assert weighed(explained, WithoutSuspects((3, 8), explained)) is explained
     assert weighed(explained, None) is explained
+
+
+def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_case):
+    """Those of a moved body's edge stand out of the map alone, and of nothing that knows of it."""
+    explained = explained_case.explained
+    nothing = replace(explained, additions=(), verdict="nothing_missing")
+    assert suspects_left(explained, None) == ()
+    assert suspects_left(explained, WithoutSuspects((3, 8), explained)) == ()
+    assert suspects_left(explained, WithoutSuspects((3, 8), nothing)) == (3, 8)
+    record = explain_record(explained, explained_case.problem, WithoutSuspects((3, 8), explained))
+    told = " ".join(doubts({**record, "suspect_presses": [3, 8]}, explained))
+    assert "Presses 3, 8 stand out of the map alone, and no more of the last model" in told
+    assert "Without them the answer is the same" in told

@@ -109,6 +109,11 @@ class BodyResponse:
         other = aside.evaluate(self._map, state)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 
+    def compliance_on(self, model: PalpationModel) -> np.ndarray:
+        """Compliance (j,) if the presses, or the body, were those of another coarse model."""
+        other = self._mechanics._solve(model, self._map, self._state)
+        return self.compliance * (other.compliance / self._response.compliance)
+
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
         return self._scale[:, None] * (self._response.sensitivity @ moduli)

@@ -1,5 +1,6 @@
 """result.json: what the loop found, as plain data."""
 
+from dataclasses import asdict
 from typing import Any
 
 from identify.diagnosis import Diagnosis
@@ -9,6 +10,7 @@ from identify.joint_intervals import joint_intervals
 from identify.rivals import refit_chance
 from identify.rung import Rung
 from identify.score import Score
+from identify.stated_geometry import mistakes
 from identify.unseen_inclusions import unseen_inclusions
 from palpmap.map_fit import AXES
 from palpmap.next_scan import finer_cells
@@ -47,6 +49,7 @@ def explain_record(
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),
         "unseen_inclusions": _unseen(explained),
+        "stated_lengths": _stated_lengths(explained),
         "finer_cells": finer_cells(explained, problem.study.body),
     }
 
@@ -54,6 +57,12 @@ def explain_record(
 def _unseen(explained: Explanation) -> list[int]:
     """Numbers of the inclusions that are not seen; what is unexplained may hide any."""
     return [] if explained.verdict == "unexplained" else [*unseen_inclusions(explained.final.fit)]
+
+
+def _stated_lengths(explained: Explanation) -> list[dict[str, Any]]:
+    """Return the lengths of the study that would explain as much, were they wrong."""
+    offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
+    return [asdict(found) for found in mistakes(explained) if found.effect in offered]
 
 
 def without_record(explained: Explanation) -> dict[str, Any]:

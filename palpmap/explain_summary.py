@@ -11,6 +11,7 @@ from palpmap.explain_words import (
     VERDICTS,
     interval,
     rung_labels,
+    stated_lengths,
     step_evidence,
     steps_of,
     unseen_inclusions,
@@ -63,6 +64,7 @@ def explain_summary(
     if held:
         lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
     lines.extend(Text(f"- {note}") for note in explained.final.comparison.notes)
+    lines.extend(Text(says, style="yellow") for says in stated_lengths(record))
     if unseen := unseen_inclusions(record):
         lines.append(Text(unseen, style="yellow"))
     if record["suspects_left"]:

@@ -6,6 +6,7 @@ No sentence here is more certain than result.json.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.effects import words
 from identify.effects.words import percent
 from identify.explain import MODEL_ERROR, WORTHWHILE, Explanation
 from identify.residual_statement import length
@@ -166,6 +167,7 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
         )
     if unseen := unseen_inclusions(record):
         notes.append(unseen)
+    notes.extend(stated_lengths(record))
     if not explained.final.fit.success:
         notes.append("The last fit did not reach its minimum within its evaluations.")
     if explained.dropped:
@@ -203,6 +205,24 @@ def unseen_inclusions(record: Mapping[str, Any]) -> str:
     else:
         which = f"Inclusions {numbers} are not all seen: without any one the model does as well."
     return f"{which} Say inclusions = {count - 1} under [map], or scan closer."
+
+
+_LENGTHS = {"tip_radius": "the tip's radius", "body_height": "the body's height"}
+
+
+def stated_lengths(record: Mapping[str, Any]) -> list[str]:
+    """Say which lengths of the study would look like what was found, a sentence for each effect."""
+    by_effect: dict[str, list[str]] = {}
+    for found in record["stated_lengths"]:
+        change = words.length(abs(found["change_m"]))
+        side = words.more(found["change_m"], "larger", "smaller")
+        by_effect.setdefault(found["effect"], []).append(
+            f"{_LENGTHS[found['length']]} were {change} {side} than stated"
+        )
+    return [
+        f"Nearly the same as {effect} would be seen if {', or '.join(what)}. Measure that first."
+        for effect, what in by_effect.items()
+    ]
 
 
 def without_suspects(record: Mapping[str, Any]) -> str:

@@ -24,7 +24,7 @@ SHIFT = (0.0023, -0.0014)
 def true_compliance(shift: tuple[float, float]) -> np.ndarray:
     """Of the block moved as a whole under the presses, on two meshes cut the other way."""
     meshes = (block_mesh(problem.SIZE, n, split="alternating") for n in ((8, 8, 5), (12, 12, 7)))
-    moved = (Mesh(m.nodes + [*shift, 0.0], m.cells, m.surfaces) for m in meshes)
+    moved = (Mesh(m.nodes + np.array([*shift, 0.0]), m.cells, m.surfaces) for m in meshes)
     model = RefinedModel(*(PalpationModel(m, problem.NU, problem.contacts()) for m in moved))
     return model.evaluate(problem.TRUE.modulus(model.points_m)).compliance
 
@@ -33,8 +33,8 @@ def test_sides_move_and_the_middle_stays():
     mesh = block_mesh(problem.SIZE, (6, 4, 3))
     moved = moved_sides(mesh, SHIFT)
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
-    np.testing.assert_allclose(moved.nodes.min(axis=0), low + [*SHIFT, 0])
-    np.testing.assert_allclose(moved.nodes.max(axis=0), high + [*SHIFT, 0])
+    np.testing.assert_allclose(moved.nodes.min(axis=0), low + np.array([*SHIFT, 0]))
+    np.testing.assert_allclose(moved.nodes.max(axis=0), high + np.array([*SHIFT, 0]))
     middle = np.isclose(mesh.nodes[:, :2], (low + high)[:2] / 2).all(axis=1)
     assert middle.any()
     np.testing.assert_array_equal(moved.nodes[middle], mesh.nodes[middle])
@@ -51,9 +51,9 @@ def test_a_shifted_body_has_the_compliances_of_one_that_was_moved_as_a_whole():
     assert shift.max() > 0.02
     near = np.abs(np.log(own.evaluate(problem.TRUE, state).compliance / plain)
                   - np.log(truth / true_compliance((0.0, 0.0))))  # fmt: skip
-    assert near.max() < 0.15 * shift.max()  # by the coarse models at their places
+    assert near.max() < 0.08 * shift.max()  # by the coarse models at their places
     carried = own.corrected(problem.TRUE, state).evaluate(problem.TRUE, state).compliance
-    assert np.abs(np.log(carried / truth)).max() < 0.004  # with finer ones at this place
+    assert np.abs(np.log(carried / truth)).max() < 0.0025  # with finer ones at this place
 
 
 def test_first_order_change_of_the_place_is_that_of_the_models():
@@ -76,7 +76,7 @@ def test_bounds_keep_the_tips_on_the_body():
     gap = 0.012 - 0.005  # of the outermost presses' rims
     assert (-x.lower, x.upper) == pytest.approx((0.95 * gap, 0.95 * gap))
     assert (y.lower, y.upper) == (x.lower, x.upper)
-    further = replace(own.readings, point_m=own.readings.point_m + [0.003, 0, 0])
+    further = replace(own.readings, point_m=own.readings.point_m + np.array([0.003, 0, 0]))
     x, y = effect.bounded(further, own.state)
     assert (-x.lower, x.upper) == pytest.approx((0.95 * (gap - 0.003), 0.95 * (gap + 0.003)))
 
@@ -111,5 +111,5 @@ def test_the_laboratory_moves_the_body_under_presses_and_inclusions():
     assert moved[2] > 1.03 * still[2]
     # the same body with its spot and the presses moved the other way
     other = HiddenBody(truth=TruthMap(6e3, (replace(spot, centre_m=(0.044, 0.048, 0.040)),)))
-    same = block_compliance(other, presses + [0.004, 0.0], radius, divisions=divisions)
+    same = block_compliance(other, presses + np.array([0.004, 0.0]), radius, divisions=divisions)
     np.testing.assert_allclose(moved, same, rtol=1e-12)

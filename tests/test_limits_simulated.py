@@ -21,7 +21,7 @@ RADIUS_M = 0.005
 TESTED = (
     "stiffness_gradient", "poisson_ratio", "base_compliance", "tool_compliance", "spherical_tip",
     "viscoelasticity", "force_bias", "force_drift", "force_saturation", "contact_offset",
-    "preconditioning", "hysteresis", "side_gradient",
+    "preconditioning", "hysteresis", "side_gradient", "body_shift",
 )  # fmt: skip
 
 

@@ -21,7 +21,12 @@ from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_map_figures import draw_maps
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
-from palpmap.explain_words import _name_notes, unseen_inclusions, verdict_detail
+from palpmap.explain_words import (
+    _name_notes,
+    stated_lengths,
+    unseen_inclusions,
+    verdict_detail,
+)
 from palpmap.next_scan import finer_cells, propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -300,3 +305,17 @@ def test_unseen_inclusions_are_counted_without_those_of_effects(told):
     assert "Inclusions 1 and 2 are not all seen" in unseen_inclusions(two)
     assert "Say inclusions = 1 under" in unseen_inclusions(two)
     assert unseen_inclusions(told.record) == ""
+
+
+def test_lengths_that_would_look_like_an_effect_are_said_with_their_side():
+    tip = {"effect": "stiffness_gradient", "length": "tip_radius", "change_m": 3.8e-4}
+    body = {"effect": "stiffness_gradient", "length": "body_height", "change_m": -4.9e-3}
+    other = {**tip, "effect": "skin_layer"}
+    assert stated_lengths({"stated_lengths": [tip, body, other]}) == [
+        "Nearly the same as stiffness_gradient would be seen if the tip's radius were 0.38 mm "
+        "larger than stated, or the body's height were 4.9 mm smaller than stated. Measure that "
+        "first.",
+        "Nearly the same as skin_layer would be seen if the tip's radius were 0.38 mm larger than "
+        "stated. Measure that first.",
+    ]
+    assert stated_lengths({"stated_lengths": []}) == []

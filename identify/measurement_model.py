@@ -15,7 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from identify.body_mechanics import BodyMechanics, BodyResponse
+from identify.body_mechanics import BodyMechanics
+from identify.body_response import BodyResponse
 from identify.body_state import BodyState
 from identify.effects.effect import Effect, EffectParameter
 from identify.gaussian_map import GaussianMap

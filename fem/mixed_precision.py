@@ -1,97 +1,151 @@
-"""Solutions in double precision by factors in single precision, which take half the memory.
+"""Solutions of large bodies in double precision by a preconditioner in single precision.
 
-For large bodies the factorisation takes all but a few seconds of an evaluation, and most of its
-memory. Done in single precision it is a preconditioner so good that conjugate gradients in double
-precision need two or three iterations; all right-hand sides go through them together.
+A factorisation in double precision takes nearly all of a large body's time and memory. In its
+place conjugate gradients, all right-hand sides together, with a preconditioner of two kinds: two
+grids (`fem.two_grid`), and beyond their Poisson's ratio factors in single precision, which take
+half the memory and two or three iterations.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.solver import Factor
+from fem.block_matrix import BlockMatrix
+from fem.errors import SolverError
+from fem.solver import Factor, Pattern
 
 #: Relative error of a displacement in the energy norm; that of a compliance is its square.
 RTOL = 1e-8
-_MOST = 12  # iterations; more would take longer than factors in double precision
+_SURE = 10  # iterations after which the rate tells whether it goes on
 
 
-class SymmetricMatrix(NamedTuple):
-    """Upper triangle, diagonal included, of a symmetric matrix in CSR layout.
+class Preconditioner(Protocol):
+    """An approximate inverse, symmetric and positive definite."""
 
-    The diagonal is the first entry of each row.
-    """
-
-    indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
-    values: NDArray[np.float64]
-
-    def product(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the product with a vector (n,)."""
-        y = np.empty_like(x)
-        _product(y, x, *self)
-        return y
-
-    def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the products (k, n) with k vectors, on all cores."""
-        result = np.empty_like(rows)
-        _products(result, rows, *self)
-        return result
+    def __call__(self, residual: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the correction (f, 3, k); it lasts until the next call."""
+        ...
 
 
-def solve_with_rough_factor(
-    matrix: SymmetricMatrix, factor: Factor, rhs: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
+class Preparation(Protocol):
+    """What makes the preconditioner of a body for one modulus field after another."""
+
+    @property
+    def most(self) -> int:
+        """Iterations that are worth their time."""
+        ...
+
+    def prepare(self, matrix: BlockMatrix, values: NDArray[np.float64]) -> Preconditioner:
+        """Return that of a matrix, also given as the values of its upper triangle.
+
+        Raises
+        ------
+        SolverError
+            The matrix is not positive definite, as far as single precision can tell.
+        """
+        ...
+
+
+class RoughFactors:
+    """Factors in single precision."""
+
+    most = 12
+
+    def __init__(self, analyse: Callable[[], Pattern]) -> None:
+        self._analyse = analyse
+        self._pattern: Pattern | None = None
+
+    def prepare(self, matrix: BlockMatrix, values: NDArray[np.float64]) -> Preconditioner:
+        """Factorise the values."""
+        if self._pattern is None:
+            self._pattern = self._analyse()
+        return _RoughFactor(self._pattern.factorize(values))
+
+
+@dataclass(frozen=True)
+class _RoughFactor:
+    factor: Factor
+
+    def __call__(self, residual: NDArray[np.float32]) -> NDArray[np.float32]:
+        solution = self.factor.solve(residual.reshape(-1, residual.shape[-1]))
+        return np.ascontiguousarray(solution, np.float32).reshape(residual.shape)
+
+
+def conjugate_gradients(
+    matrix: BlockMatrix, precondition: Preconditioner, rhs: NDArray[np.float64], most: int
+) -> NDArray[np.float64]:
     """Solve A x = rhs to a relative error of `RTOL` in the energy norm, for every column (n, k).
 
-    Conjugate gradients with the factor as preconditioner, from zero: x is then the best of its
-    Krylov space, and rhs'x wrong by the square of the error only. None if the factor is too rough
-    for that, or A is not positive definite.
+    From zero: x is then the best of its Krylov space, and rhs'x wrong by the square of the error
+    only.
+
+    Raises
+    ------
+    SolverError
+        It takes more than `most` iterations, or A is not positive definite.
     """
-    residual = rhs.T.copy()
-    x, direction = np.zeros_like(residual), np.zeros_like(residual)
+    shape = (len(rhs) // 3, 3, rhs.shape[1])
+    residual = np.array(rhs, float, order="C").reshape(shape)
+    single = residual.astype(np.float32)
+    x, direction, product = np.zeros(shape), np.zeros(shape), np.empty(shape)
     tiny = np.finfo(float).tiny
-    first = error = np.ones(len(x))  # of the iterate, squared and in the energy norm
-    for iteration in range(_MOST):
-        correction = factor.solve(residual.T).T
-        before, error = np.maximum(error, tiny), np.einsum("kn,kn->k", residual, correction)
+    first = error = np.ones(shape[2])  # of the iterate, squared and in the energy norm
+    for iteration in range(most):
+        correction = precondition(single)
+        before, error = np.maximum(error, tiny), _dot(residual, correction)
         if iteration == 0:
             first, ratio = error, np.zeros_like(error)
         else:
             ratio = error / before
-        direction *= ratio[:, None]
-        direction += correction
-        product = matrix.products(direction)
-        curvature = np.einsum("kn,kn->k", direction, product)
+        _turn(direction, correction, ratio)
+        curvature = _dot(direction, matrix.products(direction, product))
         if not ((error >= 0) & (curvature >= 0)).all():
-            return None
-        step = (error / np.maximum(curvature, tiny))[:, None]
-        x += step * direction
-        product *= step
-        residual -= product
+            raise SolverError("the matrix or its preconditioner is not positive definite")
+        _advance(x, residual, single, direction, product, error / np.maximum(curvature, tiny))
         # this step leaves about as small a part of the error as the one before did
-        if iteration > 0 and (error * ratio <= RTOL**2 * first).all():
-            return x.T
-    return None
+        left = (error * ratio / np.maximum(first, tiny)).max()
+        if iteration > 0 and left <= RTOL**2:
+            return x.reshape(rhs.shape)
+        if iteration >= _SURE and left ** (most / iteration) > RTOL**2:
+            break
+    raise SolverError(f"conjugate gradients do not arrive in {most} iterations")
 
 
-@numba.njit(cache=True, nogil=True)
-def _product(y, x, indptr, indices, values):
-    y[:] = 0.0
-    for i in range(len(indptr) - 1):
-        s = values[indptr[i]] * x[i]
-        for k in range(indptr[i] + 1, indptr[i + 1]):
-            j = indices[k]
-            s += values[k] * x[j]
-            y[j] += values[k] * x[i]
-        y[i] += s
+@numba.njit(cache=True, parallel=True, fastmath=True)
+def _turn(direction, correction, ratio):
+    for i in numba.prange(len(direction)):
+        for a in range(3):
+            for c in range(len(ratio)):
+                direction[i, a, c] = correction[i, a, c] + ratio[c] * direction[i, a, c]
 
 
-@numba.njit(cache=True, parallel=True)
-def _products(y, x, indptr, indices, values):
-    for row in numba.prange(len(x)):
-        _product(y[row], x[row], indptr, indices, values)
+@numba.njit(cache=True, parallel=True, fastmath=True)
+def _advance(x, residual, single, direction, product, step):
+    for i in numba.prange(len(x)):
+        for a in range(3):
+            for c in range(len(step)):
+                x[i, a, c] += step[c] * direction[i, a, c]
+                left = residual[i, a, c] - step[c] * product[i, a, c]
+                residual[i, a, c] = left
+                single[i, a, c] = left
+
+
+_PARTS = 64  # sums of a fixed partition, so that they do not hang on the number of threads
+
+
+@numba.njit(cache=True, parallel=True, fastmath=True)
+def _dot(u, v):
+    n, k = len(u), u.shape[2]
+    sums = np.zeros((_PARTS, k))
+    for part in numba.prange(_PARTS):
+        for i in range(part * n // _PARTS, (part + 1) * n // _PARTS):
+            for a in range(3):
+                for c in range(k):
+                    sums[part, c] += u[i, a, c] * v[i, a, c]
+    return sums.sum(axis=0)

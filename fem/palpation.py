@@ -21,11 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.assembly import Stiffness
+from fem.block_matrix import BlockMatrix
 from fem.contact import Contacts, PressedSurface, contact_weights
 from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.mesh import Mesh
-from fem.mixed_precision import SymmetricMatrix, solve_with_rough_factor
+from fem.mixed_precision import Preparation, RoughFactors, conjugate_gradients
 from fem.modulus_samples import CLOSE_SAMPLES, close_points_m
 from fem.near_field import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field_points import FUNCTIONS
@@ -34,11 +35,12 @@ from fem.response import Response
 from fem.skin import Skin, SkinnedSurface
 from fem.solver import Pattern, Solver, default_solver
 from fem.support import Foundation, Support, first_order_rest
+from fem.two_grid import NU_LIMIT, TwoGrid
 
 __all__ = ["PalpationModel", "Response"]
 
 _GROUP = 16  # presses whose near fields are solved together
-#: Unknowns from which factors in single precision and iterations are faster than double precision.
+#: Unknowns from which iterations are faster than factors in double precision.
 LARGE = 100_000
 
 
@@ -59,22 +61,30 @@ class HeldBody:
         return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices)
 
     @cached_property
-    def rough(self) -> Pattern | None:
-        """The same for factors in single precision; None for a body that gains nothing by them."""
+    def iterative(self) -> list[Preparation]:
+        """Ways to solve without factors in double precision; none where they gain nothing.
+
+        A way that fails is not tried again.
+        """
         if len(self.loads) < LARGE:
-            return None
-        return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices, approximate=True)
+            return []
+        s = self.stiffness
+        rough = RoughFactors(lambda: self._solver.analyse(s.indptr, s.indices, approximate=True))
+        if s.poisson_ratio > NU_LIMIT:
+            return [rough]
+        return [TwoGrid(s.mesh.nodes[s.free_nodes], self._solver), rough]
 
     def solve(self, values: np.ndarray) -> np.ndarray:
         """Return the displacements (3 f, j) under all loads for values of the matrix."""
-        if self.rough is not None:
-            matrix = SymmetricMatrix(self.stiffness.indptr, self.stiffness.indices, values)
-            with suppress(SolverError):  # not positive definite, in single precision
-                factor = self.rough.factorize(values)
-                found = solve_with_rough_factor(matrix, factor, self.loads)
-                if found is not None:
-                    return found
-            self.rough = None
+        matrix = None
+        while self.iterative:
+            way = self.iterative[0]
+            if matrix is None:
+                matrix = BlockMatrix.of_upper(self.stiffness.indptr, self.stiffness.indices, values)
+            with suppress(SolverError):  # too rough, or not positive definite in single precision
+                preconditioner = way.prepare(matrix, values)
+                return conjugate_gradients(matrix, preconditioner, self.loads, way.most)
+            del self.iterative[0]
         return self.pattern.factorize(values).solve(self.loads)
 
     @cached_property

@@ -19,7 +19,6 @@ import numpy as np
 
 from fem.errors import SolverError
 from fem.finite_strain_assembly import FiniteStrainBody
-from fem.mixed_precision import SymmetricMatrix
 from fem.solver import Factor, Pattern
 
 
@@ -216,8 +215,22 @@ class TangentSolver:
     def product(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return the forces (3 f,) of a tangent's values (nnz,) on x, without those of the tip."""
         s = self.body.stiffness
-        forces = SymmetricMatrix(s.indptr, s.indices, values).product(x)
+        forces = np.empty_like(x)
+        _product(forces, x, s.indptr, s.indices, values)
         return self.constraints.without_reactions(forces)
+
+
+@numba.njit(cache=True, nogil=True)
+def _product(y, x, indptr, indices, values):
+    """Write to y the product of a symmetric matrix, given by its upper triangle, with x."""
+    y[:] = 0.0
+    for i in range(len(indptr) - 1):
+        s = values[indptr[i]] * x[i]
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            j = indices[k]
+            s += values[k] * x[j]
+            y[j] += values[k] * x[i]
+        y[i] += s
 
 
 @numba.njit(cache=True, nogil=True)

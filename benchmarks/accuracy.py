@@ -131,7 +131,11 @@ def table() -> list[str]:
         *(
             f"| {name} | "
             + " | ".join(f"{100 * rms(e):.2f} | {100 * np.abs(e).max():.2f}" for e in error[name])
-            + (f" | {setup[name]:.1f} | {np.median(seconds[name]):.2f} |" if name in setup else " | | |")
+            + (
+                f" | {setup[name]:.1f} | {np.median(seconds[name]):.2f} |"
+                if name in setup
+                else " | | |"
+            )
             + (f" {np.median(derive[name]):.2f} |" if name in derive else " |")
             for name in sorted(
                 error, key=lambda n: (n == extrapolated, n.split(",")[0] != label(COARSE))

@@ -33,7 +33,7 @@ from palpmap.paper_twin import (
 )
 
 TEST = next(test for test in paper_tests() if test.name == "V")
-SCIKIT_FEM_RUNS, TORCH_FEM_PRESSES = 5, 4
+FITS, SCIKIT_FEM_RUNS, TORCH_FEM_PRESSES = 5, 5, 4
 DIFFERENCE = 1e-6  # step of the finite differences, in scaled coordinates
 SAME = 1e-6  # largest relative difference that counts as the same answer
 
@@ -56,9 +56,10 @@ def ours() -> dict[str, float]:
     body = model._bonded
     values = body.stiffness.values(modulus)
     solve_test(TEST, model, OPTIMIZERS["bfgs"])
-    result = solve_test(TEST, model, OPTIMIZERS["bfgs"])
+    results = [solve_test(TEST, model, OPTIMIZERS["bfgs"]) for _ in range(FITS)]
+    result = results[0]
     return {
-        "fit": result.seconds,
+        "fit": float(np.median([result.seconds for result in results])),
         "evaluations": result.evaluations,
         "error": float(result.relative_error.max()),
         "all": seconds_of(lambda: model.evaluate(modulus).sensitivity, 9),

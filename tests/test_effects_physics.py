@@ -126,14 +126,40 @@ def test_large_strain_and_stiffening_invert_their_laws_and_begin_alike():
     given = pressing(9, radius=a)
     strain, fung = effect_named("finite_strain"), effect_named("strain_stiffening")
     d = strain.contact(own, given, own.force_n, travel, {"s": 0.3})
-    assert_allclose(d / np.sqrt(1 - 0.6 * d / a), travel, rtol=1e-12)
+    assert_allclose(d * (1 + 0.3 * d / a * (1 + d / a)), travel, rtol=1e-12)
     d = fung.contact(own, given, own.force_n, travel, {"b": 0.6})
     assert_allclose(a / 0.6 * np.expm1(0.6 * d / a), travel, rtol=1e-12)
     slight = [
-        effect.contact(own, given, own.force_n, travel, {name: size}) - travel
-        for effect, name, size in ((strain, "s", 1e-4), (fung, "b", 2e-4))
+        effect.contact(own, given, own.force_n, 1e-3 * travel, {name: size}) - 1e-3 * travel
+        for effect, name, size in ((strain, "s", 0.1), (strain, "s", -0.1), (fung, "b", 0.2))
     ]
-    assert_allclose(slight[0], slight[1], rtol=1e-3, atol=1e-12)
+    assert_allclose(slight[0], slight[2], rtol=2e-3, atol=1e-15)
+    assert_allclose(slight[0], -slight[1], rtol=2e-3, atol=1e-15)
+
+
+# Travel over the linear one at these depths over a, neo-Hookean, nu = 0.49, a/h = 0.1, rigid flat
+# tip; recomputed in `test_fem_finite_strain_geometry`
+DEPTH, STICKING, SLIDING = (0.1, 0.2, 0.4), (1.0065, 1.0139, 1.0306), (1.0075, 1.0175, 1.0425)
+
+
+@pytest.mark.parametrize(("s", "ratio"), [(-0.056, STICKING), (-0.074, SLIDING)])
+def test_large_strain_has_the_form_that_finite_elements_gave(s, ratio):
+    travel = 5e-3 * np.array(DEPTH)
+    own = readings(force_n=tuple(100 * travel))
+    given = pressing(3, radius=5e-3)
+    d = effect_named("finite_strain").contact(own, given, own.force_n, travel, {"s": s})
+    assert_allclose(d / travel, ratio, atol=1.2e-3)
+
+
+@pytest.mark.parametrize(
+    ("height", "modulus", "upper"),
+    [(0.048, None, 0.0), (0.048, 6e3, 0.0), (0.012, 6e3, 2.0), (0.048, 3e3, 2.0)],
+)
+def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus, upper):
+    own = readings(force_n=(0.1, 0.3), radius_m=5e-3)  # 0.3 N: 4.2 mm in 6 kPa, 8.4 mm in 3 kPa
+    state = BodyState(((0.0, 0.0, 0.0), (0.1, 0.1, height)), 0.4, background_pa=modulus)
+    (s,) = effect_named("finite_strain").bounded(own, state)
+    assert (s.lower, s.upper) == (-0.5, upper)
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ class StrainStiffening(Effect):
     """Fung's exponential law, written for the travel of a tip.
 
     Strain under a tip is of the order of depth over radius, so that the law of the material shows
-    as one of d / a. Its first term is that of `finite_strain` with s = b / 2; what tells them
-    apart is how fast the force grows at depths of the order of a.
+    as one of d / a. Its first term is that of `finite_strain` with s = b / 2: it is the sign that
+    tells them apart, as geometry softens bodies that are thick beside the tip.
     """
 
     name = "strain_stiffening"

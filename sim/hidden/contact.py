@@ -16,16 +16,19 @@ SHARES = (0.25, 0.45, 0.7, 1.0, 1.5)
 
 
 class FiniteStrain(HiddenEffect):
-    """The deeper the tip, the stiffer the body, as its shape changes under it."""
+    """The deeper the tip, the softer the body, as its shape changes under it.
+
+    A size of 1 is what neo-Hookean finite elements give for a rigid flat tip on a thick block.
+    """
 
     name, category = "finite_strain", "structured"
-    law = "u/(1 + s u/a)"
-    amplitude, typical, limit = "stiffening", 0.05, 3.0
+    law = "u (1 + size x (0.076 + 0.08 x)), x = u/a"
+    amplitude, typical, limit = "size", 1.0, 4.0
 
     def contact(self, bench, travel_m, values):
-        """Shorten the deep travels."""
+        """Lengthen the deep travels."""
         depth = travel_m / bench.program.radius_m[:, None]
-        return travel_m / (1 + values["stiffening"] * depth)
+        return travel_m * (1 + values["size"] * depth * (0.076 + 0.08 * depth))
 
 
 class StrainStiffening(HiddenEffect):

@@ -153,10 +153,10 @@ def test_large_strain_has_the_form_that_finite_elements_gave(s, ratio):
 
 @pytest.mark.parametrize(
     ("height", "modulus", "upper"),
-    [(0.048, None, 0.0), (0.048, 6e3, 0.0), (0.012, 6e3, 2.0), (0.048, 3e3, 2.0)],
+    [(0.048, None, 0.0), (0.048, 6e3, 0.0), (0.012, 6e3, 2.0), (0.048, 2e3, 2.0)],
 )
 def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus, upper):
-    own = readings(force_n=(0.1, 0.3), radius_m=5e-3)  # 0.3 N: 4.2 mm in 6 kPa, 8.4 mm in 3 kPa
+    own = readings(force_n=(0.1, 0.3), radius_m=5e-3)  # 0.3 N: 4.2 mm in 6 kPa, 13 mm in 2 kPa
     state = BodyState(((0.0, 0.0, 0.0), (0.1, 0.1, height)), 0.4, background_pa=modulus)
     (s,) = effect_named("finite_strain").bounded(own, state)
     assert (s.lower, s.upper) == (-0.5, upper)

@@ -24,7 +24,8 @@ class FiniteStrain(Effect):
     Rigid flat tip, a tenth of the height, Poisson's ratio 0.49: the travel is 0.7, 1.4, 3.1 % more
     than the linear one at x = 0.1, 0.2, 0.4 if the tip sticks (s = -0.056 gives 0.6, 1.3, 3.1 %),
     0.8, 1.8, 4.3 % if it slides; half of it at a fifth of the height; at a third it is 1 % less. A
-    ball follows Hertz's law. What grows stiffer in a thick body is the material: `strain_stiffening`.
+    ball follows Hertz's law. What grows stiffer in a thick body is the material: see
+    `strain_stiffening`.
     """
 
     name = "finite_strain"

@@ -46,7 +46,7 @@ class FiniteStrain(Effect):
     cure = "Press less deep, to a tenth of the tip's radius where noise allows; use a larger tip."
     parameters = (
         EffectParameter(
-            "s", "1", "hardening (+) or softening (-) at a depth of a", 0.0, -0.5, 2.0, 0.05
+            "s", "1", "first term in d/a, hardening (+) or softening (-)", 0.0, -0.5, 2.0, 0.05
         ),
     )
     needs = ("several forces",)

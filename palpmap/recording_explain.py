@@ -122,9 +122,12 @@ def record_explanation(
         log_outlines(file.static, parts.TRUE_MAP, true, view, style.TRUE)
     _paint_before(file, painted)
     last = int(finding.scan.press_ids[-1])
+    absent = _absent(explained)
     for number, rung in enumerate(explained.ladder):
         log = file.at(sim_time=now + 1 + number, press=last, iteration=number)
-        _log_rung(log, rung, number, true, painted)
+        step = _Step(number, {**absent, **rung.fit.values}, rung.fit.chi2_per_dof, rung.fit.rms_m)
+        log_iteration(log, step, true)
+        _log_rung(log, rung, number, painted)
         log_map(log, parts.FOUND_MAP, views[number], span)
         log_outlines(log, parts.FOUND_MAP, _map_parameters(rung), views[number], style.FOUND)
         modulus = rung.fit.changed_map.modulus(surface.vertices_m)
@@ -269,11 +272,16 @@ def _style_errors(file: RecordingFile) -> None:
         file.static(f"{ERROR}/{name}", rr.SeriesLines(colors=color, names=label, widths=2.5))
 
 
-def _log_rung(
-    log: Log, rung: Rung, number: int, true: Mapping[str, float], painted: _Painted
-) -> None:
-    step = _Step(number, rung.fit.values, rung.fit.chi2_per_dof, rung.fit.rms_m)
-    log_iteration(log, step, true)
+def _absent(explained: Explanation) -> dict[str, float]:
+    """Amplitudes of the effects before they were added: without them a plot would be one point."""
+    return {
+        f"{part.effect.name}.{name}": null
+        for part in explained.final.fit.model.effects
+        for name, null in part.effect.null.items()
+    }
+
+
+def _log_rung(log: Log, rung: Rung, number: int, painted: _Painted) -> None:
     for name, value in (
         ("rms_um", 1e6 * rung.fit.rms_m),
         ("held_out_um", 1e6 * rung.held_out.rms_m),

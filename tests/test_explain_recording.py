@@ -124,6 +124,8 @@ def test_parameters_and_their_truth_are_those_of_the_record(explained_case, chun
         assert_allclose(last, [1, factor * found[name]["value"]], rtol=1e-12)
     entity, _ = parts.parameter_entity("background_pa", true=True)
     assert_allclose(scalar_series(chunks, entity, parts.ITERATION)[:, 1], 5.0)
+    entity, _ = parts.parameter_entity("viscoelasticity.g")
+    assert_allclose(scalar_series(chunks, entity, parts.ITERATION)[0], [0, 0])  # not there yet
 
 
 def test_candidates_and_the_verdict_stand_in_words(explained_case, chunks):

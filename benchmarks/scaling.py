@@ -40,7 +40,7 @@ def measure(divisions: tuple[int, int, int]) -> tuple[int, int, float, float, fl
     mesh = block_mesh(SIZE_M, divisions, order=1)
     model = PalpationModel(mesh, NU, contacts, near_field=False)
     body = model._bonded
-    _ = body.iterative or body.pattern  # prepared
+    _ = body.iterative or body.loaded_pattern  # prepared
     built = time.perf_counter()
     distance = ((model.points_m - [0.030, 0.048, 0.036]) ** 2).sum(axis=1)
     response = model.evaluate(6e3 + 12e3 * np.exp(-distance / (2 * 0.010**2)))

@@ -42,6 +42,8 @@ __all__ = ["PalpationModel", "Response"]
 _GROUP = 16  # presses whose near fields are solved together
 #: Unknowns from which iterations are faster than factors in double precision.
 LARGE = 100_000
+#: Part of the rows up to which loads count as sparse.
+FEW = 0.02
 
 
 class HeldBody:
@@ -57,8 +59,17 @@ class HeldBody:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """The analysed pattern."""
+        """The analysed pattern, for any right-hand sides."""
         return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices)
+
+    @cached_property
+    def loaded_pattern(self) -> Pattern:
+        """The analysed pattern, for the loads: where few rows bear them, that saves a third."""
+        rows = np.flatnonzero(self.loads.any(axis=1))
+        if len(rows) > FEW * len(self.loads):
+            return self.pattern
+        s = self.stiffness
+        return self._solver.analyse(s.indptr, s.indices, loaded=rows)
 
     @cached_property
     def iterative(self) -> list[Preparation]:
@@ -85,7 +96,7 @@ class HeldBody:
                 preconditioner = way.prepare(matrix, values)
                 return conjugate_gradients(matrix, preconditioner, self.loads, way.most)
             del self.iterative[0]
-        return self.pattern.factorize(values).solve(self.loads)
+        return self.loaded_pattern.factorize(values).solve(self.loads)
 
     @cached_property
     def foundation(self) -> Foundation:

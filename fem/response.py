@@ -69,12 +69,13 @@ class Response:
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
         result = stiffness.energies(nodal, self.model.close_cells)
-        if self.model.enrichments:  # by press in memory, to be added to
-            result = np.ascontiguousarray(result)
+        by_press = nodal
+        if self.model.enrichments:  # by press in memory, as they are read and added to
+            result, by_press = np.ascontiguousarray(result), np.ascontiguousarray(nodal)
         by_cell = result.reshape(len(nodal), -1, stiffness.samples)
         for j, part in enumerate(self.model.enrichments):
             nodes = stiffness.mesh.cells[part.cells]
-            add_energies(by_cell[j], part.cells, nodes, nodal[j], self.amplitude[j],
+            add_energies(by_cell[j], part.cells, nodes, by_press[j], self.amplitude[j],
                          part.coupling, part.energy)  # fmt: skip
         np.negative(result, out=result)
         skin = self._material.skin
@@ -86,16 +87,20 @@ class Response:
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
         if not self.model.enrichments:
             return result
-        return np.hstack([result, -self._close_energies(nodal).reshape(len(nodal), -1)])
+        close = self._close_energies(nodal, by_press)
+        return np.hstack([result, -close.reshape(len(nodal), -1)])
 
-    def _close_energies(self, nodal: np.ndarray) -> np.ndarray:
-        """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s)."""
+    def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
+        """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s).
+
+        Of fields (j, n, 3) both in the order of `Stiffness.prolong` and press by press.
+        """
         mesh = self.model.mesh
         result = self._body.stiffness.close_energies(nodal, self.model.close_cells)
         result = np.ascontiguousarray(result)
         for j, part in enumerate(self.model.enrichments):
             cells, *near = part.close
-            add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], nodal[j],
+            add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], by_press[j],
                          self.amplitude[j], *near)  # fmt: skip
         return result
 
@@ -109,7 +114,8 @@ class Response:
         stiffness, material = self._body.stiffness, self._material
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
-        close = self._close_energies(stiffness.prolong(self._free))
+        nodal = stiffness.prolong(self._free)
+        close = self._close_energies(nodal, np.ascontiguousarray(nodal))
         bent = np.abs(close * (material.close - linear))
         return bent.sum(axis=(1, 2)) / self.compliance
 

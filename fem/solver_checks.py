@@ -47,6 +47,16 @@ def checked_values(values: ArrayLike, count: int) -> NDArray[np.float64]:
     return data
 
 
+def checked_rows(rows: ArrayLike, size: int) -> NDArray[np.bool_]:
+    """Return which of all rows (n,) are among those numbered (k,)."""
+    numbers = np.asarray(rows, np.int64)
+    if numbers.ndim != 1 or not numbers.size or numbers.min() < 0 or numbers.max() >= size:
+        raise SolverError(f"Loaded rows must be numbers from 0 to {size - 1}, and one at least.")
+    among = np.zeros(size, bool)
+    among[numbers] = True
+    return among
+
+
 def checked_rhs(rhs: ArrayLike, size: int) -> NDArray[np.float64]:
     """Return the right-hand side (n,) or (n, r) as float64."""
     load = np.asarray(rhs, np.float64)

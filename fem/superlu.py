@@ -26,13 +26,18 @@ class SuperLUSolver:
         return f"SuperLU of scipy {__version__}"
 
     def analyse(
-        self, indptr: ArrayLike, indices: ArrayLike, approximate: bool = False
+        self,
+        indptr: ArrayLike,
+        indices: ArrayLike,
+        approximate: bool = False,
+        loaded: ArrayLike | None = None,
     ) -> SuperLUPattern:
         """Prepare the full matrix of the upper triangle (SuperLU orders in `factorize`).
 
-        Factors are in double precision, whether or not `approximate` ones would do.
+        Factors are in double precision, whether or not `approximate` ones would do, and right-hand
+        sides may be loaded anywhere.
         """
-        del approximate
+        del approximate, loaded
         return SuperLUPattern(*checked_pattern(indptr, indices))
 
 

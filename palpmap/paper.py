@@ -34,24 +34,20 @@ def run_paper(
 
     Returns whether every parameter was found within `LARGEST_RELATIVE_ERROR`.
     """
-    from palpmap.paper_figures import PaperFigures
     from palpmap.run_folder import RunFolder, write_record
 
     chosen = _chosen(paper_tests(), tests)
     settings = {"optimizer": optimizer, "tests": [test.name for test in chosen]}
     with RunFolder("paper", out, settings=settings) as run:
-        figures = PaperFigures(chosen, run / "figures")
         with output.progress() as progress:
             task = progress.add_task("the paper's tests", total=len(chosen))
-
-            def solved(result: PaperResult) -> None:
-                progress.advance(task)
-                figures.add(result)
-
-            results = solve_tests(chosen, OPTIMIZERS[optimizer], solved)
+            results = solve_tests(chosen, OPTIMIZERS[optimizer], lambda _: progress.advance(task))
         record = paper_record(results, optimizer)
         write_record(run / "paper.json", record)
-        drawn = figures.files()
+        # Only now: drawing beside the solvers would hold up the interpreter that they share
+        from palpmap.paper_figures import draw_figures
+
+        drawn = draw_figures(results, run / "figures")
         passed = all(result.passed for result in results)
         verdict = "every" if passed else "NOT every"
         output.result(

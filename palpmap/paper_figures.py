@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpmap.figure_style import settle
-from palpmap.paper_twin import PaperResult, PaperTest, symbol
+from palpmap.paper_twin import PaperResult, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,38 +22,18 @@ _DPI = 150
 _AXES = {"Pa": "Young's modulus / Pa", "mm": "length / mm"}
 
 
-class PaperFigures:
-    """Draws a figure as soon as its tests are solved, in a thread beside those that solve.
+def draw_figures(results: Sequence[PaperResult], folder: Path) -> list[Path]:
+    """Draw the figures of solved tests; return the paths of the PNG and SVG files.
 
-    Parameters
-    ----------
-    tests : that will be solved
-    folder : of the PNG and SVG files; it is made
+    `folder` is made.
     """
-
-    def __init__(self, tests: Sequence[PaperTest], folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._folder = folder
-        self._order = [test.name for test in tests]
-        self._solved: dict[str, PaperResult] = {}
-        self._drawn: dict[int, Future[list[Path]]] = {}
-        self._lock = Lock()
-        self._thread = ThreadPoolExecutor(1)
-
-    def add(self, result: PaperResult) -> None:
-        """Take a solved test; from any thread."""
-        number = FIGURES[result.test.name]
-        shown = [name for name in self._order if FIGURES[name] == number]
-        with self._lock:
-            self._solved[result.test.name] = result
-            if all(name in self._solved for name in shown):
-                results = [self._solved[name] for name in shown]
-                self._drawn[number] = self._thread.submit(_draw, number, results, self._folder)
-
-    def files(self) -> list[Path]:
-        """Wait for the figures; return their files' paths."""
-        self._thread.shutdown()
-        return [path for _, drawn in sorted(self._drawn.items()) for path in drawn.result()]
+    folder.mkdir(parents=True, exist_ok=True)
+    numbers = dict.fromkeys(FIGURES[result.test.name] for result in results)
+    return [
+        path
+        for number in sorted(numbers)
+        for path in _draw(number, [r for r in results if FIGURES[r.test.name] == number], folder)
+    ]
 
 
 def _draw(number: int, results: Sequence[PaperResult], folder: Path) -> list[Path]:

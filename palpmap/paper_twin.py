@@ -33,7 +33,7 @@ LARGEST_RELATIVE_ERROR = 1e-6
 
 # With eq. 3 divided by half the sum of squared observations, this gradient tolerance
 # (sqrt(2 FTOL)) leaves the parameters within 1e-8.
-FTOL = 1e-20
+FTOL = 1e-19
 
 
 @dataclass(frozen=True)

@@ -231,6 +231,39 @@ def test_the_two_halves_of_a_solve_make_the_whole_and_give_every_product(solver)
 
 
 @every_solver
+@pytest.mark.parametrize("rows", [[0], [3, 17, 18], "all"])
+def test_loads_in_few_rows_have_the_same_solution_and_the_same_halves(solver, rows):
+    first, second = stiffness_like(2), stiffness_like(6)
+    n = first.shape[0]
+    rows = np.arange(n) if rows == "all" else np.array(rows)
+    loads = np.zeros((n, 5))
+    loads[rows] = np.random.default_rng(5).normal(size=(len(rows), 5))
+    upper = upper_of(first)
+    pattern = solver.analyse(upper.indptr, upper.indices, loaded=rows)
+    for matrix in (first, second):
+        factor = pattern.factorize(upper_of(matrix).data)
+        solution = np.linalg.solve(matrix.toarray(), loads)
+        np.testing.assert_allclose(factor.solve(loads), solution, rtol=1e-8, atol=1e-12)
+        half = factor.forward(loads)
+        np.testing.assert_allclose(half.T @ half, loads.T @ solution, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(factor.backward(half), solution, rtol=1e-8, atol=1e-12)
+
+
+def test_a_load_where_none_was_announced_is_refused():
+    if not isinstance(default_solver(), PardisoSolver):
+        pytest.skip("only PARDISO makes use of sparse loads")
+    upper = upper_of(stiffness_like())
+    pattern = PardisoSolver().analyse(upper.indptr, upper.indices, loaded=[4, 5])
+    factor = pattern.factorize(upper.data)
+    for solve in (factor.solve, factor.forward):
+        with pytest.raises(SolverError, match="not zero where analysed to be unloaded"):
+            solve(np.ones(upper.shape[0]))
+    for rows in ([], [-1], [upper.shape[0]]):
+        with pytest.raises(SolverError, match="Loaded rows must be numbers from 0 to"):
+            PardisoSolver().analyse(upper.indptr, upper.indices, loaded=rows)
+
+
+@every_solver
 def test_an_approximate_factor_is_a_good_preconditioner_and_its_solutions_are_in_double(solver):
     upper = upper_of(stiffness_like(3))
     rhs = np.random.default_rng(1).normal(size=(upper.shape[0], 2))

@@ -132,22 +132,23 @@ class PathFollower:
         previous = None
         smallest = self.options.smallest_step * float(forces_n[-1])
         for force, guess in zip(forces_n, start, strict=True):
-            step = float(force) - path[-1].force_n
+            step, failed = float(force) - path[-1].force_n, math.inf
             while path[-1].force_n < force:
-                left = float(force) - path[-1].force_n
-                target = float(force) if left < 1.001 * step else path[-1].force_n + step
+                target = _next_load(path[-1].force_n, float(force), step, failed, smallest)
                 guesses = _extrapolations(path, target)
                 slope = path[-1].z
                 if guess is not None and target == force:
                     guesses += _from_other_modulus(path[-1], guess, previous, target)
                     slope = guess.z
+                step = target - path[-1].force_n
                 try:
                     path.append(self._equilibrium(target, guesses, slope))
                     step *= 2
+                    failed = failed if target < failed else math.inf
                 except _NotConverged as reason:
                     self.tangent.back_to_linear()
-                    step = min(step, left) / 2
-                    if step < smallest:
+                    failed = target
+                    if step < 2 * smallest:
                         found += [None] * (len(forces_n) - len(found))
                         return found, path[-1].force_n, str(reason)
                 path = path[-2:]
@@ -291,6 +292,17 @@ class PathFollower:
             raise _NotConverged(f"the tangent at {force:.4g} N is too close to singular")
         reading = float(self._load @ u) + float(z @ residual)
         return Equilibrium(force, u, z, reading, tuple(errors))
+
+
+def _next_load(last: float, asked: float, step: float, failed: float, smallest: float) -> float:
+    """Force to try after `last`: a step on, or half-way to a force that failed from farther away.
+
+    That force itself is tried again from nearby, as soon as halves are smaller than the smallest.
+    """
+    if math.isfinite(failed):
+        half = (failed - last) / 2
+        return failed if half < smallest else last + half
+    return asked if asked - last < 1.001 * step else last + step
 
 
 def _extrapolations(path: list[Equilibrium], force: float) -> list[np.ndarray]:

@@ -24,7 +24,7 @@ C_a F ratio(F'). Derivatives: with the tangent compliance field z = K_T^-1 b,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -299,7 +299,8 @@ class FiniteStrainModel:
         scale = 1.0 if accurate is None else float(accurate[j]) / linear
         order = np.argsort(forces, kind="stable")
         guesses = [None] * len(forces) if start is None else [start._states[j][i] for i in order]
-        found, reached, message = follower.follow(rest, forces[order] * scale, guesses)
+        other = None if start is None else replace(rest, z=start._linear[j])
+        found, reached, message = follower.follow(rest, forces[order] * scale, guesses, other)
         states: list[Equilibrium | None] = [None] * len(forces)
         for place, state in zip(order, found, strict=True):
             states[place] = state

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,7 +112,11 @@ class PathFollower:
         return Equilibrium(0.0, np.zeros(self.body.size), z, 0.0, ())
 
     def follow(
-        self, rest: Equilibrium, forces_n: np.ndarray, start: Sequence[Equilibrium | None]
+        self,
+        rest: Equilibrium,
+        forces_n: np.ndarray,
+        start: Sequence[Equilibrium | None],
+        other: Equilibrium | None = None,
     ) -> tuple[list[Equilibrium | None], float, str]:
         """Equilibria of the press at rising forces.
 
@@ -120,7 +124,8 @@ class PathFollower:
         ----------
         rest : what `press` returned
         forces_n : (l,) N, rising, not negative
-        start : guess for each force, as the equilibrium with another modulus, or None
+        start : guess for each force, the equilibrium with another modulus, or None
+        other : the unloaded state with that modulus
 
         Returns
         -------
@@ -129,17 +134,21 @@ class PathFollower:
         """
         path = [rest]
         found: list[Equilibrium | None] = []
-        previous = None
+        apart = [] if other is None else [_difference(rest, other)]
         smallest = self.options.smallest_step * float(forces_n[-1])
         for force, guess in zip(forces_n, start, strict=True):
             step, failed = float(force) - path[-1].force_n, math.inf
             while path[-1].force_n < force:
                 target = _next_load(path[-1].force_n, float(force), step, failed, smallest)
-                guesses = _extrapolations(path, target)
-                slope = path[-1].z
                 if guess is not None and target == force:
-                    guesses += _from_other_modulus(path[-1], guess, previous, target)
-                    slope = guess.z
+                    # This path smoothly continued, or the other modulus's and the difference so far
+                    u = guess.u + (force - guess.force_n) * guess.z + apart[-1].u
+                    smooth = _extrapolations(path, target)[0]
+                    guesses = [smooth, u + (force - apart[-1].force_n) * apart[-1].z, u]
+                    slope = guess.z + _extrapolated_slope(apart, target)
+                else:
+                    guesses = _extrapolations(path, target)
+                    slope = _extrapolated_slope(path, target)
                 step = target - path[-1].force_n
                 try:
                     path.append(self._equilibrium(target, guesses, slope))
@@ -153,7 +162,8 @@ class PathFollower:
                         return found, path[-1].force_n, str(reason)
                 path = path[-2:]
             found.append(path[-1])
-            previous = guess
+            if guess is not None:
+                apart = [*apart[-1:], _difference(path[-1], guess)]
         return found, path[-1].force_n, ""
 
     # ------------------------------------------------------------------ one load
@@ -305,7 +315,7 @@ def _next_load(last: float, asked: float, step: float, failed: float, smallest: 
     return asked if asked - last < 1.001 * step else last + step
 
 
-def _extrapolations(path: list[Equilibrium], force: float) -> list[np.ndarray]:
+def _extrapolations(path: Sequence[Equilibrium], force: float) -> list[np.ndarray]:
     """First guesses at a force from the last one or two states and their slopes."""
     last = path[-1]
     step = force - last.force_n
@@ -322,9 +332,16 @@ def _extrapolations(path: list[Equilibrium], force: float) -> list[np.ndarray]:
     return guesses
 
 
-def _from_other_modulus(
-    last: Equilibrium, guess: Equilibrium, previous: Equilibrium | None, force: float
-) -> list[np.ndarray]:
-    """First guesses from the path with another modulus, at about the same force."""
-    u = guess.u + (force - guess.force_n) * guess.z
-    return [u] if previous is None else [u, u + last.u - previous.u]
+def _extrapolated_slope(path: Sequence[Equilibrium], force: float) -> np.ndarray:
+    """Slope at a force, linear in those of the last two states."""
+    last = path[-1]
+    if len(path) == 1:
+        return last.z
+    part = (force - last.force_n) / (last.force_n - path[-2].force_n)
+    return last.z + part * (last.z - path[-2].z)
+
+
+def _difference(state: Equilibrium, other: Equilibrium) -> Equilibrium:
+    """Return what another modulus makes of a state and its slope, at the force of the first."""
+    u = other.u + (state.force_n - other.force_n) * other.z
+    return replace(state, u=state.u - u, z=state.z - other.z)

@@ -162,7 +162,7 @@ class PathFollower:
                         return found, path[-1].force_n, str(reason)
                 path = path[-2:]
             found.append(path[-1])
-            if guess is not None:
+            if guess is not None and force > apart[-1].force_n:
                 apart = [*apart[-1:], _difference(path[-1], guess)]
         return found, path[-1].force_n, ""
 

@@ -138,6 +138,18 @@ def test_a_warm_start_saves_work_and_changes_nothing():
         assert warm.errors(j, 0)[0] < 0.1 * cold.errors(j, 0)[0]
 
 
+def test_a_warm_start_takes_forces_that_are_zero_repeated_and_in_any_order():
+    model = model_of(options=NewtonOptions(rtol=1e-9))
+    forces = [0.8, 0.0, 0.3, 0.8, 1.5, 0.0]
+    near = model.evaluate(modulus_at(model.points_m), forces)
+    modulus = modulus_at(model.points_m, weight=9.2e3)
+    warm = model.evaluate(modulus, forces, start=near)
+    assert warm.complete
+    cold = model.evaluate(modulus, forces)
+    np.testing.assert_allclose(warm.readings_m, cold.readings_m, rtol=1e-8)
+    assert warm.iterations < cold.iterations
+
+
 @pytest.mark.parametrize("tip", [DeadPressure(), RigidTip(2)], ids=["dead", "rigid"])
 @pytest.mark.parametrize("mean", [False, True])
 def test_derivatives_by_the_modulus_pass_a_taylor_test(tip, mean):
@@ -246,6 +258,17 @@ def test_a_load_without_equilibrium_says_how_far_it_came():
     # where it stopped is where Newton, from below, stops too
     part = model_of(contacts=contacts).evaluate(6e3, [[0.2], [float(response.reached_n[1])]])
     assert part.complete
+
+
+def test_where_a_load_stops_is_bracketed_with_little_work():
+    contacts = Contacts([(0.012, 0.012, 0.03)], (0, 0, -1), 0.005)
+    model = model_of(tip=DeadPressure(), contacts=contacts)
+    response = model.evaluate(6e3, [[0.2, 4.0]])
+    (reached,), smallest = response.reached_n, NewtonOptions().smallest_step * 4.0
+    assert 0.2 < reached < 4.0
+    beyond = model.evaluate(6e3, [[0.2, float(reached), float(reached) + 2 * smallest]])
+    assert not beyond.complete  # nothing that could have been reached was left
+    assert response.factorizations < 18
 
 
 @pytest.mark.parametrize(

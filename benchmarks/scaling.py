@@ -7,12 +7,12 @@ Part of `python benchmarks/run.py`.
 from __future__ import annotations
 
 import multiprocessing
-import resource
 import time
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
+from memory import peak_mb
 
 import fem.palpation
 from fem import Contacts, PalpationModel, block_mesh
@@ -48,7 +48,7 @@ def measure(divisions: tuple[int, int, int]) -> tuple[int, int, float, float, fl
     sensitivity = response.sensitivity
     end = time.perf_counter()
     assert sensitivity.shape == (len(contacts), len(mesh.cells))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    memory = peak_mb() / 1024
     return (len(mesh.cells), len(body.loads), built - start, solved - built, end - solved, memory)
 
 

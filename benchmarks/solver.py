@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import importlib.util
 import multiprocessing
-import resource
 import time
 from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
+from memory import peak_mb
 from scipy.sparse.linalg import splu
 
 from fem.assembly import Stiffness
@@ -80,19 +80,14 @@ def measure(divisions: tuple[int, int, int], name: str, answer: multiprocessing.
     upper = sp.csr_array((values, stiffness.indices, stiffness.indptr), shape=(n, n))
     matrix = full(upper)
     loads = np.asfortranarray(np.random.default_rng(0).normal(size=(n, PRESSES)))
-    before = memory_mb()
+    before = peak_mb()
     analyse, factorise, solve = METHODS[name](upper)
     start = time.perf_counter()
     x = solve(loads)
     seconds = time.perf_counter() - start
-    peak = memory_mb() - before
+    peak = peak_mb() - before
     residual = np.linalg.norm(matrix @ x - loads) / np.linalg.norm(loads)
     answer.put((analyse, factorise, seconds, peak, residual))
-
-
-def memory_mb() -> float:
-    """Highest memory of this process so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def row(divisions: tuple[int, int, int], name: str) -> str:

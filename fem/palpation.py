@@ -66,7 +66,7 @@ class HeldBody:
     def loaded_pattern(self) -> Pattern:
         """The analysed pattern, for the loads: where few rows bear them, that saves a third."""
         rows = np.flatnonzero(self.loads.any(axis=1))
-        if len(rows) > FEW * len(self.loads):
+        if not len(rows) or len(rows) > FEW * len(self.loads):
             return self.pattern
         s = self.stiffness
         return self._solver.analyse(s.indptr, s.indices, loaded=rows)

@@ -236,6 +236,14 @@ def test_an_unknown_support_is_refused_with_the_known_ones():
         PalpationModel(block_mesh(SIZE, (2, 2, 2)), 0.4, Contacts(POINTS, DOWN, 0.004), "floor")
 
 
+def test_a_press_on_what_is_held_moves_nothing():
+    held = Contacts([(0.0, 0.0, 0.0)], DOWN, 0.0, "nodal")
+    model = PalpationModel(block_mesh((0.06, 0.06, 0.03), (4, 4, 2)), 0.45, held)
+    response = model.evaluate(5e3)
+    assert response.compliance == [0.0]
+    assert not response.sensitivity.any()
+
+
 def test_a_nodal_press_has_no_near_field():
     mesh = block_mesh(SIZE, (3, 2, 2), order=1)
     node = mesh.nodes[mesh.surface_nodes("top")[[4, 5]]]

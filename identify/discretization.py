@@ -18,6 +18,7 @@ from fem.response import Response
 from identify.forward import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
+MODEL_ERROR = "mesh_error"  # the effect by which this error becomes an unknown of a joint fit
 _RATE = 2.5  # of meshes that are not extrapolated, presses away from edges and steep inclusions
 _AT_ZERO = 0.12  # of `mesh_error_growth`
 
@@ -73,12 +74,12 @@ def mesh_error_growth(poisson_ratio: float, known_at: float) -> float:
     return float(here / there)
 
 
-def shift_covariance(covariance: np.ndarray, jac: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def shift_covariance(covariance: np.ndarray, pull: np.ndarray) -> np.ndarray:
     """Covariance (k, k) that errors of the model add to an estimate.
 
-    `covariance` (k, k) and `jac` (j, 2, k) are those of the whitened residuals, `shift` (j, 2) is
-    the change of these by one standard deviation of each press's error.
+    `covariance` (k, k) is that from the noise, `pull` (j, k) what one standard deviation of each
+    press's error does to the gradient of half of chi-square, both by the same unknowns.
     """
-    own = -np.einsum("kl,jrl,jr->kj", covariance, jac, shift)
+    own = covariance @ pull.T
     common = own.sum(axis=1)
     return np.outer(common, common) + own @ own.T

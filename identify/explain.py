@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 
+from identify.discretization import MODEL_ERROR
 from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
@@ -32,7 +33,6 @@ CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data h
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
 _IMITATED = 0.05  # visible share of an effect's pattern below which the map imitates all of it
-MODEL_ERROR = "mesh_error"  # what an effect that the map imitates cannot be told from
 # Of the unexplained chi-square: in 58 blind trials whatever was hidden took a third or more of what
 # was left, and what imitated an unknown effect 16 % or less from its second step on.
 WORTHWHILE = 0.1

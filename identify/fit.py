@@ -141,8 +141,8 @@ def _record(
     if correction is not None:
         _, by_compliance = problem.table.residuals(found, problem.noise)
         shift = by_compliance * (found * correction.own_error)[:, None]
-        by_press = jac.reshape(*shift.shape, -1)
-        scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, by_press, shift)
+        pull = np.einsum("jrk,jr->jk", jac.reshape(*shift.shape, -1), shift)
+        scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, pull)
     ends, spent = intervals(problem, minimum, scaled_covariance, noise_alone, curved)
     slope = space.slope(u)
     c = found[rows.press_index]

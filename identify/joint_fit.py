@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from identify.body_state import ChangedMap
+from identify.discretization import MODEL_ERROR, shift_covariance
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
 from identify.measurement_model import Linearised, MeasurementModel
@@ -34,7 +36,8 @@ class JointFit:
     model : what was fitted
     u : (k,) scaled estimate
     at : the model there, with the residual (m,) and its derivatives
-    covariance : (k, k) of the scaled unknowns, from the noise
+    covariance : (k, k) of the scaled unknowns, from the noise; with the meshes' error it is
+        `total_covariance`
     success : the minimum was reached
     nfev : evaluations of the finite element model
     """
@@ -94,10 +97,23 @@ class JointFit:
             found |= {f"{effect}.{name}": number for name, number in own.items()}
         return found
 
+    @cached_property
+    def total_covariance(self) -> np.ndarray:
+        """Covariance (k, k) from the noise and from what the finer model itself is off by."""
+        if MODEL_ERROR in self.model.has:
+            return self.covariance  # it is among the unknowns
+        at, press = self.at, self.model.readings.press
+        c = at.body.compliance
+        off = c * self.model.mechanics.model_error
+        shift = at.whitened(at.by_compliance * off[press], press)
+        pull = np.zeros((len(c), len(self.u)))
+        np.add.at(pull, press, at.jacobian * shift[:, None])
+        return self.covariance + shift_covariance(self.covariance, pull)
+
     @property
     def std(self) -> dict[str, float]:
-        """One standard deviation of each unknown by name, in its unit."""
-        deviation = np.sqrt(np.diag(self.covariance)) * np.abs(self.model.slope(self.u))
+        """One standard deviation of each unknown by name, in its unit; noise and meshes."""
+        deviation = np.sqrt(np.diag(self.total_covariance)) * np.abs(self.model.slope(self.u))
         return dict(zip(self.model.names, deviation.tolist(), strict=True))
 
     @property

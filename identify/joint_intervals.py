@@ -31,9 +31,9 @@ def joint_intervals(fit: JointFit, bent: bool = True) -> dict[str, tuple[float, 
         map whose own error outweighs the noise.
     """
     if not bent or fit.chi2_per_dof >= _GROSS**2 or fit.model.press_error:
-        return _in_units(fit, straight(fit.u, fit.covariance))
+        return _in_units(fit, straight(fit.u, fit.total_covariance))
     if fit not in _found:  # record, report and recording all ask for them
-        known = (fit.u, fit.chi2 / 2, fit.covariance, fit.covariance, fit.model.bounds)
+        known = (fit.u, fit.chi2 / 2, fit.total_covariance, fit.covariance, fit.model.bounds)
         ends = bent_intervals(Valley(*known, _refitter(fit)), fit.model.names)
         _found[fit] = _in_units(fit, ends)
     return _found[fit]

@@ -27,7 +27,7 @@ def fit_of(start: Fit, fit: JointFit) -> Fit:
         map=fit.map,
         parameters=estimates(fit),
         covariance_names=fit.model.names,
-        covariance=fit.covariance * np.outer(slope, slope),
+        covariance=fit.total_covariance * np.outer(slope, slope),
         latent_force_n=fit.at.latent_force_n,
         predicted_m=fit.at.predicted_m,
         sigma_m=fit.at.sigma_m,

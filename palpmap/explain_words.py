@@ -6,9 +6,10 @@ No sentence here is more certain than result.json.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.discretization import MODEL_ERROR
 from identify.effects import words
 from identify.effects.words import percent
-from identify.explain import MODEL_ERROR, WORTHWHILE, Explanation
+from identify.explain import WORTHWHILE, Explanation
 from identify.residual_statement import length
 from palpmap.explain_evidence import added_names, kept
 from palpmap.problem import Problem, named

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.explain import MODEL_ERROR, Explanation
+from identify.discretization import MODEL_ERROR
+from identify.explain import Explanation
 from identify.next_presses import Proposal, next_presses
 from identify.scan_design import Presses, presses_of, variations
 from palpmap.body_model import cell_size_m, smallest_cell_m

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_problem import TRUE, model, scan, timing, true_compliance
+from loop_problem import TRUE, mechanics, model, scan, timing, true_compliance
 
 from identify.effects.catalogue import CATALOGUE
 from identify.intervals import NORMAL_95
@@ -16,8 +16,10 @@ OFFSET_M = 1.5e-4
 
 @pytest.fixture(scope="module")
 def fit():
+    """With meshes that are said to be exact: the noise alone makes the intervals."""
     press, _, _, force = timing(7)
-    own = model(scan(true_compliance()[press] * force + OFFSET_M, force, 7))
+    body = replace(mechanics(), model_error=0.0)
+    own = model(scan(true_compliance()[press] * force + OFFSET_M, force, 7), body)
     offset = next(effect for effect in CATALOGUE if effect.name == "contact_offset")
     return fit_jointly(
         own.with_effect(offset, {"offset_m": OFFSET_M}, own.mechanics.state()), TRUE, rounds=0
@@ -63,3 +65,37 @@ def test_an_effect_has_an_interval_that_holds_what_was_planted(fit, found):
 def test_a_map_whose_own_error_outweighs_the_noise_has_no_valley(fit):
     rough = fit_jointly(replace(fit.model, press_error=0.15), fit.map, rounds=0)
     assert joint_intervals(rough) == joint_intervals(rough, bent=False)
+
+
+def with_meshes_error(fit, error):
+    return replace(fit.model, mechanics=replace(fit.model.mechanics, model_error=error))
+
+
+def test_what_the_meshes_are_off_by_together_widens_by_what_it_moves_the_estimate(fit):
+    error = 2e-3 * np.random.default_rng(1).standard_normal(25)
+    erring = with_meshes_error(fit, error)
+    estimate = fit_jointly(erring, fit.map, rounds=0)
+    body = erring.mechanics
+    corrected = replace(erring, mechanics=replace(body, ratio=body.ratio * (1 + error)))
+    moved = fit_jointly(corrected, fit.map, rounds=0).u - estimate.u
+    added = estimate.total_covariance - estimate.covariance
+    own = [with_meshes_error(fit, np.where(np.arange(25) == j, error, 0.0)) for j in range(25)]
+    single = sum(
+        (f.total_covariance - f.covariance) / 2
+        for f in (fit_jointly(m, fit.map, rounds=0) for m in own)
+    )
+    # one error of all presses at once, and one of each press by itself
+    np.testing.assert_allclose(added - single, np.outer(moved, moved), atol=0.1 * added.max())
+    assert np.all(np.diag(single) > 0)
+    assert all(estimate.std[name] > fit.std[name] for name in fit.values)
+    wide, narrow = joint_intervals(estimate), joint_intervals(fit)
+    for name in ("inclusion_1.x_m", "background_pa"):
+        assert np.ptp(wide[name]) > np.ptp(narrow[name])
+
+
+def test_a_meshes_error_among_the_unknowns_is_not_counted_twice(fit):
+    effect = next(effect for effect in CATALOGUE if effect.name == "mesh_error")
+    erring = with_meshes_error(fit, np.full(25, 2e-3))
+    known = erring.with_effect(effect, {"share": 0.0}, erring.mechanics.state())
+    joint = fit_jointly(known, fit.map, rounds=0)
+    np.testing.assert_array_equal(joint.total_covariance, joint.covariance)

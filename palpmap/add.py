@@ -17,7 +17,7 @@ from models.scan import read_scan
 from palpmap.console import Output, to_type
 from palpmap.diagnose import judged
 from palpmap.explain_record import parameters_of, rung_record
-from palpmap.explain_words import interval
+from palpmap.explain_words import interval, readable
 from palpmap.problem import Problem, catalogue_with, own_effects, pose
 from palpmap.study import Study, load_study
 from palpmap.study_versions import (
@@ -30,8 +30,6 @@ from palpmap.study_versions import (
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-_UNITS = {"Pa": (1e-3, " kPa"), "m": (1e3, " mm"), "1": (1.0, "")}
 
 
 def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], output: Output) -> bool:
@@ -185,10 +183,10 @@ def _change_table(
         found.add_column(column, justify="left" if column == "parameter" else "right")
     old = parameters_of(before, problem)
     for name, p in new.items():
-        scale, unit = _UNITS.get(p["unit"], (1.0, f" {p['unit']}"))
+        scale, unit = readable(p["unit"])
         earlier = f"{scale * old[name]['value']:.4g}{unit}" if name in old else "absent"
         now = f"{scale * p['value']:.4g}{unit}"
-        found.add_row(name, earlier, now, interval(p, scale, unit))
+        found.add_row(name, earlier, now, interval(p))
     return error, found
 
 

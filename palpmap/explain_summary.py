@@ -10,6 +10,7 @@ from palpmap.explain_evidence import added_names
 from palpmap.explain_words import (
     VERDICTS,
     interval,
+    readable,
     rung_labels,
     stated_lengths,
     step_evidence,
@@ -99,13 +100,12 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     table = Table(
         box=box.SIMPLE, title=_FITTED.get(record["verdict"], "found"), title_justify="left"
     )
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("standard error", justify="right")
-    table.add_column("95 % interval", justify="right")
+    table.add_column("parameter", overflow="fold")
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("std error", justify="right", no_wrap=True)
+    table.add_column("95 % interval", justify="right", no_wrap=True)
     for name, p in record["parameters"].items():
-        scale, unit = (1e3, "mm") if p["unit"] == "m" else (1.0, p["unit"])
-        unit = "" if unit == "1" else f" {unit}"
-        table.add_row(name, f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}",
-                      interval(p, scale, unit))  # fmt: skip
+        scale, unit = readable(p["unit"])
+        value, error = f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}"
+        table.add_row(name, value, error, interval(p))
     return table

@@ -157,9 +157,7 @@ def _with_interval(p: Mapping[str, Any]) -> str:
     text = _with_error(p["value"], 0.0, p["unit"])
     if not p["std"]:
         return text
-    unit = {"Pa": "kPa", "m": "mm", "1": ""}.get(p["unit"], p["unit"])
-    scale = {"Pa": 1e-3, "m": 1e3}.get(p["unit"], 1.0)
-    return f"{text} ({interval(p, scale, f' {unit}' if unit else '')})"
+    return f"{text} ({interval(p)})"
 
 
 def _with_error(value: float, std: float, unit: str) -> str:

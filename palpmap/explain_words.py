@@ -268,10 +268,16 @@ def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple
     return tuple(limits)
 
 
-def interval(parameter: Mapping[str, Any], scale: float, unit: str) -> str:
+def readable(unit: str) -> tuple[float, str]:
+    """Return the factor to a unit for reading, and that unit as it follows a number."""
+    return {"Pa": (1e-3, " kPa"), "m": (1e3, " mm"), "1": (1.0, "")}.get(unit, (1.0, f" {unit}"))
+
+
+def interval(parameter: Mapping[str, Any]) -> str:
     """Return a parameter's 95 % interval in words, or that it was held."""
     if not parameter["std"]:
         return "held"
+    scale, unit = readable(parameter["unit"])
     return f"{scale * parameter['lower95']:.4g} to {scale * parameter['upper95']:.4g}{unit}"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from identify.explain import Explanation
 from identify.rung import Rung
 from palpmap import recording_parts as parts
-from palpmap.explain_words import VERDICTS, interval, verdict_detail
+from palpmap.explain_words import VERDICTS, interval, readable, verdict_detail
 
 _SHOWN = 12  # candidates in the table of a rung
 _NOISE = 25.0  # a score that noise hardly gives: the longest bar is not shorter
@@ -52,9 +52,8 @@ def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> 
         "|---|---|---|",
     ]
     for parameter, p in record["parameters"].items():
-        scale, unit = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa")}.get(p["unit"], (1.0, p["unit"]))
-        unit = "" if unit == "1" else f" {unit}"
+        scale, unit = readable(p["unit"])
         bound = " (at its bound)" if p["at_bound"] else ""
         value = f"{scale * p['value']:.4g}{unit}{bound}"
-        lines.append(f"| {parameter} | {value} | {interval(p, scale, unit)} |")
+        lines.append(f"| {parameter} | {value} | {interval(p)} |")
     return "\n".join(lines)

@@ -26,6 +26,7 @@ from palpmap.reveal import stated
 from palpmap.run_folder import write_record
 from palpmap.sealed import seal, unseal
 from palpmap.study import load_study
+from palpmap.tournament_score import tournament_record, tournament_screen
 
 RUN = CliRunner()
 ROOT = Path(__file__).parent.parent
@@ -330,13 +331,27 @@ def test_a_tournament_counts_by_category_and_by_what_was_named_for_what():
         line(2, [], [], "none", "right", "nothing_missing"),
         {"number": 3, "hidden": [], "error": "ValueError: no"},
     ]
-    record = tournament.tournament_record(lines)
+    record = tournament_record(lines)
     assert record["categories"]["structured"] == {
         "trials": 2, "passed": 1, "right": 1, "honest": 0, "missed": 0, "wrong": 1,
     }  # fmt: skip
     assert record["confusion"]["force_bias"] == {"force_bias": 1, "breathing": 1}
     assert record["confusion"]["none"] == {"nothing_missing": 1}
     assert (record["failed"], record["errors"]) == (1, ["ValueError: no"])
+    assert record["coverage"] == {}
+
+
+def test_a_tournament_counts_how_often_intervals_held_where_the_answer_was_right():
+    held, missed = ({"name": "background_pa", "inside": inside} for inside in (True, False))
+    right = line(0, ["force_bias"], ["force_bias"], "structured", "right")
+    nothing = line(1, [], [], "none", "right", "nothing_missing")
+    group = line(2, ["breathing"], [], "structured", "right", "ambiguous")
+    wrong = line(3, ["force_bias"], ["breathing"], "structured", "wrong")
+    lines = [right | {"map": [held]}, nothing | {"map": [missed, {"name": "x"}]}]
+    lines += [group | {"map": [missed]}, wrong | {"map": [missed]}]
+    record = tournament_record(lines)
+    assert record["coverage"] == {"background_pa": {"intervals": 2, "held": 1}}
+    assert "held the truth 1 of 2 times" in tournament_screen(record)[-1]
 
 
 def test_without_a_choice_everything_that_can_be_hidden_takes_its_turn(tmp_path):

@@ -72,12 +72,14 @@ def with_meshes_error(fit, error):
 
 
 def test_what_the_meshes_are_off_by_together_widens_by_what_it_moves_the_estimate(fit):
-    error = 2e-3 * np.random.default_rng(1).standard_normal(25)
+    error = 2e-4 * np.random.default_rng(1).standard_normal(25)
     erring = with_meshes_error(fit, error)
     estimate = fit_jointly(erring, fit.map, rounds=0)
     body = erring.mechanics
     corrected = replace(erring, mechanics=replace(body, ratio=body.ratio * (1 + error)))
-    moved = fit_jointly(corrected, fit.map, rounds=0).u - estimate.u
+    # a step of Gauss and Newton at the estimate: the fit's own end is known no better
+    change = corrected.linearise(estimate.u).residual - estimate.at.residual
+    moved = estimate.covariance @ estimate.at.jacobian.T @ change
     added = estimate.total_covariance - estimate.covariance
     own = [with_meshes_error(fit, np.where(np.arange(25) == j, error, 0.0)) for j in range(25)]
     single = sum(
@@ -85,7 +87,8 @@ def test_what_the_meshes_are_off_by_together_widens_by_what_it_moves_the_estimat
         for f in (fit_jointly(m, fit.map, rounds=0) for m in own)
     )
     # one error of all presses at once, and one of each press by itself
-    np.testing.assert_allclose(added - single, np.outer(moved, moved), atol=0.1 * added.max())
+    together = np.outer(moved, moved)
+    np.testing.assert_allclose(added - single, together, atol=0.05 * together.max())
     assert np.all(np.diag(single) > 0)
     assert all(estimate.std[name] > fit.std[name] for name in fit.values)
     wide, narrow = joint_intervals(estimate), joint_intervals(fit)

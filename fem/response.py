@@ -22,7 +22,8 @@ from fem.near_field_sums import add_energies
 from fem.skin import Skin
 
 if TYPE_CHECKING:
-    from fem.palpation import HeldBody, Material, PalpationModel
+    from fem.held_body import HeldBody
+    from fem.palpation import Material, PalpationModel
 
 
 @dataclass(frozen=True)

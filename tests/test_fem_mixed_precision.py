@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-import fem.palpation
+import fem.held_body
 from fem import Contacts, PalpationModel, Support, block_mesh
 from fem.assembly import Stiffness
 from fem.block_matrix import BlockMatrix
@@ -200,7 +200,7 @@ def test_a_large_body_answers_as_a_small_one_does(monkeypatch, support, nu, way)
     small = model_of(support, nu)
     modulus = 5e3 + 2e4 * np.exp(-((small.points_m - [0.03, 0.02, 0.02]) ** 2).sum(1) / 2e-4)
     exact = small.evaluate(modulus)
-    monkeypatch.setattr(fem.palpation, "LARGE", 0)
+    monkeypatch.setattr(fem.held_body, "LARGE", 0)
     large = model_of(support, nu)
     body = large.floating if support else large._bonded
     assert isinstance(body.iterative[0], way)
@@ -217,7 +217,7 @@ def test_where_single_precision_is_not_enough_double_is_taken(monkeypatch, contr
     small = model_of(None, 0.45)
     modulus = np.where(small.points_m[:, 2] > 0.015, contrast, 1.0)  # a hard body on a soft one
     exact = small.evaluate(modulus)
-    monkeypatch.setattr(fem.palpation, "LARGE", 0)
+    monkeypatch.setattr(fem.held_body, "LARGE", 0)
     large = model_of(None, 0.45)
     found = large.evaluate(modulus)
     assert large._bonded.iterative == []

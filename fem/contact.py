@@ -177,11 +177,20 @@ class PressedSurface:
             depth[each, chosen],
         )
 
+    def bears(self, contacts: Contacts) -> np.ndarray:
+        """Whether the whole tip of each press lies on the surface, (j,)."""
+        disc, _ = disc_quadrature(contacts.profile_code)
+        return np.array([self._beneath(contacts, j, disc).hit.all() for j in range(len(contacts))])
+
+    def _beneath(self, contacts: Contacts, j: int, disc: np.ndarray) -> Footprint:
+        centre, radius = contacts.points_m[j], contacts.radius_m[j]
+        return self.under(centre, contact_frame(contacts.directions[j]), disc * radius, radius)
+
     def weights(self, contacts: Contacts, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Nodes and scalar weights of press j."""
         centre, radius = contacts.points_m[j], contacts.radius_m[j]
         disc, weight = disc_quadrature(contacts.profile_code)
-        under = self.under(centre, contact_frame(contacts.directions[j]), disc * radius, radius)
+        under = self._beneath(contacts, j, disc)
         if not under.hit.all():
             x, y, z = centre * 1e3
             raise MeshError(

@@ -7,8 +7,8 @@ and one of them stands in for the group. Where the residual is noise, nothing is
 chance does not give in a thousand scans; where it is structured, nothing that takes next to none
 of what is unexplained: beside something large and unknown, everything is significant. An effect
 that the map imitates all but wholly is never named alone: what is left of it is no more than a
-slight error of the model. After each addition the earlier ones must still earn their place. The
-verdict follows from what remains.
+slight error of the model. After each addition the earlier ones must still earn their place, and are
+compared with their rivals again. The verdict follows from what remains.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from typing import Literal
 
 import numpy as np
 
+from identify.addition import Addition
 from identify.discretization import MODEL_ERROR
 from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.measurement_model import MeasurementModel
-from identify.rivals import MARGIN, REFIT_EVALUATIONS, Rival, best_rivals
+from identify.rivals import REFIT_EVALUATIONS, best_rivals
 from identify.rung import Rung, rung_of
+from identify.second_look import look_again, with_exchanged
 from models.scan import Scan
 
 MOST_EFFECTS = 4
-CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
 _TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
 _IMITATED = 0.05  # visible share of an effect's pattern below which the map imitates all of it
@@ -39,42 +40,6 @@ WORTHWHILE = 0.1
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
-
-
-@dataclass(frozen=True)
-class Addition:
-    """An effect that was added, the rivals that it was compared with (best first).
-
-    `borne_out` : the presses by themselves call for it, and most are explained, whatever the map.
-    `beside` : effects that a slight error of the model passes for, or that it may pass for.
-    """
-
-    name: str
-    rivals: tuple[Rival, ...]
-    borne_out: bool = False
-    beside: tuple[str, ...] = ()
-
-    @property
-    def equals(self) -> tuple[str, ...]:
-        """The effect and all rivals that explain the scan as well, to within `MARGIN`.
-
-        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A rival of
-        which the effect is a special case can always do nearly as well: it is none.
-        """
-        best = self.rivals[0]
-        near = [
-            rival
-            for rival in self.rivals
-            if rival.criterion < best.criterion + MARGIN or rival.chi2 < best.chi2 + CLOSE
-        ]
-        return tuple(rival.name for rival in near if self.name not in rival.contains)
-
-    @property
-    def group(self) -> tuple[str, ...]:
-        """What the scan cannot tell apart: the `equals`, and what an error of the model is like."""
-        if len(self.equals) > 1 and self.name != MODEL_ERROR:
-            return self.equals
-        return (*self.equals, *(name for name in self.beside if name not in self.equals))
 
 
 @dataclass(frozen=True)
@@ -172,17 +137,22 @@ def climb(
     say = progress or (lambda text: None)
     rise = on_rung or (lambda rung: None)
     effects = {effect.name: effect for effect in catalogue}
+
+    def judged(fit: JointFit) -> Rung:
+        rung = rung_of(fit, scan, catalogue, seed, say)
+        rise(rung)
+        return rung
+
     say("fitting the map")
-    ladder = [rung_of(fit_jointly(model, stiffness), scan, catalogue, seed, say)]
-    rise(ladder[0])
+    ladder = [judged(fit_jointly(model, stiffness))]
     additions: list[Addition] = []
     dropped: list[str] = []
     settled = False
     step = first(ladder[0], say) if first else None
     if step is not None:
         fit, additions = step
-        ladder.append(rung_of(fit, scan, catalogue, seed, say))
-        rise(ladder[-1])
+        ladder.append(judged(fit))
+    most += len(additions)
     while (len(ladder) == 1 or is_more_missing(ladder, additions)) and len(additions) < most:
         now = ladder[-1]
         rivals = best_rivals(now, effects, say, dropped)
@@ -192,14 +162,18 @@ def climb(
         winner = rivals[0]
         if not now.comparison.is_noise and not _worthwhile(now.fit, winner.fit):
             break
-        additions.append(Addition(winner.name, rivals, beside=_beside(now, winner.name)))
+        beside = {rival.name: _beside(now, rival.name) for rival in rivals}
+        additions.append(Addition(winner.name, rivals, False, beside, now.fit.chi2))
         say(f"refitting with {winner.name}")
         fit = fit_jointly(winner.fit.model, winner.fit.map)
         fit, lost = _drop(fit, [a.name for a in additions[:-1]], say)
-        additions = [a for a in additions if a.name not in lost]
-        dropped.extend(lost)
-        ladder.append(rung_of(fit, scan, catalogue, seed, say))
-        rise(ladder[-1])
+        kept = [a for a in additions if a.name not in lost]
+        fit, additions, exchanged = look_again(fit, kept, say)
+        dropped.extend([*lost, *exchanged])
+        for number, rung in enumerate(ladder):
+            if exchanged.keys() & set(rung.fit.model.has):  # the steps lead to the last model
+                ladder[number] = judged(with_exchanged(rung.fit, exchanged, fit))
+        ladder.append(judged(fit))
     verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled)
     return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
 

@@ -42,8 +42,7 @@ class HeldOut:
 def held_out(fit: JointFit) -> HeldOut:
     """Predict presses and high forces that are left out of a fit."""
     press = fit.model.readings.press
-    # Neighbours in order are often neighbours in place: folds take every ninth press
-    fold = press % min(_FOLDS, fit.model.readings.presses)
+    fold = folds(fit.model.readings.presses)[press]
     error = np.empty(len(press))
     for number in np.unique(fold):
         out = fold == number
@@ -55,6 +54,14 @@ def held_out(fit: JointFit) -> HeldOut:
         return HeldOut(rms, ratio, None, None)
     error[high] = predicted_error(fit, high)
     return HeldOut(rms, ratio, *_rms(fit, error, high))
+
+
+def folds(presses: int) -> np.ndarray:
+    """Return the fold (j,) that each press is left out with, at random but always the same.
+
+    Every ninth press of a grid would be one of its columns.
+    """
+    return np.random.default_rng(0).permutation(presses) % min(_FOLDS, presses)
 
 
 def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:

@@ -2,7 +2,9 @@
 
 The residual is the finer model's by defect correction: the coarse model's compliances are carried
 to the finer one's at the estimate (`BodyMechanics.correct`) and fitted again, until the estimate
-no longer moves. A fit starts from an earlier one's estimate, so that few evaluations do.
+no longer moves. Where that would raise the finer model's own chi-square, the map may only move
+less far from where the correction was made. A fit starts from an earlier one's estimate, so that
+few evaluations do.
 """
 
 from __future__ import annotations
@@ -18,12 +20,14 @@ from identify.discretization import MODEL_ERROR, shift_covariance
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
 from identify.measurement_model import Linearised, MeasurementModel
-from identify.optimize_result import InadmissibleError
+from identify.optimize_result import InadmissibleError, OptimizeResult
 
 _FTOL = 1e-2  # half of chi-square; 0.14 standard deviations at most
 _RTOL = 1e-6
 _SETTLED = 0.1  # standard deviations
 _ROUNDS = 3
+_NEARER, _NEARER_ROUNDS = 0.25, 5  # where a correction did not hold: steps of this part, and rounds
+_ROUGH = 4.0  # in chi-square: what a correction may change before it is looked at more closely
 _GROSS, _GROSS_RTOL = 5.0, 1e-3  # see `scan_problem`: digits do not cure a wrong model
 
 
@@ -156,52 +160,99 @@ def fit_jointly(
     InadmissibleError
         The start is impossible.
     """
-    u, spent, success = model.start(stiffness), 1, False
-    latest: dict[bytes, Linearised] = {}
-    usual = 0.5 * max(len(model.displacement_m) - len(u), 1) * _GROSS**2
-    latest[u.tobytes()] = model.linearise(u)
-    gross = usual if 0.5 * latest[u.tobytes()].chi2 > usual else 0.0
+    search = _Search(enough, max_evaluations, callback)
+    u, radius, accepted, moved = model.start(stiffness), np.inf, 0, np.inf
+    own: float | None = None  # the finer model's chi-square at u, where it is known
+    result, at = search.minimum(model, u, radius)
+    if rounds == 0:
+        return search.fit(model, result.x, at, result.success)
+    for _ in range(rounds + _NEARER_ROUNDS):
+        there = _corrected(model, result.x)
+        now = search.linearised(there, result.x)
+        if own is None and now.chi2 > at.chi2 + _ROUGH:
+            model = _corrected(model, u)
+            own = search.linearised(model, u).chi2
+        if own is not None and now.chi2 > own:
+            # The correction does not hold so far from where it was made
+            map_moved = (result.x - u)[: len(model.space.free)]
+            radius = _NEARER * float(np.abs(map_moved).max(initial=0.0))
+        else:
+            u, model, own = result.x, there, now.chi2
+            accepted, radius = accepted + 1, 2 * radius
+        if accepted == rounds:
+            break
+        result, at = search.minimum(model, u, radius)
+        moved = np.linalg.norm(at.jacobian @ (result.x - u))
+        misfit = np.sqrt(max(1.0, at.chi2 / len(at.residual)))
+        if accepted and moved < _SETTLED * misfit:
+            return search.fit(model, result.x, at, result.success)
+    at = search.linearised(model, u)
+    close = accepted == rounds and moved < np.sqrt(max(1.0, at.chi2 / len(at.residual)))
+    return search.fit(model, u, at, result.success and close)
 
-    def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal spent
-        if u.tobytes() not in latest:
-            spent += 1
-            latest.clear()
-            latest[u.tobytes()] = model.linearise(u)
-        at = latest[u.tobytes()]
-        return at.residual, -at.jacobian
 
-    def accepted(_: np.ndarray, fun: float) -> None:
-        if callback:
-            callback(2 * fun)
+def _corrected(model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
+    """Return the model carried to the finer one at scaled coordinates u (k,)."""
+    mechanics = model.mechanics.corrected(model.map(u), model.state(model.values(u)))
+    return replace(model, mechanics=mechanics)
 
-    for number in range(max(rounds, 1)):
+
+class _Search:
+    """Minimises under a correction that is held, and counts the evaluations."""
+
+    def __init__(
+        self, enough: float, max_evaluations: int, callback: Callable[[float], None] | None
+    ) -> None:
+        self.enough, self.max_evaluations, self.callback = enough, max_evaluations, callback
+        self.spent = 0
+        self._latest: tuple[MeasurementModel, bytes, Linearised] | None = None
+
+    def linearised(self, model: MeasurementModel, u: np.ndarray) -> Linearised:
+        """Return the model at scaled coordinates u (k,), the last one from memory."""
+        known = self._latest
+        if known is None or known[0] is not model or known[1] != u.tobytes():
+            self.spent += 1
+            known = self._latest = (model, u.tobytes(), model.linearise(u))
+        return known[2]
+
+    def minimum(
+        self, model: MeasurementModel, u: np.ndarray, radius: float
+    ) -> tuple[OptimizeResult, Linearised]:
+        """Minimise from u (k,), no coordinate of the map going further than a radius."""
+        low, high = (bound.copy() for bound in model.bounds)
+        free = len(model.space.free)
+        low[:free] = np.maximum(low[:free], u[:free] - radius)
+        high[:free] = np.minimum(high[:free], u[:free] + radius)
+        usual = 0.5 * max(len(model.displacement_m) - len(u), 1) * _GROSS**2
+        gross = usual if 0.5 * self.linearised(model, u).chi2 > usual else 0.0
+
+        def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            at = self.linearised(model, u)
+            return at.residual, -at.jacobian
+
+        def accepted(_: np.ndarray, fun: float) -> None:
+            if self.callback:
+                self.callback(2 * fun)
+
         result = minimize_gauss_newton(
             residuals,
             u,
-            bounds=model.bounds,
+            bounds=(low, high),
             max_step=model.longest_step(u),
             ftol=_FTOL,
             rtol=_GROSS_RTOL if gross else _RTOL,
             above=gross,
-            enough=0.5 * enough,
-            max_evaluations=max_evaluations,
+            enough=0.5 * self.enough,
+            max_evaluations=self.max_evaluations,
             callback=accepted,
         )
-        success = result.success
-        at = latest.get(result.x.tobytes()) or model.linearise(result.x)
-        moved = np.linalg.norm(at.jacobian @ (result.x - u)) if number else np.inf
-        u = result.x
-        misfit = np.sqrt(max(1.0, at.chi2 / len(at.residual)))
-        if rounds == 0 or moved < _SETTLED * misfit:
-            break
-        if number + 1 < rounds:
-            state = model.state(model.values(u))
-            mechanics = model.mechanics.corrected(model.map(u), state)
-            model = replace(model, mechanics=mechanics)
-            latest.clear()
-    at = model.linearise(u)
-    return JointFit(model.started(u), u, at, covariance(at.jacobian), success, spent)
+        return result, self.linearised(model, result.x)
+
+    def fit(
+        self, model: MeasurementModel, u: np.ndarray, at: Linearised, success: bool
+    ) -> JointFit:
+        """Return the record of a fit that ended at u (k,)."""
+        return JointFit(model.started(u), u, at, covariance(at.jacobian), success, self.spent)
 
 
 def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> JointFit | None:

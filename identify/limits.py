@@ -12,12 +12,13 @@ Source: the same algebra as the score test, see `identify.score`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem import Contacts, PalpationModel
+from fem.contact import PressedSurface
 from identify.body_mechanics import BodyMechanics
 from identify.diagnosis import ALIKE
 from identify.effects.effect import Effect, EffectParameter
@@ -25,7 +26,7 @@ from identify.joint_fit import JointFit
 from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
 from identify.optimize_result import InadmissibleError
-from identify.scan_design import Design, presses_of, readings_of
+from identify.scan_design import Design, Presses, presses_of, readings_of
 from identify.score import beyond, effect_patterns, fitted_basis
 
 SIGMAS = 5.0
@@ -266,9 +267,37 @@ def planned(
         displacement_m=np.zeros(len(readings)),
         mechanics=mechanics,
     )
+    model = replace(model, displacement_m=model.linearise(fit.u).predicted_m)
+    # Anew: with noise in both columns the best estimate of the force follows the displacement
     at = model.linearise(fit.u)
-    model = replace(model, displacement_m=at.predicted_m)
     return model, replace(at, residual=np.zeros(len(readings)))
+
+
+def that_fit(fit: JointFit, designs: Iterable[Design]) -> tuple[Design, ...]:
+    """Return the designs without the presses whose tip would hang over the body's edge."""
+    surface = PressedSurface(fit.model.mechanics.coarse.mesh)
+    found = []
+    for design in designs:
+        fits = surface.bears(_contacts(fit, design.presses))
+        if fits.all():
+            found.append(design)
+        elif fits.any():
+            left_out = f" (without the {np.sum(~fits)} places too near an edge for the tip)"
+            presses = design.presses.taken(np.flatnonzero(fits))
+            found.append(replace(design, change=design.change + left_out, presses=presses))
+    return tuple(found)
+
+
+def _contacts(fit: JointFit, presses: Presses) -> Contacts:
+    present = fit.model.mechanics.coarse.contacts
+    # A sphere's patch is not its radius
+    scale = present.radius_m / presses_of(fit.model.readings).radius_m
+    return Contacts(
+        presses.point_m,
+        presses.direction,
+        presses.radius_m * float(np.median(scale)),
+        present.profile,
+    )
 
 
 def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
@@ -281,20 +310,18 @@ def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
     )
     if same:
         return own
-    coarse = own.coarse
-    scale = coarse.contacts.radius_m / present.radius_m  # a sphere's patch is not its radius
-    contacts = Contacts(
-        presses.point_m,
-        presses.direction,
-        presses.radius_m * float(np.median(scale)),
-        coarse.contacts.profile,
-    )
+    coarse, contacts = own.coarse, _contacts(fit, presses)
 
     def at_poisson_ratio(nu: float) -> PalpationModel:
         return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
 
     other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
-    return other.corrected(fit.map, fit.at.state)
+    other = other.corrected(fit.map, fit.at.state)
+    # The meshes err in what is far from the tip, which is the same length under any tip
+    now = fit.at.body.compliance
+    apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
+    error = (own.model_error * now)[apart.argmin(axis=1)]
+    return replace(other, model_error=error / other.evaluate(fit.map, fit.at.state).compliance)
 
 
 @dataclass(frozen=True)

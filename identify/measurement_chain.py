@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.ball_contact import beyond_fixed
+from identify.effects.catalogue import place_in_catalogue
 from identify.effects.effect import Effect, Pressing, Values
 from identify.noise import Noise
 from identify.readings import Readings
@@ -32,7 +33,8 @@ class Chain:
     Attributes
     ----------
     readings : what was measured
-    effects : those that act, in the order of the catalogue
+    effects : those that act; they do so in the order of the catalogue, in whatever order they were
+        added to a model
     radius_m : (j,) contact radius that the body's model assumes
     profile : "flat", a flat tip of that radius, or "hertz", a ball of the probe's radius
     poisson_ratio : of the body
@@ -43,6 +45,9 @@ class Chain:
     radius_m: np.ndarray
     profile: str
     poisson_ratio: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", sorted(self.effects, key=place_in_catalogue))
 
     def predict(
         self,

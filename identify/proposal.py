@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from identify.addition import Addition
 from identify.contact_law import ContactLaw
-from identify.explain import Addition
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.press_wise import PressWiseFit

@@ -10,6 +10,8 @@ import numpy as np
 
 from models.scan import Scan
 
+_MOST_PER_PRESS = 50  # ids for each press that is there
+
 
 @dataclass(frozen=True)
 class Readings:
@@ -18,12 +20,14 @@ class Readings:
     Attributes
     ----------
     press : (m,) index of the press, 0..j-1, in the order of the table
-    order : (j,) place of each press in the order in which they were made, 0..j-1
+    order : (j,) place of each press in the order in which they were made, from 0; numbers are
+        missing where presses were made that are left out here
     time_s : (m,) absolute time, or None where the scan has none
     phase : (m,) "load", "hold" or "unload"
     point_m, direction : (m, 3) contact point and unit direction of pressing
     force_n : (m,) as the sensor read it
     radius_m : (m,) of the probe
+    start_s : when the clock of the scan began, where that is not its first reading's time
     """
 
     press: np.ndarray
@@ -34,6 +38,7 @@ class Readings:
     direction: np.ndarray
     force_n: np.ndarray
     radius_m: np.ndarray
+    start_s: float | None = None
 
     @classmethod
     def of(cls, scan: Scan) -> Readings:
@@ -41,7 +46,7 @@ class Readings:
         rows = scan.used()
         return cls(
             press=rows.press_index,
-            order=np.argsort(np.argsort(rows.press_ids)),
+            order=_order(rows.press_ids),
             time_s=rows.time_s if rows.has_time else None,
             phase=rows.phase,
             point_m=rows.point_m,
@@ -57,6 +62,11 @@ class Readings:
     def presses(self) -> int:
         """Number of presses j."""
         return len(self.order)
+
+    @cached_property
+    def presses_made(self) -> int:
+        """Number of presses that were made up to the last, those left out here among them."""
+        return int(self.order.max()) + 1
 
     @cached_property
     def first(self) -> np.ndarray:
@@ -90,10 +100,15 @@ class Readings:
         """Largest peak force of the scan."""
         return float(self.peak_force_n.max())
 
+    @property
+    def clock_start_s(self) -> float:
+        """When the clock of the scan began, s: with its first reading unless `start_s` is given."""
+        return float(self.timed_s[0]) if self.start_s is None else self.start_s
+
     @cached_property
     def elapsed_s(self) -> np.ndarray:
-        """Time since the scan's first reading, (m,) s."""
-        return self.timed_s - self.timed_s[0]
+        """Time since the clock of the scan began, (m,) s."""
+        return self.timed_s - self.clock_start_s
 
     @property
     def timed_s(self) -> np.ndarray:
@@ -153,3 +168,15 @@ class Readings:
         }
         missing = [says[need] for need in needs if not have[need]]
         return "; ".join(missing) if missing else None
+
+
+def _order(press_ids: np.ndarray) -> np.ndarray:
+    """Places (j,) of presses in the order in which they were made, by their ids (j,).
+
+    An id counts the presses, so that gaps stand for presses that were left out; but where hardly
+    any number is used, it is a number of another kind.
+    """
+    place = press_ids - press_ids.min()
+    if place.max(initial=0) >= _MOST_PER_PRESS * len(place):
+        place = np.argsort(np.argsort(press_ids))
+    return place.astype(int)

@@ -100,32 +100,31 @@ def compare_rivals(
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name], best)
         if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
             continue
-        fit = _carried_on(fit, rung.fit, best)
+        fit = carried_on(fit, rung.fit, best)
         # Chi-square also falls where the model's slope, and with it the noise allowed, grows
         if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
 
 
-def _refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> JointFit | None:
+def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> JointFit | None:
     """Refit a rival, or None where the start is impossible; 15 evaluations where not said."""
     options.setdefault("max_evaluations", REFIT_EVALUATIONS)
     return try_fit(model, stiffness, enough=_ENOUGH, **options)
 
 
-def _beaten(fit: JointFit, before: JointFit, best: float) -> bool:
-    """Whether no further refit of a rival can bring it near the best one's chi-square."""
-    behind = fit.chi2 - best
-    return behind > max(_BEATEN_BY, _BEATEN_SHARE * (before.chi2 - best))
+def beaten(rival: float, before: float, best: float) -> bool:
+    """Whether a rival's chi-square is too far behind the best one's, from what it was before."""
+    return rival - best > max(_BEATEN_BY, _BEATEN_SHARE * (before - best))
 
 
-def _carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
+def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
-    if (fit.success and not far) or _beaten(fit, before, best):
+    if (fit.success and not far) or beaten(fit.chi2, before.chi2, best):
         return fit
-    return _refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
+    return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 
 
 def borne_out(before: JointFit, after: JointFit) -> float:
@@ -181,7 +180,7 @@ def fit_with(fit: JointFit, effect: Effect, score: Score, rival: float = np.inf)
             moved = share * (values[amplitude.name] - amplitude.null)
             values[amplitude.name] = amplitude.null + moved
         model = fit.model.with_effect(effect, values, fit.at.state)
-        found = _refit(model, fit.map, rounds=0)
+        found = refit(model, fit.map, rounds=0)
         if found is not None and (best is None or found.chi2 < best.chi2):
             best = found
         if best is not None and fit.chi2 - best.chi2 > _PROMISED * score.statistic:
@@ -195,13 +194,13 @@ def _from_afar(fit: JointFit, effect: Effect, rival: float) -> JointFit | None:
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
     """
     model = fit.model.with_effect(effect, effect.refitted_from, fit.at.state)
-    eased = _refit(model, _eased(fit), rounds=0)
-    if eased is not None and _beaten(eased, fit, rival):
+    eased = refit(model, _eased(fit), rounds=0)
+    if eased is not None and beaten(eased.chi2, fit.chi2, rival):
         return eased
-    eased = None if eased is None else _refit(eased.model, eased.map)
+    eased = None if eased is None else refit(eased.model, eased.map)
     if eased is not None and eased.chi2 <= fit.chi2:
         return eased
-    return _refit(model, fit.map, rounds=0) or eased
+    return refit(model, fit.map, rounds=0) or eased
 
 
 def _eased(fit: JointFit) -> GaussianMap:

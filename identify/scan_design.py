@@ -18,6 +18,7 @@ _SAMPLES = {"load": 8, "hold": 8, "unload": 6}
 _PAUSE_S = (0.1, 1.0)
 BETWEEN_SCANS_S = 60.0  # rest between a scan and the next on the same body, to change the tip
 SMALL, LARGE = 0.6, 2.0  # tip radii of a two-tip scan, in units of the present one
+WEAK, STRONG = 0.5, 1.5  # peak forces of a scan with two, in units of the present one
 
 
 @dataclass(frozen=True)
@@ -115,13 +116,14 @@ def readings_of(presses: Presses, timed: bool = True, after: Readings | None = N
     press = np.array(rows["press"])
     return Readings(
         press=press,
-        order=np.arange(len(presses)) + (0 if after is None else after.presses),
+        order=np.arange(len(presses)) + (0 if after is None else after.presses_made),
         time_s=np.array(rows["time"]) if timed else None,
         phase=np.array(rows["phase"]),
         point_m=presses.point_m[press],
         direction=presses.direction[press],
         force_n=np.array(rows["force"]),
         radius_m=presses.radius_m[press],
+        start_s=None if after is None or after.time_s is None else after.clock_start_s,
     )
 
 
@@ -129,18 +131,14 @@ def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]
     """Yield scans that differ from the present one in one thing each."""
     j = len(presses)
     radius = float(np.median(presses.radius_m))
-    alternating = np.where(np.arange(j) % 2 == 0, SMALL, LARGE) * radius
     yield Design(
         "two_radii",
         f"with two tips, every other press {1e3 * SMALL * radius:.2g} mm and "
         f"{1e3 * LARGE * radius:.2g} mm in radius",
-        # Forces in proportion, so that all go about as deep as they did
-        replace(
-            presses, radius_m=alternating, force_n=presses.force_n * alternating / presses.radius_m
-        ),
+        _two_radii(presses),
     )
     yield Design("same", "once more as it is", presses)
-    force = np.where(np.arange(j) % 2 == 0, 0.5, 1.5) * presses.force_n
+    force = np.where(np.arange(j) % 2 == 0, WEAK, STRONG) * presses.force_n
     yield Design(
         "two_forces", "with every other press half as hard and 1.5 times as hard",
         replace(presses, force_n=force),
@@ -164,6 +162,26 @@ def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]
     yield Design(
         "repeated", f"with {len(few)} places pressed again at the end", presses.taken(again)
     )
+
+
+def mixed(presses: Presses, seed: int = 0) -> Design:
+    """Return the scan of the same length that differs in all of that: tips, forces and order."""
+    order = np.random.default_rng(seed).permutation(len(presses))
+    both = _two_radii(presses)
+    share = np.resize([WEAK, WEAK, STRONG, STRONG], len(presses))  # each tip with each force
+    return Design(
+        "mixed",
+        "with two tips, two forces and the places in random order",
+        replace(both, force_n=share * both.force_n).taken(order),
+    )
+
+
+def _two_radii(presses: Presses) -> Presses:
+    """Return the presses with a small and a large tip in turns."""
+    turns = np.where(np.arange(len(presses)) % 2 == 0, SMALL, LARGE)
+    radius = turns * float(np.median(presses.radius_m))
+    # Forces in proportion, so that all go about as deep as they did
+    return replace(presses, radius_m=radius, force_n=presses.force_n * radius / presses.radius_m)
 
 
 def _typical_span(readings: Readings, rows: np.ndarray) -> float:

@@ -14,7 +14,8 @@ from typing import Literal
 
 from fem import Contacts, PalpationModel
 from fem.mesh import Mesh
-from identify.explain import Addition, Explanation
+from identify.addition import Addition
+from identify.explain import Explanation
 from identify.joint_fit import JointFit
 from identify.optimize_result import InadmissibleError
 from identify.score import fitted_basis

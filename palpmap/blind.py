@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
 PRESSES_PER_SIDE = 9
+MIXED: dict[str, Any] = {"shuffled": True, "force_shares": (0.5, 1.5)}
+"""What a mixed scan has beside the plain one's places, see `sim.press_program.grid_program`."""
 SIZES = (0.01, 0.10)
 SMALLEST_OUTSIDER = 0.03  # below it, to call noise what is left can be the right answer
 KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
@@ -37,12 +39,14 @@ class Trial:
     seed : of everything in it
     effects, sizes : names and shares of the signal
     radii : number of tip radii
+    mixed : whether the places come in random order, every other one pressed three times as hard
     """
 
     seed: int
     effects: tuple[str, ...]
     sizes: tuple[float, ...]
     radii: int
+    mixed: bool = False
 
 
 def run_blind(
@@ -50,6 +54,7 @@ def run_blind(
     effects: Sequence[str],
     size: float | None,
     radii: int,
+    mixed: bool,
     out: Path | None,
     seed: int,
     output: Output,
@@ -61,9 +66,10 @@ def run_blind(
     effects : what may be hidden: names of effects, or words of `WORDS`; empty for anything
     size : share of the signal, None to draw 1 to 10 %
     radii : 1 or 2 tip radii
+    mixed : places in random order, two forces
     """
-    trial = draw_trial(seed, effects, size, radii)
-    settings = {"effects": list(effects), "size": size, "radii": radii}
+    trial = draw_trial(seed, effects, size, radii, mixed)
+    settings = {"effects": list(effects), "size": size, "radii": radii, "mixed": mixed}
     with (
         RunFolder("blind", out, seed=seed, settings=settings) as run,
         output.progress() as progress,
@@ -83,7 +89,11 @@ def run_blind(
 
 
 def draw_trial(
-    seed: int, effects: Sequence[str] = (), size: float | None = None, radii: int = 1
+    seed: int,
+    effects: Sequence[str] = (),
+    size: float | None = None,
+    radii: int = 1,
+    mixed: bool = False,
 ) -> Trial:
     """Draw what is hidden in a trial.
 
@@ -107,7 +117,7 @@ def draw_trial(
     names = _draw_effects(word, rng)
     low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
     sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
-    return Trial(seed, names, tuple(sizes), radii)
+    return Trial(seed, names, tuple(sizes), radii, mixed)
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
@@ -153,8 +163,9 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
     from sim.hidden.planted_scan import planted_scan
 
     radii = RADII_M[trial.radii]
+    grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
     scan, truth = planted_scan(
-        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), per_side=per_side
+        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
     )
     for effect in truth["effects"]:
         effect["kin"] = list(hidden_effect(effect["name"]).kin)

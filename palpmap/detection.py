@@ -1,12 +1,20 @@
 """`palpmap limits`: what a scan can see of each effect, and the scan that would see more."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identify.joint_fit import JointFit, fit_jointly
-from identify.limits import SHARE, Limit, detection_limits, improvements
-from identify.scan_design import presses_of, variations
+from identify.limits import (
+    SHARE,
+    Improvement,
+    Limit,
+    detection_limits,
+    improvements,
+    that_fit,
+)
+from identify.scan_design import mixed, presses_of, variations
 from palpmap.console import Output
 from palpmap.diagnose import untestable_lines
 from palpmap.next_scan import write_presses
@@ -19,6 +27,22 @@ if TYPE_CHECKING:
 
 _WEIGHT = "inclusion_1.weight_pa"
 _BETTER = 0.7  # a planned scan is worth naming if it sees an effect of this part of the size
+
+
+@dataclass(frozen=True)
+class Better:
+    """Planned scans that see more than the one that was made.
+
+    Attributes
+    ----------
+    by_effect : for each effect the cheapest change that helps, as plain data
+    mixed : what the scan that changes most at once is, as plain data; None if it helps nothing
+    in_mixed : smallest share that it sees, by effect
+    """
+
+    by_effect: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    mixed: dict[str, Any] | None = None
+    in_mixed: Mapping[str, float] = field(default_factory=dict)
 
 
 def run_limits(
@@ -43,9 +67,12 @@ def run_limits(
             fit = fit_jointly(problem.model, problem.start)
             say("computing what this scan can see")
             limits = detection_limits(fit, problem.catalogue)
-            better = planned_limits(fit, problem, run.path, say, limits) if plan else {}
+            better = planned_limits(fit, problem, run.path, say, limits) if plan else Better()
             progress.update(task, description="done", total=1, completed=1)
-        record = {"limits": [limit_record(limit, better.get(limit.name)) for limit in limits]}
+        record = {
+            "limits": [limit_record(limit, better) for limit in limits],
+            "mixed_scan": better.mixed,
+        }
         write_record(run / "limits.json", record)
         output.result({**record, "run": str(run.path)}, *limits_table(record, fit))
     return True
@@ -53,8 +80,8 @@ def run_limits(
 
 def planned_limits(
     fit: JointFit, problem: Problem, run: Path, say: Say, limits: Sequence[Limit] = ()
-) -> dict[str, dict[str, Any]]:
-    """For each effect the cheapest changed scan that sees it at a clearly smaller size.
+) -> Better:
+    """Return the changed scans that see clearly smaller effects.
 
     The programs of the scans named are written into the run folder.
 
@@ -63,34 +90,46 @@ def planned_limits(
     limits : of the scan that was made; a changed scan must also see less than it does
     """
     readings = problem.model.readings
-    designs = list(variations(presses_of(readings), readings.time_s is not None))
-    plans = improvements(fit, problem.catalogue, designs, say)
+    presses = presses_of(readings)
+    designs = [*variations(presses, readings.time_s is not None), mixed(presses)]
+    *plans, all_at_once = improvements(fit, problem.catalogue, that_fit(fit, designs), say)
     same = next(p for p in plans if p.design.name == "same")
-    now = {limit.name: limit.smallest_share for limit in same.limits}
-    made = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
+    present = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
+    for limit in same.limits:
+        if limit.smallest_share:
+            made = present.get(limit.name, limit.smallest_share)
+            present[limit.name] = min(made, limit.smallest_share)
+
+    def helps(limit: Limit) -> bool:
+        share = limit.smallest_share
+        return share is not None and share < _BETTER * present.get(limit.name, 0.0)
+
     found: dict[str, dict[str, Any]] = {}
     for plan in sorted(plans, key=lambda p: p.design.presses.duration_s):
         for limit in plan.limits:
-            share, present = limit.smallest_share, now.get(limit.name)
-            if plan is same or share is None or limit.name in found:
-                continue
-            if limit.name in made:
-                present = min(present or made[limit.name], made[limit.name])
-            if present is None or share < _BETTER * present:
-                program = f"scan_{plan.design.name}.csv"
-                if not (run / program).exists():
-                    write_presses(plan.design.presses, problem.placement.origin_m, run / program)
+            if plan is not same and limit.name not in found and helps(limit):
                 found[limit.name] = {
-                    "change": plan.design.change,
-                    "smallest_share": share,
+                    **_planned(plan, problem, run),
+                    "smallest_share": limit.smallest_share,
                     "confused_with": list(limit.confused_with),
-                    "program": program,
                 }
-    return found
+    if not any(helps(limit) for limit in all_at_once.limits):
+        return Better(found)
+    shares = {n.name: n.smallest_share for n in all_at_once.limits if n.smallest_share}
+    return Better(found, _planned(all_at_once, problem, run), shares)
 
 
-def limit_record(limit: Limit, better: dict[str, Any] | None = None) -> dict[str, Any]:
+def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:
+    """Return a planned scan as plain data, its program in the run folder."""
+    program = f"scan_{plan.design.name}.csv"
+    if not (run / program).exists():
+        write_presses(plan.design.presses, problem.placement.origin_m, run / program)
+    return {"change": plan.design.change, "program": program}
+
+
+def limit_record(limit: Limit, better: Better | None = None) -> dict[str, Any]:
     """Return a limit as plain data."""
+    better = better or Better()
     return {
         "name": limit.name,
         "smallest_share": limit.smallest_share,
@@ -100,7 +139,8 @@ def limit_record(limit: Limit, better: dict[str, Any] | None = None) -> dict[str
         "map_bias": dict(limit.map_bias),
         "bias_at_share": SHARE,
         "untestable": limit.untestable,
-        "better_scan": better,
+        "better_scan": better.by_effect.get(limit.name),
+        "in_mixed_scan": better.in_mixed.get(limit.name),
     }
 
 
@@ -113,6 +153,7 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
     from rich.table import Table
 
     seen = [limit for limit in record["limits"] if limit["smallest_share"] is not None]
+    mixed_scan = record["mixed_scan"]
     scans = {s["program"]: s["change"] for s in (limit["better_scan"] for limit in seen) if s}
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
     values, biased = fit.values, {name for limit in seen for name in limit["map_bias"]}
@@ -122,27 +163,38 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
         "z mm": ("inclusion_1.z_m", lambda v: f"{1e3 * v:+.1f}"),
     }
     shifts = {head: pair for head, pair in shifts.items() if pair[0] in biased}
+
+    def percent(share: float | None) -> str:
+        return "" if share is None else f"{100 * share:.2g}"
+
     title = "what this scan can see (5 standard errors), % of the signal"
     table = Table(box=box.SIMPLE, title=title, title_justify="left", pad_edge=False)
     table.add_column("effect", no_wrap=True)
-    for column in ("from", *shifts, *(["better"] if scans else [])):
+    planned = [*(["better"] if scans else []), *(["mixed"] if mixed_scan else [])]
+    for column in ("from", *shifts, *planned):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("looks like")
     for limit in seen:
         bias, better = limit["map_bias"], limit["better_scan"]
-        hint = (
-            f"{100 * better['smallest_share']:.2g} {letters[better['program']]}" if better else ""
-        )
+        hint = ""
+        if better:
+            hint = f"{percent(better['smallest_share'])} {letters[better['program']]}"
         table.add_row(
             limit["name"],
-            f"{100 * limit['smallest_share']:.2g}",
+            percent(limit["smallest_share"]),
             *(shown(bias[name]) if name in bias else "" for name, shown in shifts.values()),
             *([hint] if scans else []),
+            *([percent(limit["in_mixed_scan"])] if mixed_scan else []),
             ", ".join(limit["confused_with"][:2]),
         )
     notes = [
         "E0, w, z: how far the map's background, first inclusion's weight and depth move if an "
         f"effect of {100 * SHARE:.0f} % of the signal is ignored (to first order).",
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
+        *(
+            [f"mixed: the scan {mixed_scan['change']} ({mixed_scan['program']})."]
+            if mixed_scan
+            else []
+        ),
     ]
     return table, *notes, *untestable_lines(record["limits"])

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.explain import Addition, Explanation
+from identify.addition import Addition
+from identify.explain import Explanation
 from identify.readings import Readings
 from identify.rung import Rung
 

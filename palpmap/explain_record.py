@@ -135,7 +135,7 @@ def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
 
 def refit_record(name: str, explained: Explanation) -> dict[str, float]:
     """Return what the refit says of an effect that shows in none of its scores, or nothing."""
-    refits = (r for addition in explained.additions for r in addition.rivals if r.name == name)
+    refits = (r for a in explained.additions for r in (*a.rivals, *a.tried) if r.name == name)
     for rival in refits:
         others = {part for part in rival.fit.model.has if part != name}
         before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
@@ -196,18 +196,21 @@ def unit_of(name: str, model: Any) -> str:
 
 def _decided_at(name: str, explained: Explanation) -> tuple[Rung, tuple[str, ...] | None]:
     """Return the rung at which an effect was judged, and its group if it was chosen there."""
-    for number, addition in enumerate(explained.additions):
+    for addition in explained.additions:
         if name in addition.group:
-            return _rung_before(explained, number, name), addition.group
+            return _rung_before(explained, addition.name, name), addition.group
     last = explained.final
     if any(score.name == name for score in last.diagnosis.scores):
         return last, None
     return next(r for r in explained.ladder if _scored(r, name)), None
 
 
-def _rung_before(explained: Explanation, number: int, name: str) -> Rung:
-    rungs = [rung for rung in explained.ladder if _scored(rung, name)]
-    return rungs[min(number, len(rungs) - 1)]
+def _rung_before(explained: Explanation, added: str, name: str) -> Rung:
+    """Return the last rung without an addition that scored an effect."""
+    ladder = explained.ladder
+    number = next((i for i, rung in enumerate(ladder) if added in rung.fit.model.has), len(ladder))
+    before = [rung for rung in ladder[:number] if _scored(rung, name)]
+    return before[-1] if before else next(rung for rung in ladder if _scored(rung, name))
 
 
 def _scored(rung: Rung, name: str) -> bool:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.addition import Addition
 from identify.effects.words import percent
-from identify.explain import Addition, Explanation
+from identify.explain import Explanation
 from identify.residual_statement import length
 from palpmap.explain_words import CANDIDATES, interval, rung_labels
 from palpmap.finding import Finding, matched

@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.discretization import MODEL_ERROR
 from identify.explain import Explanation
+from identify.limits import that_fit
 from identify.next_presses import Proposal, next_presses
 from identify.scan_design import Presses, presses_of, variations
 from palpmap.body_model import cell_size_m, smallest_cell_m
@@ -37,7 +38,7 @@ def propose(
     readings = problem.model.readings
     in_time = any("time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in rivals)
     timed = in_time and readings.time_s is not None
-    designs = list(variations(presses_of(readings), timed))
+    designs = that_fit(rivals[0][1], variations(presses_of(readings), timed))
     return next_presses(rivals, designs, say)
 
 

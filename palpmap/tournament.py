@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context, parent_process
 from pathlib import Path
@@ -55,6 +56,7 @@ def run_tournament(
     effects: Sequence[str],
     size: float | None,
     radii: int,
+    mixed: bool,
     further: int,
     workers: int | None,
     dask: str | None,
@@ -67,7 +69,7 @@ def run_tournament(
     Parameters
     ----------
     count : number of trials
-    effects, size, radii : see `palpmap.blind.run_blind`; without effects all take turns
+    effects, size, radii, mixed : see `palpmap.blind.run_blind`; without effects all take turns
     further : how often the presses that an ambiguous answer proposes are made and explained too
     workers : processes, None for one a core
     dask : address of a dask scheduler that plays instead
@@ -75,9 +77,11 @@ def run_tournament(
     settings = {"effects": list(effects), "size": size, "radii": radii, "seed": seed}
     if further:
         settings["further"] = further
+    if mixed:
+        settings["mixed"] = mixed
     with RunFolder("tournament", out, seed=seed, settings=settings) as run:
         done = earlier_games(run.path, settings)
-        drawn = draw_games(run.path, count, effects, size, radii, seed, further)
+        drawn = draw_games(run.path, count, effects, size, radii, seed, further, mixed)
         games = [game for game in drawn if game.number not in done]
         with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
             task = progress.add_task("playing", total=count, completed=count - len(games))
@@ -103,6 +107,7 @@ def draw_games(
     radii: int,
     seed: int,
     further: int = 0,
+    mixed: bool = False,
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
     from sim.hidden.catalogue import INSIDERS, OUTSIDERS
@@ -120,7 +125,7 @@ def draw_games(
         Game(
             number,
             str(run / "trials" / f"{number:04d}"),
-            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii),
+            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii, mixed),
             further,
         )
         for number in range(count)
@@ -165,7 +170,13 @@ def earlier_games(run: Path, settings: dict[str, Any]) -> dict[int, dict[str, An
 def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
     """Play on this machine's cores; yields each line as its trial ends.
 
-    Workers start anew (no fork: the parent has threads), one thread each.
+    Workers start anew (no fork: the parent has threads), one thread each, and end with their
+    trial: what it held in memory, gigabytes with two tips, is then free for the next.
+
+    Raises
+    ------
+    InputError
+        A worker was killed from outside.
     """
     if not games:
         return
@@ -173,12 +184,20 @@ def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
     before = {name: os.environ.get(name) for name in single}
     os.environ.update(single)
     pool = ProcessPoolExecutor(
-        min(players, len(games)), get_context("spawn"), initializer=_end_with_parent
+        min(players, len(games)),
+        get_context("spawn"),
+        initializer=_end_with_parent,
+        max_tasks_per_child=1,
     )
     try:
         waiting = [pool.submit(play, game) for game in games]
         for future in as_completed(waiting):
             yield future.result()
+    except BrokenProcessPool as error:
+        raise InputError(
+            "a process of the tournament was killed, as happens when memory runs out: give the "
+            "same command again to go on, with fewer --workers if need be (up to 5 GB each)"
+        ) from error
     finally:
         workers = list((pool._processes or {}).values())
         pool.shutdown(wait=False, cancel_futures=True)

@@ -113,6 +113,7 @@ def grid_program(
     hold_s: float = 2.0,
     repeats: int = 1,
     shuffled: bool = False,
+    force_shares: tuple[float, ...] = (1.0,),
 ) -> PressProgram:
     """Lay out a square grid of presses, row by row; radii take turns from point to point.
 
@@ -128,18 +129,21 @@ def grid_program(
     margin_share : of the edges, from the rim to the first points
     repeats : how often the whole grid is pressed, one time after the other
     shuffled : whether the order is random, in place of row by row
+    force_shares : of the peak force; they take turns too, each for as many points as there are
+        radii, so that every radius gets every force
     """
-    if per_side < 2 or repeats < 1 or not radii_m:
-        raise InputError("A grid needs two points a side, one repeat and one radius or more.")
+    if per_side < 2 or repeats < 1 or not radii_m or not force_shares:
+        raise InputError("A grid needs two points a side, one repeat, radius and force or more.")
     x, y = (np.linspace(margin_share, 1 - margin_share, per_side) * edge for edge in size_m[:2])
     count = per_side**2 * repeats
     radius = np.resize(np.array(radii_m, float), count)
+    share = np.resize(np.repeat(np.array(force_shares, float), len(radii_m)), count)
     order = np.random.default_rng([seed, 4]).permutation(count) if shuffled else np.arange(count)
     return PressProgram(
         np.tile(x, per_side * repeats)[order],
         np.tile(np.repeat(y, per_side), repeats)[order],
         radius[order],
-        force_n * radius[order] / USUAL_RADIUS_M,
+        (force_n * share * radius / USUAL_RADIUS_M)[order],
         np.full(count, ramp_s),
         np.full(count, hold_s),
         np.full(count, UNLOAD_S),

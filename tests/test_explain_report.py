@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identify import explain
+from identify.addition import Addition
 from identify.comparison import read_comparison
-from identify.explain import Addition
 from identify.joint_record import estimates
 from identify.rivals import Rival
 from palpmap.body_model import smallest_cell_m
@@ -93,7 +93,7 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert explain._beside(low, "viscoelasticity") == ()
     best = told.explained.additions[0].rivals[0]
     alone = Addition("tool_compliance", (replace(best, name="tool_compliance"),), False,
-                     ("mesh_error",))  # fmt: skip
+                     {"tool_compliance": ("mesh_error",)})  # fmt: skip
     assert alone.equals == ("tool_compliance",)
     assert alone.group == ("tool_compliance", "mesh_error")
     explained = replace(told.explained, additions=(alone,))

@@ -25,6 +25,7 @@ from identify.readings import Readings
 from identify.scan_design import (
     BETWEEN_SCANS_S,
     Design,
+    mixed,
     presses_of,
     readings_of,
     variations,
@@ -98,6 +99,21 @@ def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, rivals):
     (pair,) = best.told
     least = planned.most_telling_first(pair)[::-1][:count]
     assert planned.worth(least)[pair] < 0.8 * ENOUGH
+
+
+def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_force(rivals):
+    presses = presses_of(rivals[0][1].model.readings)
+    other = mixed(presses).presses
+    places = np.lexsort(presses.point_m.T), np.lexsort(other.point_m.T)
+    assert np.array_equal(presses.point_m[places[0]], other.point_m[places[1]])
+    assert not np.array_equal(presses.point_m, other.point_m)
+    assert other.duration_s == pytest.approx(presses.duration_s)
+    small = other.radius_m == other.radius_m.min()
+    by_radius = other.force_n / other.radius_m / (presses.force_n[0] / presses.radius_m[0])
+    for tip in (small, ~small):
+        values, counts = np.unique(np.round(by_radius[tip], 9), return_counts=True)
+        assert values.tolist() == [0.5, 1.5]
+        assert counts.min() >= 6
 
 
 def test_presses_that_are_made_bring_what_was_promised(rivals):

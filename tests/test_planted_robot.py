@@ -44,6 +44,26 @@ def test_a_program_comes_back_as_it_was_written(tmp_path):
     assert_allclose(program.force_n / program.radius_m, 60.0)
 
 
+def test_a_mixed_grid_presses_with_every_tip_at_every_force():
+    program = grid_program(
+        per_side=4, radii_m=(0.003, 0.01), force_n=0.3, shuffled=True, force_shares=(0.5, 1.5)
+    )
+    pressure = np.round(program.force_n / program.radius_m, 9)
+    pairs, counts = np.unique(
+        np.column_stack([program.radius_m, pressure]), axis=0, return_counts=True
+    )
+    assert_allclose(pairs, [[0.003, 30.0], [0.003, 90.0], [0.01, 30.0], [0.01, 90.0]])
+    assert counts.tolist() == [4, 4, 4, 4]
+    assert len(np.unique(np.column_stack([program.x_m, program.y_m]), axis=0)) == 16
+    assert (np.diff(program.y_m) < 0).any()
+    # The order changes when a place is pressed, not how
+    rows = grid_program(per_side=4, radii_m=(0.003, 0.01), force_n=0.3, force_shares=(0.5, 1.5))
+    at = {(x, y): (r, f) for x, y, r, f in zip(rows.x_m, rows.y_m, rows.radius_m, rows.force_n,
+                                               strict=True)}  # fmt: skip
+    for x, y, r, f in zip(program.x_m, program.y_m, program.radius_m, program.force_n, strict=True):
+        assert at[x, y] == (r, f)
+
+
 def test_missing_columns_are_filled_and_comments_left_out(tmp_path):
     program = read_program(written(tmp_path, "# from a diagnosis", HEADER, *ROWS), seed=5)
     assert program.unload_s.tolist() == [1.0, 1.0]

@@ -65,6 +65,14 @@ CATALOGUE: tuple[Effect, ...] = (
 )
 
 
+_PLACES = {effect.name: place for place, effect in enumerate(CATALOGUE)}
+
+
+def place_in_catalogue(effect: Effect) -> int:
+    """Return where an effect acts among others; a user's own after all built-in ones."""
+    return _PLACES.get(effect.name, len(CATALOGUE))
+
+
 def effect_named(name: str) -> Effect:
     """Return the built-in effect of this name.
 

@@ -56,18 +56,19 @@ class Preconditioning(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """From one press to as many as there are; beyond, the law is a straight line."""
-        count = 1 + int(np.ceil(np.log2(max(readings.presses, 2))))
-        return [{"k0": float(k0)} for k0 in np.geomspace(1, max(readings.presses, 2), count)]
+        made = max(readings.presses_made, 2)
+        count = 1 + int(np.ceil(np.log2(made)))
+        return [{"k0": float(k0)} for k0 in np.geomspace(1, made, count)]
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound k0 by twice the number of presses."""
         p, k0 = self.parameters
-        most = 2.0 * max(readings.presses, 2)
+        most = 2.0 * max(readings.presses_made, 2)
         return p, replace(k0, lower=0.5, upper=most, typical=min(k0.typical, most / 4))
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how much softer the last presses are than the first."""
-        last = values["p"] * -np.expm1(-(readings.presses - 1) / values["k0"])
+        last = values["p"] * -np.expm1(-(readings.presses_made - 1) / values["k0"])
         return (
             f"Later presses sink deeper whatever their place: the last ones by {percent(last)} "
             f"more than the first, settling over about {values['k0']:.2g} presses."

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import atan2, degrees, hypot
-
 import numpy as np
 
 from identify.body_state import BodyState
@@ -52,8 +50,8 @@ class SideGradient(Effect):
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say where it is stiffer, and by how much."""
-        x, y = values["g_x"], values["g_y"]
-        return (
-            f"The body grows stiffer towards {degrees(atan2(y, x)) % 360:.0f} degrees from x, by "
-            f"{percent(hypot(x, y))} of its mean stiffness over its length."
+        sides = " and ".join(
+            f"{percent(abs(g))} {'stiffer' if g > 0 else 'softer'} where {axis} is largest"
+            for axis, g in (("x", values["g_x"]), ("y", values["g_y"]))
         )
+        return f"The body is {sides} than on the side across, in shares of its mean stiffness."

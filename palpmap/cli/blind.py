@@ -31,6 +31,14 @@ def blind(
     radii: Annotated[
         int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm.")
     ] = 1,
+    mixed: Annotated[
+        bool,
+        typer.Option(
+            "--mixed",
+            help="Press the places in random order, every other one three times as hard: as many "
+            "presses show smaller effects.",
+        ),
+    ] = False,
     tournament: Annotated[
         int | None,
         typer.Option(
@@ -78,7 +86,13 @@ def blind(
         from palpmap.blind import run_blind
 
         return run_blind(
-            effects=names, size=share, radii=radii, out=out, seed=seed, output=Output(quiet, json)
+            effects=names,
+            size=share,
+            radii=radii,
+            mixed=mixed,
+            out=out,
+            seed=seed,
+            output=Output(quiet, json),
         )
     from palpmap.tournament import run_tournament
 
@@ -87,6 +101,7 @@ def blind(
         effects=names,
         size=share,
         radii=radii,
+        mixed=mixed,
         further=further,
         workers=workers,
         dask=dask,

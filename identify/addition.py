@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identify.discretization import MODEL_ERROR
+from identify.joint_fit import JointFit
 from identify.rivals import MARGIN, Rival
 
 CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
@@ -52,3 +53,17 @@ class Addition:
             return self.equals
         beside = self.beside.get(self.name, ())
         return (*self.equals, *(name for name in beside if name not in self.equals))
+
+
+def at_bound(fit: JointFit, name: str) -> bool:
+    """Whether an amplitude of an effect ends at a bound of what is possible, other than no effect.
+
+    So much of it as the scan asks for cannot be there: something else is.
+    """
+    (part,) = (part for part in fit.model.effects if part.effect.name == name)
+    nulls = {amplitude.name: amplitude.null for amplitude in part.effect.amplitudes}
+    held = (unknown.rpartition(".") for unknown in fit.at_bound)
+    return any(
+        effect == name and own in nulls and fit.at.values[name][own] != nulls[own]
+        for effect, _, own in held
+    )

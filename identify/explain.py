@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from identify.addition import Addition
+from identify.addition import Addition, at_bound
 from identify.discretization import MODEL_ERROR
 from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
@@ -82,12 +82,17 @@ class Explanation:
         sure = tuple(
             a
             for a in self.additions
-            if len(a.group) == 1 and a.name not in self.resting_on_suspects
+            if len(a.group) == 1 and a.name not in (*self.resting_on_suspects, *self.at_bound)
         )
         main = self.explained_share >= _MAIN_PART and not self.map_error
         if self.verdict == "unexplained" and not main:
             sure = tuple(a for a in sure if a.borne_out)
         return tuple(a.name for a in sure)
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Effects of the last model that would be larger if that were possible: not found."""
+        return tuple(name for name in self.final.fit.model.has if at_bound(self.final.fit, name))
 
     @property
     def traces(self) -> tuple[str, ...]:
@@ -244,6 +249,8 @@ def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition], settled: boo
         return "unexplained"
     if not additions:
         return "nothing_missing"
+    if any(at_bound(last.fit, a.name) for a in additions):
+        return "unexplained"
     return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
 
 

@@ -167,10 +167,10 @@ def fit_jointly(
     if rounds == 0:
         return search.fit(model, result.x, at, result.success)
     for _ in range(rounds + _NEARER_ROUNDS):
-        there = _corrected(model, result.x)
+        there = corrected_at(model, result.x)
         now = search.linearised(there, result.x)
         if own is None and now.chi2 > at.chi2 + _ROUGH:
-            model = _corrected(model, u)
+            model = corrected_at(model, u)
             own = search.linearised(model, u).chi2
         if own is not None and now.chi2 > own:
             # The correction does not hold so far from where it was made
@@ -191,7 +191,7 @@ def fit_jointly(
     return search.fit(model, u, at, result.success and close)
 
 
-def _corrected(model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
+def corrected_at(model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
     """Return the model carried to the finer one at scaled coordinates u (k,)."""
     mechanics = model.mechanics.corrected(model.map(u), model.state(model.values(u)))
     return replace(model, mechanics=mechanics)

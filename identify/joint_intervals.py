@@ -12,8 +12,10 @@ import numpy as np
 
 from identify.gauss_newton import minimize_gauss_newton
 from identify.intervals import Valley, bent_intervals, straight
-from identify.joint_fit import JointFit
-from identify.optimize_result import InadmissibleError
+from identify.joint_fit import JointFit, corrected_at
+from identify.measurement_model import MeasurementModel
+from identify.optimize_result import InadmissibleError, OptimizeResult
+from identify.rivals import FAR
 
 _GROSS = 5.0  # chi-square per degree of freedom from which on the noise says nothing of the valley
 _EVALUATIONS = 10  # of each refit
@@ -46,7 +48,7 @@ def _in_units(fit: JointFit, ends: np.ndarray) -> dict[str, tuple[float, float]]
 
 
 def _refitter(fit: JointFit):
-    model = fit.model
+    model, free = fit.model, len(fit.model.space.free)
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
         others = np.delete(np.arange(len(start)), position)
@@ -57,19 +59,27 @@ def _refitter(fit: JointFit):
             u[others] = x
             return u
 
-        def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            at = model.linearise(whole(x))
-            return at.residual, -at.jacobian[:, others]
+        def minimum(model: MeasurementModel, x: np.ndarray) -> OptimizeResult:
+            def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                at = model.linearise(whole(x))
+                return at.residual, -at.jacobian[:, others]
 
-        try:
-            found = minimize_gauss_newton(
+            return minimize_gauss_newton(
                 residuals,
-                start[others],
+                x,
                 bounds=(low[others], high[others]),
                 max_step=model.longest_step(start)[others],
                 ftol=_FTOL,
                 max_evaluations=_EVALUATIONS,
             )
+
+        try:
+            found = minimum(model, start[others])
+            if np.abs(whole(found.x) - fit.u)[:free].max(initial=0.0) > FAR:
+                # So far from the estimate the finer model corrects the map otherwise
+                found = minimum(corrected_at(model, whole(found.x)), found.x)
+                there = whole(found.x)
+                return 0.5 * corrected_at(model, there).linearise(there).chi2, there
         except InadmissibleError:
             return np.inf, start  # no way on this side
         return found.fun, whole(found.x)

@@ -158,6 +158,22 @@ class Scan:
         """Return the Scan without approach and retract rows; `ignored_rows` counts those."""
         return self.rows(self.in_contact)
 
+    @property
+    def near_largest_force(self) -> np.ndarray:
+        """Rows within 10 % of their press's largest force, (m,) bool.
+
+        The single largest would be the one whose noise is largest.
+        """
+        largest = np.full(len(self.press_ids), -np.inf)
+        np.maximum.at(largest, self.press_index, self.force_n)
+        return self.force_n >= 0.9 * largest[self.press_index]
+
+    def at_largest_force(self, values: np.ndarray) -> np.ndarray:
+        """Return each press's mean (J,) of values (m,) near its largest force."""
+        near = self.near_largest_force
+        count = np.bincount(self.press_index, near)
+        return np.bincount(self.press_index, near * values) / np.maximum(count, 1.0)
+
     def replace(self, **changes) -> "Scan":
         """Return a copy with some arrays replaced."""
         return replace(self, **changes)

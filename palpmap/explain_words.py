@@ -81,6 +81,11 @@ def _help(explained: Explanation) -> str:
             f"The presses call for {listed(explained.added)}, whatever the map. In displacement, "
             "most of what is left is in the map. "
         )
+    if bound := [name for name in helpers if name in explained.at_bound]:
+        return (
+            f"With {listed(helpers)} the error falls, but only with more of {listed(bound)} than "
+            "can be: at the bound of what is possible it is a help, not the answer. "
+        )
     text = f"{listed(helpers)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if not explained.added:

@@ -125,8 +125,9 @@ def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray
     used, local = np.unique(triangles, return_inverse=True)
     recording.scene(mesh.nodes[used], local.reshape(-1, 3))
     last = deepest_rows(scan)
-    times = scan.time_s[last] if scan.has_time else None
-    recording.measured(scan.press_ids, scan.contact_points, scan.displacement_m[last], times)
+    times = scan.time_s[last] - scan.time_s.min() if scan.has_time else None
+    measured = scan.at_largest_force(scan.displacement_m)
+    recording.measured(scan.press_ids, scan.contact_points, measured, times)
     return mesh.nodes[used]
 
 

@@ -125,15 +125,10 @@ def near_largest_force(f: Finding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Over all readings within 10 % of the press's largest force: the single largest would be the one
     whose noise is largest.
     """
-    index, force = f.fit.press_index, f.fit.force_n
-    presses = len(f.scan.press_ids)
-    largest = np.full(presses, -np.inf)
-    np.maximum.at(largest, index, force)
-    near = (force >= 0.9 * largest[index]).astype(float)
-    count = np.bincount(index, near, presses)
-    measured = np.bincount(index, near * f.fit.displacement_m, presses) / count
-    modelled = np.bincount(index, near * f.fit.predicted_m, presses) / count
-    sigma = np.sqrt(np.bincount(index, near * f.fit.sigma_m**2, presses)) / count
+    mean = f.scan.used().at_largest_force
+    measured, modelled = mean(f.fit.displacement_m), mean(f.fit.predicted_m)
+    readings = np.bincount(f.fit.press_index, f.scan.used().near_largest_force)
+    sigma = np.sqrt(mean(f.fit.sigma_m**2) / readings)
     return 1e3 * measured, 1e3 * modelled, 1e3 * sigma
 
 

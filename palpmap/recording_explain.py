@@ -184,8 +184,7 @@ def _log_scan(file: RecordingFile, finding: Finding, dot_m: float) -> float:
     """Log the presses as measured; return the time at which the last was read, s."""
     scan = finding.scan
     times = _press_times(finding)
-    values = 1e3 * scan.displacement_m[deepest_rows(scan)]
-    _send(file, parts.MEASURED, finding, values)
+    _send(file, parts.MEASURED, finding, 1e3 * scan.at_largest_force(scan.displacement_m))
     points = rr.Points3D(scan.contact_points, radii=dot_m, colors=style.TRUE)
     file.static(parts.PRESSES_MADE, points)
     return float(times.max())
@@ -196,7 +195,7 @@ def _press_times(finding: Finding) -> NDArray[np.float64]:
     if not scan.has_time:
         return np.arange(len(scan.press_ids), dtype=float)
     times = scan.time_s[deepest_rows(scan)]
-    return times - min(float(scan.time_s.min()), 0.0)
+    return times - float(scan.time_s.min())
 
 
 def _send(
@@ -316,7 +315,7 @@ def _log_events(log: Log, explained: Explanation, problem: Problem, number: int)
 
 
 def _log_comparison(file: RecordingFile, finding: Finding, explained: Explanation) -> None:
-    """Log what the last model says of each press at its largest force, and its residual."""
-    fit, rows = explained.final.fit, deepest_rows(finding.scan)
-    _send(file, parts.MODELLED, finding, 1e3 * fit.at.predicted_m[rows])
-    _send(file, parts.RESIDUAL, finding, 1e6 * fit.residual_m[rows])
+    """Log what the last model says of each press near its largest force, and its residual."""
+    fit, mean = explained.final.fit, finding.scan.at_largest_force
+    _send(file, parts.MODELLED, finding, 1e3 * mean(fit.at.predicted_m))
+    _send(file, parts.RESIDUAL, finding, 1e6 * mean(fit.residual_m))

@@ -166,9 +166,10 @@ def eye_at(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.Ey
 
 
 def from_above(entity: str, name: str, stage: Stage) -> rrb.View:
-    """Look from above at what is painted on the body, in the body's frame."""
+    """Look from above at what is painted on the body, in the body's frame: x to the right, y up."""
     size = stage.size_m
-    above = np.array([0.0, -0.02 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])
+    # Nearer to the vertical the viewer turns the picture half around
+    above = np.array([0.0, -0.08 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])
     return rrb.Spatial3DView(
         origin=entity,
         name=name,

@@ -196,15 +196,16 @@ def make_scan(
 
     def on_press(result: "PressResult") -> None:
         start = done[0].time_s[0] if done else result.scan.time_s[0]
-        done.append(laboratory.hidden.report(result.scan, float(start)))
+        told = laboratory.hidden.report(result.scan, float(start))
+        done.append(told)
         write_scan(stack_scans(done), run / "scan.csv")
-        held = result.scan.phase == "hold"
+        used = told.used()
         recording.press_done(
             result.statistics.press,
-            float(result.scan.time_s[held][-1]),
-            result.scan.point_m[0],
-            float(result.scan.force_n[held].mean()),
-            float(result.scan.displacement_m[held].mean()),
+            float(told.time_s[told.phase == "hold"][-1]),
+            told.point_m[0],
+            float(used.at_largest_force(used.force_n)[0]),
+            float(used.at_largest_force(used.displacement_m)[0]),
         )
         advance()
 

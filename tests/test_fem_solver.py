@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import weakref
 
 import numpy as np
@@ -187,6 +189,41 @@ def test_memory_of_a_pattern_is_given_back_when_nobody_uses_it():
     gc.collect()
     assert gone() is None
     assert _mkl_bytes() < before - 8 * upper.nnz
+
+
+OTHER_THREADS = """
+import numpy as np
+from fem.assembly import Stiffness
+from fem.block import block_mesh
+from fem.press_threads import share_out, solver_for_threads
+from fem.solver import PardisoSolver, _mkl
+
+stiffness = Stiffness(block_mesh((0.1, 0.1, 0.05), (8, 8, 4)), 0.45)
+pattern = PardisoSolver(threads=2).analyse(stiffness.indptr, stiffness.indices)
+load = np.zeros(len(stiffness.indptr) - 1)
+load[-1] = 1.0
+
+def solved(worker, modulus):
+    values = stiffness.values(np.full(len(stiffness.points_m), float(modulus)))
+    return modulus * worker.factorize(values).solve(load)
+
+expected = solved(pattern, 1)
+most = _mkl().MKL_Get_Max_Threads()
+one = solver_for_threads(PardisoSolver()).analyse(stiffness.indptr, stiffness.indices)
+for worker in (one, pattern):
+    for found in (solved(worker, 2), *share_out([worker], lambda w, i: solved(w, 3 + i), 2)):
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+assert _mkl().MKL_Get_Max_Threads() == most
+assert one.threads == 1
+"""
+
+
+def test_a_pattern_keeps_its_threads_whoever_factorises_and_whatever_others_take():
+    if not fem.solver._pardiso_works():
+        pytest.skip("MKL is not installed here")
+    # in a process of its own: with fewer threads than analysed with, PARDISO crashes
+    run = subprocess.run([sys.executable, "-c", OTHER_THREADS], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
 
 
 def _mkl_bytes() -> int:

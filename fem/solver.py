@@ -77,6 +77,11 @@ class Solver(Protocol):
         """Name with version, for reports."""
         ...
 
+    @property
+    def single_precision(self) -> bool:
+        """Whether it has approximate factors that cost less than others."""
+        ...
+
     def analyse(
         self,
         indptr: ArrayLike,
@@ -140,6 +145,11 @@ class PardisoSolver:
         buffer = ctypes.create_string_buffer(200)
         _mkl().mkl_get_version_string(buffer, 200)
         return buffer.value.decode().split(" for ")[0].strip()
+
+    @property
+    def single_precision(self) -> bool:
+        """It has."""
+        return True
 
     def analyse(
         self,
@@ -270,7 +280,7 @@ class PardisoPattern:
             )
         if error == -4:
             raise SolverError(
-                f"The matrix is not positive definite (pivot of row {self._options[29]} "
+                f"The matrix is not positive definite (pivot of row {self._options[29] - 1} "
                 f"of {self.size}): {WHAT_TO_DO}."
             )
         if error:

@@ -125,6 +125,15 @@ def test_the_portable_solver_gives_the_same_readings():
     )
 
 
+@pytest.mark.parametrize("modulus", [6.0e3, 6.1e3, 6.2e3])
+def test_a_solution_without_any_error_left_is_taken_whatever_its_sign(modulus):
+    # factors in double precision leave an error of rounding size, on either side of zero
+    model = model_of(
+        tip=RigidTip(2), options=NewtonOptions(rtol=1e-12), solver=SuperLUSolver(), workers=1
+    )
+    assert model.evaluate(modulus, FORCES[:1]).complete
+
+
 def test_a_warm_start_saves_work_and_changes_nothing():
     model = model_of(options=NewtonOptions(rtol=1e-9))
     near = model.evaluate(modulus_at(model.points_m), [1.5])

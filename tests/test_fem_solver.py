@@ -113,6 +113,15 @@ def test_an_indefinite_matrix_is_refused_and_the_pattern_stays_usable(solver, wh
 
 
 @every_solver
+@pytest.mark.parametrize("row", [0, 40, 199])
+def test_the_row_of_a_negative_pivot_is_named_counting_from_zero(solver, row):
+    diagonal = np.ones(200)
+    diagonal[row] = -1.0
+    with pytest.raises(SolverError, match=f"pivot of row {row} of 200"):
+        solver.analyse(np.arange(201), np.arange(200)).factorize(diagonal)
+
+
+@every_solver
 def test_a_matrix_with_an_exactly_zero_row_is_refused(solver):
     upper = upper_of(stiffness_like())
     upper.data[np.repeat(np.arange(upper.shape[0]), np.diff(upper.indptr)) == 11] = 0.0

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fem.errors import SolverError
 from fem.quadrature import TET_RULES, monomials
 
 # lambda_a lambda_b, a <= b: the ten products that span the quadratics of a cell
@@ -30,6 +31,27 @@ CLOSE_RULE = TET_RULES[5]  # exact for a quadratic modulus times quadratic strai
 _AT_RULE = CLOSE_RULE[0][:, PRODUCTS].prod(axis=2) @ CLOSE_BASIS.T  # (points, samples)
 _MEAN = CLOSE_RULE[1] @ _AT_RULE  # (samples,) all positive
 _LEAST = 0.05  # of a cell's smallest sample: what the quadratic may not fall below at the rule
+
+
+def checked_modulus(modulus_pa: np.ndarray | float, count: int) -> np.ndarray:
+    """Return Young's modulus (p,) at `count` points, Pa, as a read-only copy.
+
+    A copy, for derivatives are often asked for later than the caller reuses the array.
+    """
+    given = np.array(modulus_pa, float)
+    if given.shape not in ((), (1,), (count,)):
+        raise SolverError(
+            f"Young's modulus must be one number or ({count},), one at each of the model's "
+            f"points_m, but is {given.shape}"
+        )
+    modulus = np.broadcast_to(given, count)
+    if not (np.isfinite(modulus).all() and modulus.min() > 0):
+        raise SolverError(
+            "Young's modulus must be positive and finite everywhere; its smallest value is "
+            f"{np.nanmin(modulus):.4g} Pa"
+        )
+    modulus.setflags(write=False)
+    return modulus
 
 
 def close_points_m(corners: np.ndarray) -> np.ndarray:

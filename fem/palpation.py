@@ -25,7 +25,7 @@ from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.held_body import HeldBody
 from fem.mesh import Mesh
-from fem.modulus_samples import CLOSE_SAMPLES, QuadraticModulus, close_points_m
+from fem.modulus_samples import CLOSE_SAMPLES, QuadraticModulus, checked_modulus, close_points_m
 from fem.near_field import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field_points import FUNCTIONS
 from fem.near_field_sums import couple, scatter
@@ -68,6 +68,8 @@ class NearFields(NamedTuple):
 
 class PalpationModel:
     """A body on its support, pressed at given contacts; evaluated for any modulus field.
+
+    For one thread at a time: it keeps one factor. Threads side by side need a model each.
 
     Parameters
     ----------
@@ -166,12 +168,7 @@ class PalpationModel:
             A modulus that is not positive and finite, or a body that a press pushes off a support
             on which it slides.
         """
-        modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
-        if not (np.isfinite(modulus).all() and modulus.min() > 0):
-            raise SolverError(
-                "Young's modulus must be positive and finite everywhere; its smallest value is "
-                f"{np.nanmin(modulus):.4g} Pa"
-            )
+        modulus = checked_modulus(modulus_pa, len(self.points_m))
         split = len(self.stiffness.points_m)
         if fibres is not None:
             direction, strength = checked_fibres(fibres, len(modulus))
@@ -208,6 +205,8 @@ class PalpationModel:
         if skin is not None:
             near = body.skinned.near(skin).value
             compliance += near / body.skinned.local_modulus(modulus)
+        for array in (compliance, field, amplitude):
+            array.setflags(write=False)
         return response
 
     def _enriched(

@@ -215,6 +215,12 @@ def test_accurate_compliances_are_met_at_small_force_and_with_their_derivatives(
         response.gradient(direction)
 
 
+@pytest.mark.parametrize("wrong", [[1e-3, 0.0], [-1e-3, 1e-3], [np.nan, 1e-3], [1e-3], 1e-3])
+def test_accurate_compliances_that_cannot_be_scaled_to_are_refused(wrong):
+    with pytest.raises(SolverError, match="must be 2 positive finite numbers in m/N"):
+        model_of().evaluate(6e3, FORCES, np.array(wrong))
+
+
 def test_a_rigid_tip_keeps_the_surface_flat_where_a_dead_pressure_does_not():
     contacts = Contacts([(0.03, 0.03, 0.03)], (0, 0, -1), 0.012)
     mesh = block_mesh(SIZE, (6, 6, 3))

@@ -231,6 +231,28 @@ def test_a_modulus_that_is_not_positive_and_finite_is_refused(value):
         palpation.evaluate(field)
 
 
+def test_a_modulus_of_another_length_is_refused():
+    palpation = model(1, "flat", True)
+    with pytest.raises(SolverError, match="one at each of the model's points_m"):
+        palpation.evaluate(np.ones(len(palpation.points_m) - 1))
+
+
+def test_arrays_changed_after_the_call_do_not_change_the_derivatives():
+    palpation = model(1, "flat", True)
+    modulus = np.linspace(4e3, 9e3, len(palpation.points_m))
+    strength = 0.1 * modulus
+    expected = palpation.evaluate(modulus, fibres=((1, 0, 0), strength)).sensitivity
+    response = palpation.evaluate(modulus, fibres=((1, 0, 0), strength))
+    unevenness = palpation.evaluate(modulus).unevenness
+    late = palpation.evaluate(modulus)
+    modulus[:], strength[:] = 1.0, 0.0
+    np.testing.assert_array_equal(response.sensitivity, expected)
+    np.testing.assert_array_equal(late.unevenness, unevenness)
+    for array in (response.compliance, response.amplitude):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
 def test_an_unknown_support_is_refused_with_the_known_ones():
     with pytest.raises(MeshError, match="no surface 'floor'; it has: base, sides, top"):
         PalpationModel(block_mesh(SIZE, (2, 2, 2)), 0.4, Contacts(POINTS, DOWN, 0.004), "floor")

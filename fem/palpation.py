@@ -122,6 +122,18 @@ class PalpationModel:
             np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments
         ]
 
+    def on(self, mesh: Mesh) -> PalpationModel:
+        """Return the same model on another mesh."""
+        return PalpationModel(
+            mesh,
+            self.stiffness.poisson_ratio,
+            self.contacts,
+            near_field=bool(self.enrichments),
+            solver=self._solver,
+            support=self.support,
+            skin_surface=self._skin_surface,
+        )
+
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
         return HeldBody(
             self.mesh,

@@ -13,6 +13,7 @@ from fem.contact import Contacts, contact_weights
 from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh
 from fem.palpation import PalpationModel
+from fem.refined import RefinedModel
 
 SIZE = (0.09, 0.07, 0.05)
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -273,3 +274,46 @@ def test_a_nodal_press_has_no_near_field():
     found = [PalpationModel(mesh, 0.4, contacts, near_field=n).evaluate(5e3) for n in (True, False)]
     np.testing.assert_array_equal(found[0].compliance, found[1].compliance)
     np.testing.assert_allclose(found[0].sensitivity.sum(axis=1) * 5e3, -found[0].compliance)
+
+
+@pytest.mark.parametrize(
+    ("points", "directions", "radius"),
+    [
+        (np.zeros((0, 3)), DOWN, 0.004),
+        ([(0.0, 0.0)], DOWN, 0.004),
+        ([(0.0, 0.0, 0.0)], (0, -1), 0.004),
+        ([(0.0, 0.0, 0.0)], DOWN, [0.004, 0.005]),
+    ],
+)
+def test_contacts_of_a_wrong_shape_are_refused(points, directions, radius):
+    with pytest.raises(MeshError, match="contacts need points"):
+        Contacts(points, directions, radius)
+
+
+def test_a_mesh_with_a_node_that_is_nowhere_or_in_no_cell_is_refused():
+    mesh = block_mesh(SIZE, (2, 2, 2))
+    nodes = mesh.nodes.copy()
+    nodes[3] = np.nan
+    contacts = Contacts(POINTS, DOWN, 0.004)
+    with pytest.raises(MeshError, match="Node 3 has the coordinates"):
+        PalpationModel(Mesh(nodes, mesh.cells, mesh.surfaces), 0.4, contacts)
+    more = np.vstack([mesh.nodes, [[0.0, 0.0, 1.0]]])
+    with pytest.raises(MeshError, match="belongs to no cell"):
+        PalpationModel(Mesh(more, mesh.cells, mesh.surfaces), 0.4, contacts)
+
+
+def test_a_press_too_far_off_the_normal_is_refused():
+    angle = np.radians(63)
+    contacts = Contacts(np.array(POINTS)[:1], (np.sin(angle), 0, -np.cos(angle)), 0.002)
+    with pytest.raises(MeshError, match="within 60 degrees of the normal"):
+        PalpationModel(block_mesh(SIZE, (4, 4, 2)), 0.4, contacts)
+
+
+def test_two_meshes_with_other_presses_are_not_extrapolated():
+    coarse, fine = block_mesh(SIZE, (2, 2, 2)), block_mesh(SIZE, (4, 4, 4))
+    models = [
+        PalpationModel(mesh, 0.4, Contacts(POINTS, DOWN, radius), near_field=False)
+        for mesh, radius in ((coarse, 0.004), (fine, 0.005))
+    ]
+    with pytest.raises(MeshError, match="the same presses"):
+        RefinedModel(*models)

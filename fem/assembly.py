@@ -15,6 +15,7 @@ import numpy as np
 from fem import assembly_kernels as kernels
 from fem.errors import MeshError
 from fem.mesh import TET_EDGES, Mesh
+from fem.mesh_checks import check_nodes
 from fem.modulus_samples import CLOSE_RULE, at_rule, by_sample
 from fem.quadrature import TET_RULES
 
@@ -105,6 +106,7 @@ class Stiffness:
     def __init__(
         self, mesh: Mesh, poisson_ratio: float, fixed_surface: str | tuple[str, ...] = "base"
     ) -> None:
+        check_nodes(mesh)
         if mesh.cell_volumes.min() <= 0:
             worst = int(mesh.cell_volumes.argmin())
             raise MeshError(f"cell {worst} has volume {mesh.cell_volumes[worst]:.3g} m^3; "

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from fem.errors import MeshError
-from fem.mesh import Mesh, boundary_faces, promote_to_tet10
+from fem.mesh import TET_EDGES, Mesh, boundary_faces, promote_to_tet10
 
 PAPER_SIZE_M = (0.096, 0.096, 0.048)
 PAPER_DIVISIONS = (16, 16, 8)
@@ -91,6 +91,8 @@ def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
     for axis, shift in enumerate(shift_m):
         away = np.abs(2 * (nodes[:, axis] - low[axis]) / (high[axis] - low[axis]) - 1)
         nodes[:, axis] += shift * away
+    if mesh.order == 2:  # an edge across the middle is bent there, its ends are not
+        nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
     return Mesh(nodes, mesh.cells, mesh.surfaces)
 
 

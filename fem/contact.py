@@ -40,8 +40,23 @@ class Contacts:
 
     def __post_init__(self) -> None:
         points = np.atleast_2d(np.array(self.points_m, float))
-        directions = np.broadcast_to(np.array(self.directions, float), points.shape).copy()
-        radius = np.broadcast_to(np.array(self.radius_m, float), len(points)).copy()
+        directions = np.array(self.directions, float)
+        radius = np.array(self.radius_m, float)
+        j = len(points)
+        if (
+            not points.size
+            or points.shape != (j, 3)
+            or directions.shape not in ((3,), (1, 3), (j, 3))
+            or radius.shape not in ((), (1,), (j,))
+        ):
+            raise MeshError(
+                "contacts need points (j, 3) of one press at least, directions (3,) or (j, 3) and "
+                f"one radius or (j,); got {points.shape}, {directions.shape} and {radius.shape}"
+            )
+        if not np.isfinite(points).all():
+            raise MeshError("contact points must be finite, in m")
+        directions = np.broadcast_to(directions, points.shape).copy()
+        radius = np.broadcast_to(radius, j).copy()
         if self.profile not in ("flat", "hertz", "nodal"):
             raise MeshError(f"contact profile is 'flat', 'hertz' or 'nodal', got '{self.profile}'")
         if not np.allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-6):
@@ -54,6 +69,13 @@ class Contacts:
 
     def __len__(self) -> int:
         return len(self.points_m)
+
+    def alike(self, other: Contacts) -> bool:
+        """Whether the other presses are the same ones."""
+        return self.profile == other.profile and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("points_m", "directions", "radius_m")
+        )
 
     @property
     def profile_code(self) -> int:

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 
 from fem.contact import PressedSurface
+from fem.errors import MeshError
 
 REACH = 1.35  # tip radii within which no surface may lie above the paraboloid
 _STEEPEST = 0.5  # least cosine between the press and the faces that it may touch
@@ -46,6 +47,11 @@ def contact_shape(
     corners = corners[near & (np.abs(corners[:, 2]) < 0.5 * radius)]
     points = np.vstack([points[hit], corners[:, :2]])
     height = np.concatenate([under.depth[hit], corners[:, 2]])
+    if not len(height):
+        raise MeshError(
+            f"the press at {centre} m meets no surface that faces it: its point must lie on the "
+            "body's surface, its direction within 60 degrees of the normal into the body"
+        )
     if np.abs(height).max() < _FLAT * radius:
         return np.zeros(6)
     x, y = points.T / radius

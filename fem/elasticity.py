@@ -61,7 +61,7 @@ def checked_fibres(fibres: Fibres | tuple, samples: int) -> Fibres:
     direction = np.array(fibres[0], float)
     if direction.shape != (3,) or not np.isclose(np.linalg.norm(direction), 1, atol=1e-6):
         raise MeshError(f"a fibre's direction must be a unit vector (3,), got {fibres[0]}")
-    modulus = np.broadcast_to(np.asarray(fibres[1], float), samples)
+    modulus = np.broadcast_to(np.array(fibres[1], float), samples)
     if not np.isfinite(modulus).all():
         raise MeshError("the modulus of the fibres must be finite everywhere")
     return Fibres(direction, modulus)

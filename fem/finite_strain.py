@@ -34,6 +34,7 @@ from fem.finite_strain_assembly import FiniteStrainBody
 from fem.hyperelastic import HyperelasticLaw
 from fem.load_path import Equilibrium, NewtonOptions, PathFollower
 from fem.mesh import Mesh
+from fem.modulus_samples import checked_modulus
 from fem.press_threads import available_cores, share_out, solver_for_threads
 from fem.solver import Solver, default_solver
 from fem.tangent_solver import TipConstraints
@@ -175,7 +176,8 @@ class FiniteStrainModel:
     contacts : the presses
     law : hyperelastic law, `fem.hyperelastic`
     tip : how the tip holds the surface, `fem.tip_shape`; default `DeadPressure()`, whose limit of
-        small force is the linear `PalpationModel` without near field
+        small force is the linear `PalpationModel` without near field (up to nu = 0.49: beyond, that
+        one resists the volume's change in the mean over a cell, see `fem.assembly.split_lame`)
     fixed_surface : name of the mesh surface that is bonded
     mean_dilatation : see `FiniteStrainBody`
     options : of the iterations
@@ -257,13 +259,14 @@ class FiniteStrainModel:
             error here: see `FiniteStrainResponse.reached_n` and `require_complete`.
         """
         count = len(self.contacts)
-        modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
-        if not (np.isfinite(modulus).all() and modulus.min() > 0):
-            raise SolverError("Young's modulus must be positive and finite everywhere")
+        modulus = checked_modulus(modulus_pa, len(self.points_m))
         forces = np.atleast_1d(np.asarray(forces_n, float))
         forces = np.broadcast_to(forces, (count, forces.shape[-1])).copy()
         if not (np.isfinite(forces).all() and forces.size and forces.min() >= 0):
             raise SolverError("forces must be finite and not negative: a press pushes")
+        accurate = None
+        if accurate_compliance is not None:
+            accurate = _checked_compliance(accurate_compliance, count)
         if start is not None and start.forces_n.shape != forces.shape:
             raise SolverError(
                 "a response to start from needs the same number of presses and forces"
@@ -271,16 +274,14 @@ class FiniteStrainModel:
         done = [(f.tangent.factorizations, f.iterations) for f in self._followers]
         presses = share_out(
             self._followers,
-            lambda follower, j: self._press(
-                follower, j, modulus, forces[j], accurate_compliance, start
-            ),
+            lambda follower, j: self._press(follower, j, modulus, forces[j], accurate, start),
             count,
         )
         work = [
             (f.tangent.factorizations - a, f.iterations - b)
             for f, (a, b) in zip(self._followers, done, strict=True)
         ]
-        return self._response(modulus, forces, presses, accurate_compliance, work)
+        return self._response(modulus, forces, presses, accurate, work)
 
     def _press(
         self,
@@ -344,3 +345,14 @@ class FiniteStrainModel:
             _linear=linear,
             _scale=scale,
         )
+
+
+def _checked_compliance(accurate: np.ndarray, count: int) -> np.ndarray:
+    """Return accurate compliances (j,) as numbers to scale forces with."""
+    found = np.asarray(accurate, float)
+    if found.shape != (count,) or not (np.isfinite(found).all() and found.min() > 0):
+        raise SolverError(
+            f"accurate compliances must be {count} positive finite numbers in m/N, one a press; "
+            f"got {found if found.size <= count else found.shape}"
+        )
+    return found

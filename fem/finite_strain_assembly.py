@@ -1,7 +1,9 @@
 """A hyperelastic body on a mesh: forces, energy and tangent stiffness at any displacement.
 
 Degrees of freedom, sparsity pattern and modulus samples are those of `fem.assembly.Stiffness`, so
-that at zero displacement the tangent is the linear stiffness matrix.
+that at zero displacement the tangent is the linear stiffness matrix: up to nu = 0.49, and without
+mean dilatation. Beyond, `Stiffness` takes a part of lambda by the mean change of a cell's volume
+(`fem.assembly.split_lame`), while here all of it acts at every point, or with mean dilatation none.
 """
 
 from __future__ import annotations

@@ -58,10 +58,14 @@ class HeldBody:
         if len(self.loads) < LARGE:
             return []
         s = self.stiffness
-        rough = RoughFactors(lambda: self._solver.analyse(s.indptr, s.indices, approximate=True))
-        if s.poisson_ratio > NU_LIMIT:
-            return [rough]
-        return [TwoGrid(s.mesh.nodes[s.free_nodes], self._solver), rough]
+        ways: list[Preparation] = []
+        if s.poisson_ratio <= NU_LIMIT:
+            ways.append(TwoGrid(s.mesh.nodes[s.free_nodes], self._solver))
+        if self._solver.single_precision:
+            ways.append(
+                RoughFactors(lambda: self._solver.analyse(s.indptr, s.indices, approximate=True))
+            )
+        return ways
 
     def solve(self, values: np.ndarray) -> np.ndarray:
         """Return the displacements (3 f, j) under all loads for values of the matrix."""

@@ -39,6 +39,12 @@ def check_mesh(mesh: Mesh) -> None:
         _check_surface(mesh, name, boundary)
 
 
+def check_nodes(mesh: Mesh) -> None:
+    """Do the quick part of `check_mesh`: finite nodes, each of which belongs to a cell."""
+    _check_numbers(mesh)
+    _check_used(mesh)
+
+
 def cell_quality(mesh: Mesh) -> NDArray[np.float64]:
     """6 sqrt(2) V / (rms edge length)^3 of each cell, (e,): 1 regular, 0 flat, < 0 inverted."""
     ends = mesh.nodes[mesh.cells[:, TET_EDGES]]  # (e, 6, 2, 3)
@@ -104,13 +110,17 @@ def _check_shapes(mesh: Mesh) -> None:
         )
 
 
-def _check_nodes(mesh: Mesh) -> None:
+def _check_used(mesh: Mesh) -> None:
     unused = np.flatnonzero(np.bincount(mesh.cells.ravel(), minlength=len(mesh.nodes)) == 0)
     if unused.size:
         raise MeshError(
             f"Node {unused[0]} at {mesh.nodes[unused[0]]} belongs to no cell ({unused.size} such); "
             "remove unused nodes, as they make the stiffness matrix singular."
         )
+
+
+def _check_nodes(mesh: Mesh) -> None:
+    _check_used(mesh)
     ends = mesh.nodes[mesh.cells[:, TET_EDGES]]
     shortest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min())
     pairs = KDTree(mesh.nodes).query_pairs(SAME_NODE * shortest, output_type="ndarray")

@@ -25,7 +25,7 @@ from fem.elasticity import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.errors import SolverError
 from fem.held_body import HeldBody
 from fem.mesh import Mesh
-from fem.modulus_samples import CLOSE_SAMPLES, close_points_m
+from fem.modulus_samples import CLOSE_SAMPLES, QuadraticModulus, checked_modulus, close_points_m
 from fem.near_field import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field_points import FUNCTIONS
 from fem.near_field_sums import couple, scatter
@@ -42,13 +42,13 @@ _GROUP = 16  # presses whose near fields are solved together
 class Material(NamedTuple):
     """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
 
-    `close` (c, s) has the modulus samples that count in the cells around the tips.
+    `close` has the modulus samples that count in the cells around the tips.
     """
 
     modulus: np.ndarray
     fibres: Fibres | None
     skin: Skin | None
-    close: np.ndarray
+    close: QuadraticModulus
 
 
 class NearFields(NamedTuple):
@@ -68,6 +68,8 @@ class NearFields(NamedTuple):
 
 class PalpationModel:
     """A body on its support, pressed at given contacts; evaluated for any modulus field.
+
+    For one thread at a time: it keeps one factor. Threads side by side need a model each.
 
     Parameters
     ----------
@@ -120,6 +122,18 @@ class PalpationModel:
             np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments
         ]
 
+    def on(self, mesh: Mesh) -> PalpationModel:
+        """Return the same model on another mesh."""
+        return PalpationModel(
+            mesh,
+            self.stiffness.poisson_ratio,
+            self.contacts,
+            near_field=bool(self.enrichments),
+            solver=self._solver,
+            support=self.support,
+            skin_surface=self._skin_surface,
+        )
+
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
         return HeldBody(
             self.mesh,
@@ -166,19 +180,14 @@ class PalpationModel:
             A modulus that is not positive and finite, or a body that a press pushes off a support
             on which it slides.
         """
-        modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(self.points_m))
-        if not (np.isfinite(modulus).all() and modulus.min() > 0):
-            raise SolverError(
-                "Young's modulus must be positive and finite everywhere; its smallest value is "
-                f"{np.nanmin(modulus):.4g} Pa"
-            )
+        modulus = checked_modulus(modulus_pa, len(self.points_m))
         split = len(self.stiffness.points_m)
         if fibres is not None:
             direction, strength = checked_fibres(fibres, len(modulus))
             fibres = Fibres(direction, np.asarray(strength)[:split])
         skin = None if skin is None else Skin(*skin)
         modulus, close = modulus[:split], modulus[split:].reshape(-1, len(CLOSE_SAMPLES))
-        material = Material(modulus, fibres, skin, close)
+        material = Material(modulus, fibres, skin, QuadraticModulus(close))
         support = self.support
         if support_compliance is not None:
             normal, tangential = support_compliance
@@ -208,6 +217,8 @@ class PalpationModel:
         if skin is not None:
             near = body.skinned.near(skin).value
             compliance += near / body.skinned.local_modulus(modulus)
+        for array in (compliance, field, amplitude):
+            array.setflags(write=False)
         return response
 
     def _enriched(
@@ -224,14 +235,14 @@ class PalpationModel:
             pressed = half[:, group].T
             missing = near.load - (k @ pressed[..., None])[..., 0]
             schur = near.energy - k @ k.swapaxes(1, 2)
-            amplitude[group] = np.linalg.solve(schur, missing[..., None])[..., 0]
+            amplitude[group] = _solve_definite(schur, missing)
             compliance[group] += np.sum(missing * amplitude[group], axis=1)
             half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
         return compliance, factor.backward(half), amplitude
 
     def values(self, body: HeldBody, material: Material) -> np.ndarray:
         """Values of a body's stiffness matrix, without the support's springs."""
-        close = (self.close_cells, material.close)
+        close = (self.close_cells, material.close.values)
         values = body.stiffness.values(material.modulus, close)
         if material.fibres is not None:
             direction, strength = material.fibres
@@ -256,7 +267,7 @@ class PalpationModel:
                 numbers = stiffness.free_cells[part.cells]
                 couple(by_function[i], energy[i], numbers, local, part.coupling, part.energy)
                 cells, *near = part.close
-                local = material.close[self.close_rows[first + i]]
+                local = material.close.values[self.close_rows[first + i]]
                 couple(by_function[i], energy[i], stiffness.free_cells[cells], local, *near)
                 if fibres is not None:
                     plane = self.fibre_plane(fibres.direction)
@@ -280,6 +291,18 @@ class PalpationModel:
         if self._plane is None or not np.array_equal(self._plane.plane, plane):
             self._plane = FibrePlane(self.stiffness, self.contacts, plane, bool(self.enrichments))
         return self._plane
+
+
+def _solve_definite(schur: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Amplitudes (j, m) of the near fields; without a positive energy (j, m, m) there are none."""
+    try:
+        np.linalg.cholesky(schur)
+    except np.linalg.LinAlgError as error:
+        raise SolverError(
+            "the map is finer than the mesh around a tip resolves: the near field there has no "
+            "positive energy; use a finer mesh, or a map that varies less within its cells"
+        ) from error
+    return np.linalg.solve(schur, missing[..., None])[..., 0]
 
 
 def _check_equilibrium(response: Response, springs: tuple[float, float]) -> None:

@@ -1,19 +1,18 @@
 """Presses shared out over threads, each with its own single-threaded factors.
 
 Small sparse factorisations gain little from two threads inside, and two of them side by side gain
-all. MKL's and numba's number of threads is therefore set to one in each of these threads, and only
-there.
+all. A solver for these threads therefore has one thread inside (`solver_for_threads`), as numba has
+in each of them, and only there.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numba
 
@@ -32,10 +31,8 @@ def available_cores() -> int:
 
 
 def solver_for_threads(solver: Solver) -> Solver:
-    """Return the solver, made so that analysing in a thread leaves the process's setting alone."""
-    if not isinstance(solver, PardisoSolver) or solver.threads:
-        return solver
-    return replace(solver, threads=_mkl().MKL_Get_Max_Threads())
+    """Return the solver, made to take one thread inside."""
+    return replace(solver, threads=1) if isinstance(solver, PardisoSolver) else solver
 
 
 def share_out(
@@ -53,21 +50,5 @@ def share_out(
         finally:
             free.put(worker)
 
-    with ThreadPoolExecutor(len(workers), initializer=_one_thread_inside) as pool:
+    with ThreadPoolExecutor(len(workers), initializer=numba.set_num_threads, initargs=(1,)) as pool:
         return list(pool.map(run, range(count)))
-
-
-def _mkl() -> Any:
-    """MKL's library, as `fem.solver` finds it; an error where there is none."""
-    from pypardiso import ps
-
-    return ps.libmkl
-
-
-def _one_thread_inside() -> None:
-    """Tell numba and MKL, where it is there, to take one thread when called from this one."""
-    numba.set_num_threads(1)
-    try:
-        _mkl().MKL_Set_Num_Threads_Local(ctypes.c_int(1))
-    except (ImportError, OSError, AttributeError):
-        return  # no MKL

@@ -70,7 +70,7 @@ class RefinedModel:
     fine: PalpationModel
 
     def __post_init__(self) -> None:
-        if len(self.coarse.contacts) != len(self.fine.contacts) or self._ratio <= 1.05:
+        if not self.coarse.contacts.alike(self.fine.contacts) or self._ratio <= 1.05:
             raise MeshError("extrapolation needs the same presses on two meshes, the second finer")
 
     @property

@@ -88,7 +88,7 @@ class Response:
                 result[j] -= skin.stretch_m * skinned.membrane.energies(field)
         if not self.model.enrichments:
             return result
-        close = self._close_energies(nodal, by_press)
+        close = self._material.close.by_asked(self._close_energies(nodal, by_press))
         return np.hstack([result, -close.reshape(len(nodal), -1)])
 
     def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
@@ -117,7 +117,7 @@ class Response:
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
         nodal = stiffness.prolong(self._free)
         close = self._close_energies(nodal, np.ascontiguousarray(nodal))
-        bent = np.abs(close * (material.close - linear))
+        bent = np.abs(close * (material.close.asked - linear))
         return bent.sum(axis=(1, 2)) / self.compliance
 
     @cached_property

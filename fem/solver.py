@@ -17,6 +17,8 @@ from __future__ import annotations
 import ctypes
 import os
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, files
@@ -75,6 +77,11 @@ class Solver(Protocol):
         """Name with version, for reports."""
         ...
 
+    @property
+    def single_precision(self) -> bool:
+        """Whether it has approximate factors that cost less than others."""
+        ...
+
     def analyse(
         self,
         indptr: ArrayLike,
@@ -126,7 +133,8 @@ class PardisoSolver:
     Parameters
     ----------
     threads : int, optional
-        Threads MKL may use, for the whole process; its own choice (all cores) where not given.
+        Threads MKL may use for the patterns of this solver; where not given, as many as it would
+        take in the thread that analyses.
     """
 
     threads: int | None = None
@@ -138,6 +146,11 @@ class PardisoSolver:
         _mkl().mkl_get_version_string(buffer, 200)
         return buffer.value.decode().split(" for ")[0].strip()
 
+    @property
+    def single_precision(self) -> bool:
+        """It has."""
+        return True
+
     def analyse(
         self,
         indptr: ArrayLike,
@@ -146,12 +159,9 @@ class PardisoSolver:
         loaded: ArrayLike | None = None,
     ) -> PardisoPattern:
         """Order (nested dissection) and analyse the pattern of an upper triangle."""
-        # PARDISO needs as many threads to factorise as to analyse, and others in the process (as
-        # numba) change OpenMP's number in between: MKL's own is set, which they do not touch.
         threads = self.threads or _mkl().MKL_Get_Max_Threads()
-        _mkl().MKL_Set_Num_Threads(ctypes.c_int(threads))
         precision = np.float32 if approximate else np.float64
-        return PardisoPattern(*checked_pattern(indptr, indices), precision, loaded)
+        return PardisoPattern(*checked_pattern(indptr, indices), threads, precision, loaded)
 
 
 @cache
@@ -179,17 +189,36 @@ def _installed_mkl() -> Path | None:
     return next((place for place in places if place.suffix != ".lib" and place.exists()), None)
 
 
+@contextmanager
+def _mkl_threads(threads: int) -> Iterator[None]:
+    """Let MKL use so many threads when called from this one.
+
+    PARDISO crashes where it factorises with fewer threads than it has analysed with, and others in
+    the process, as numba, change OpenMP's number; that of MKL for one thread they do not touch.
+    """
+    set_local = _mkl().MKL_Set_Num_Threads_Local
+    before = set_local(ctypes.c_int(threads))
+    try:
+        yield
+    finally:
+        set_local(ctypes.c_int(before))
+
+
 class PardisoPattern:
-    """An analysed pattern inside PARDISO; its memory is given back when nobody uses it."""
+    """An analysed pattern inside PARDISO; its memory is given back when nobody uses it.
+
+    For one thread at a time: it keeps one factor, and PARDISO's state.
+    """
 
     def __init__(
         self,
         indptr: NDArray[np.int32],
         indices: NDArray[np.int32],
+        threads: int,
         precision: type[np.float32] | type[np.float64] = np.float64,
         loaded: ArrayLike | None = None,
     ) -> None:
-        self.size = indptr.size - 1
+        self.size, self.threads = indptr.size - 1, threads
         self._loaded = None if loaded is None else checked_rows(loaded, self.size)
         # PARDISO's perm: the analysis finds the loaded rows there and leaves its order behind
         self._order = None if self._loaded is None else self._loaded.astype(np.int32)
@@ -238,19 +267,20 @@ class PardisoPattern:
         load: NDArray[Any] | None = None,
         solution: NDArray[Any] | None = None,
     ) -> None:
-        error = _call_pardiso(
-            self._handle,
-            self._options,
-            phase,
-            self.size,
-            (self._values, self._indptr, self._indices),
-            load,
-            solution,
-            self._order,
-        )
+        with _mkl_threads(self.threads):
+            error = _call_pardiso(
+                self._handle,
+                self._options,
+                phase,
+                self.size,
+                (self._values, self._indptr, self._indices),
+                load,
+                solution,
+                self._order,
+            )
         if error == -4:
             raise SolverError(
-                f"The matrix is not positive definite (pivot of row {self._options[29]} "
+                f"The matrix is not positive definite (pivot of row {self._options[29] - 1} "
                 f"of {self.size}): {WHAT_TO_DO}."
             )
         if error:

@@ -25,6 +25,11 @@ class SuperLUSolver:
 
         return f"SuperLU of scipy {__version__}"
 
+    @property
+    def single_precision(self) -> bool:
+        """It has not: approximate factors are in double precision."""
+        return False
+
     def analyse(
         self,
         indptr: ArrayLike,

@@ -198,8 +198,10 @@ class TangentSolver:
         y = self.solve(r)
         p, rho, first = y.copy(), float(r @ y), float(load @ x)
         for _ in range(max_iterations):
-            if not rho > rtol**2 * first:
-                return x if rho >= 0 else None
+            if abs(rho) <= rtol**2 * first:  # where nothing is left, rounding decides on its sign
+                return x
+            if not rho > 0:
+                return None
             ap = self.product(values, p)
             curvature = float(p @ ap)
             if not curvature > 0:
@@ -210,7 +212,7 @@ class TangentSolver:
             new = float(r @ y)
             p = y + new / rho * p
             rho = new
-        return x if 0 <= rho <= rtol**2 * first else None
+        return x if abs(rho) <= rtol**2 * first else None
 
     def product(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return the forces (3 f,) of a tangent's values (nnz,) on x, without those of the tip."""

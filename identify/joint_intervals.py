@@ -15,7 +15,6 @@ from identify.intervals import Valley, bent_intervals, straight
 from identify.joint_fit import JointFit, corrected_at
 from identify.measurement_model import MeasurementModel
 from identify.optimize_result import InadmissibleError, OptimizeResult
-from identify.rivals import FAR
 
 _GROSS = 5.0  # chi-square per degree of freedom from which on the noise says nothing of the valley
 _EVALUATIONS = 10  # of each refit
@@ -48,7 +47,7 @@ def _in_units(fit: JointFit, ends: np.ndarray) -> dict[str, tuple[float, float]]
 
 
 def _refitter(fit: JointFit):
-    model, free = fit.model, len(fit.model.space.free)
+    model = fit.model
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
         others = np.delete(np.arange(len(start)), position)
@@ -75,14 +74,12 @@ def _refitter(fit: JointFit):
 
         try:
             found = minimum(model, start[others])
-            if np.abs(whole(found.x) - fit.u)[:free].max(initial=0.0) > FAR:
-                # So far from the estimate the finer model corrects the map otherwise
-                found = minimum(corrected_at(model, whole(found.x)), found.x)
-                there = whole(found.x)
-                return 0.5 * corrected_at(model, there).linearise(there).chi2, there
+            # So far from the estimate the finer model corrects the map otherwise
+            found = minimum(corrected_at(model, whole(found.x)), found.x)
+            there = whole(found.x)
+            return 0.5 * corrected_at(model, there).linearise(there).chi2, there
         except InadmissibleError:
             return np.inf, start  # no way on this side
-        return found.fun, whole(found.x)
 
     return refit
 

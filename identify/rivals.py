@@ -20,7 +20,7 @@ MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
 SURE = 1e-3  # family-wise chance, where nothing but the score speaks for an effect
 REFIT_EVALUATIONS = 15
 _EASED_WEIGHT, _EASED_RADIUS = 0.35, 1.3
-FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
+_FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
 _SHORTLIST = 3
 _ENOUGH = 0.5  # in chi-square: a rival whose steps bring less has shown what it can
 # A rival is beaten if it is so far behind, in chi-square, and has done less than half of what the
@@ -121,7 +121,7 @@ def beaten(rival: float, before: float, best: float) -> bool:
 def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
     free = len(fit.model.space.free)
-    far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > FAR
+    far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
     if (fit.success and not far) or beaten(fit.chi2, before.chi2, best):
         return fit
     return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit

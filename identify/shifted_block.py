@@ -120,9 +120,4 @@ class ShiftedBlock:
 
 
 def _moved(model: PalpationModel, shift_m: Shift) -> PalpationModel:
-    return PalpationModel(
-        moved_sides(model.mesh, shift_m),
-        model.stiffness.poisson_ratio,
-        model.contacts,
-        support=model.support,
-    )
+    return model.on(moved_sides(model.mesh, shift_m))

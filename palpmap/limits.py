@@ -29,8 +29,9 @@ def limits_of(
     limits.append(text + (beyond if share > SMALL_STRAIN else "") + ".")
     if study.body.shape == "surface":
         limits.append(
-            "Meshes of one closed surface differ by about 0.3 % in what a press feels, whatever "
-            "their fineness, as each cuts the surface's curves elsewhere."
+            "Meshes of one closed surface differ by about 0.3 % in what a press feels, as each "
+            "cuts the surface's curves elsewhere; small tips on strongly curved places feel the "
+            "facets more, up to some percent."
         )
     if study.body.thickness_assumed:
         limits.append("The body's thickness was assumed; moduli and depths scale with it.")

@@ -125,6 +125,15 @@ def test_the_portable_solver_gives_the_same_readings():
     )
 
 
+@pytest.mark.parametrize("modulus", [6.0e3, 6.1e3, 6.2e3])
+def test_a_solution_without_any_error_left_is_taken_whatever_its_sign(modulus):
+    # factors in double precision leave an error of rounding size, on either side of zero
+    model = model_of(
+        tip=RigidTip(2), options=NewtonOptions(rtol=1e-12), solver=SuperLUSolver(), workers=1
+    )
+    assert model.evaluate(modulus, FORCES[:1]).complete
+
+
 def test_a_warm_start_saves_work_and_changes_nothing():
     model = model_of(options=NewtonOptions(rtol=1e-9))
     near = model.evaluate(modulus_at(model.points_m), [1.5])
@@ -204,6 +213,12 @@ def test_accurate_compliances_are_met_at_small_force_and_with_their_derivatives(
     np.testing.assert_allclose(exact, (up - down) / 40, rtol=1e-4)
     with pytest.raises(SolverError, match="gradient belongs"):
         response.gradient(direction)
+
+
+@pytest.mark.parametrize("wrong", [[1e-3, 0.0], [-1e-3, 1e-3], [np.nan, 1e-3], [1e-3], 1e-3])
+def test_accurate_compliances_that_cannot_be_scaled_to_are_refused(wrong):
+    with pytest.raises(SolverError, match="must be 2 positive finite numbers in m/N"):
+        model_of().evaluate(6e3, FORCES, np.array(wrong))
 
 
 def test_a_rigid_tip_keeps_the_surface_flat_where_a_dead_pressure_does_not():

@@ -14,7 +14,7 @@ from fem.block_matrix import BlockMatrix
 from fem.errors import SolverError
 from fem.mesh import Mesh
 from fem.mixed_precision import RTOL, RoughFactors, conjugate_gradients
-from fem.solver import default_solver
+from fem.solver import Solver, SuperLUSolver, default_solver
 from fem.two_grid import TwoGrid, trilinear
 
 SIZE_M = (0.06, 0.05, 0.03)
@@ -86,7 +86,8 @@ def check_solution(body: Body, precondition, most: int) -> None:
     exact = np.linalg.solve(dense, rhs)
     error, energy = found - exact, np.einsum("nk,nk->k", rhs, exact)
     assert (np.einsum("nk,nk->k", error, dense @ error) <= (2 * RTOL) ** 2 * energy).all()
-    assert_allclose(np.einsum("nk,nk->k", rhs, found), energy, rtol=1e-11)
+    # near nu = 0.5 rounding alone makes 1e-11, in the dense solution as in this one
+    assert_allclose(np.einsum("nk,nk->k", rhs, found), energy, rtol=3e-11)
 
 
 @pytest.mark.parametrize("contrast", [1.0, 100.0])
@@ -186,17 +187,19 @@ def test_a_load_of_nothing_moves_nothing():
         assert np.isfinite(found).all()
 
 
-def model_of(support: Support | None, nu: float) -> PalpationModel:
+def model_of(support: Support | None, nu: float, solver: Solver | None = None) -> PalpationModel:
     contacts = Contacts(
         [(0.02, 0.02, 0.03), (0.03, 0.025, 0.03), (0.04, 0.03, 0.03)], (0, 0, -1), 0.005
     )
     mesh = block_mesh(SIZE_M, (8, 6, 4), order=1)
-    return PalpationModel(mesh, nu, contacts, near_field=False, support=support)
+    return PalpationModel(mesh, nu, contacts, near_field=False, support=support, solver=solver)
 
 
 @pytest.mark.parametrize(("nu", "way"), [(0.45, TwoGrid), (0.4999, RoughFactors)])
 @pytest.mark.parametrize("support", [None, Support("base", normal=1e-7, tangential=2e-7)])
 def test_a_large_body_answers_as_a_small_one_does(monkeypatch, support, nu, way):
+    if way is RoughFactors and not default_solver().single_precision:
+        pytest.skip("the solver here has no single precision")
     small = model_of(support, nu)
     modulus = 5e3 + 2e4 * np.exp(-((small.points_m - [0.03, 0.02, 0.02]) ** 2).sum(1) / 2e-4)
     exact = small.evaluate(modulus)
@@ -222,3 +225,10 @@ def test_where_single_precision_is_not_enough_double_is_taken(monkeypatch, contr
     found = large.evaluate(modulus)
     assert large._bonded.iterative == []
     assert_allclose(found.compliance, exact.compliance, rtol=1e-12)
+
+
+def test_without_single_precision_nothing_is_gained_by_rough_factors(monkeypatch):
+    monkeypatch.setattr(fem.held_body, "LARGE", 0)
+    for nu, ways in ((0.45, [TwoGrid]), (0.4999, [])):
+        body = model_of(None, nu, SuperLUSolver())._bonded
+        assert [type(way) for way in body.iterative] == ways

@@ -13,6 +13,7 @@ from fem.contact import Contacts, contact_weights
 from fem.errors import MeshError, SolverError
 from fem.mesh import Mesh
 from fem.palpation import PalpationModel
+from fem.refined import RefinedModel
 
 SIZE = (0.09, 0.07, 0.05)
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -231,6 +232,28 @@ def test_a_modulus_that_is_not_positive_and_finite_is_refused(value):
         palpation.evaluate(field)
 
 
+def test_a_modulus_of_another_length_is_refused():
+    palpation = model(1, "flat", True)
+    with pytest.raises(SolverError, match="one at each of the model's points_m"):
+        palpation.evaluate(np.ones(len(palpation.points_m) - 1))
+
+
+def test_arrays_changed_after_the_call_do_not_change_the_derivatives():
+    palpation = model(1, "flat", True)
+    modulus = np.linspace(4e3, 9e3, len(palpation.points_m))
+    strength = 0.1 * modulus
+    expected = palpation.evaluate(modulus, fibres=((1, 0, 0), strength)).sensitivity
+    response = palpation.evaluate(modulus, fibres=((1, 0, 0), strength))
+    unevenness = palpation.evaluate(modulus).unevenness
+    late = palpation.evaluate(modulus)
+    modulus[:], strength[:] = 1.0, 0.0
+    np.testing.assert_array_equal(response.sensitivity, expected)
+    np.testing.assert_array_equal(late.unevenness, unevenness)
+    for array in (response.compliance, response.amplitude):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
 def test_an_unknown_support_is_refused_with_the_known_ones():
     with pytest.raises(MeshError, match="no surface 'floor'; it has: base, sides, top"):
         PalpationModel(block_mesh(SIZE, (2, 2, 2)), 0.4, Contacts(POINTS, DOWN, 0.004), "floor")
@@ -251,3 +274,46 @@ def test_a_nodal_press_has_no_near_field():
     found = [PalpationModel(mesh, 0.4, contacts, near_field=n).evaluate(5e3) for n in (True, False)]
     np.testing.assert_array_equal(found[0].compliance, found[1].compliance)
     np.testing.assert_allclose(found[0].sensitivity.sum(axis=1) * 5e3, -found[0].compliance)
+
+
+@pytest.mark.parametrize(
+    ("points", "directions", "radius"),
+    [
+        (np.zeros((0, 3)), DOWN, 0.004),
+        ([(0.0, 0.0)], DOWN, 0.004),
+        ([(0.0, 0.0, 0.0)], (0, -1), 0.004),
+        ([(0.0, 0.0, 0.0)], DOWN, [0.004, 0.005]),
+    ],
+)
+def test_contacts_of_a_wrong_shape_are_refused(points, directions, radius):
+    with pytest.raises(MeshError, match="contacts need points"):
+        Contacts(points, directions, radius)
+
+
+def test_a_mesh_with_a_node_that_is_nowhere_or_in_no_cell_is_refused():
+    mesh = block_mesh(SIZE, (2, 2, 2))
+    nodes = mesh.nodes.copy()
+    nodes[3] = np.nan
+    contacts = Contacts(POINTS, DOWN, 0.004)
+    with pytest.raises(MeshError, match="Node 3 has the coordinates"):
+        PalpationModel(Mesh(nodes, mesh.cells, mesh.surfaces), 0.4, contacts)
+    more = np.vstack([mesh.nodes, [[0.0, 0.0, 1.0]]])
+    with pytest.raises(MeshError, match="belongs to no cell"):
+        PalpationModel(Mesh(more, mesh.cells, mesh.surfaces), 0.4, contacts)
+
+
+def test_a_press_too_far_off_the_normal_is_refused():
+    angle = np.radians(63)
+    contacts = Contacts(np.array(POINTS)[:1], (np.sin(angle), 0, -np.cos(angle)), 0.002)
+    with pytest.raises(MeshError, match="within 60 degrees of the normal"):
+        PalpationModel(block_mesh(SIZE, (4, 4, 2)), 0.4, contacts)
+
+
+def test_two_meshes_with_other_presses_are_not_extrapolated():
+    coarse, fine = block_mesh(SIZE, (2, 2, 2)), block_mesh(SIZE, (4, 4, 4))
+    models = [
+        PalpationModel(mesh, 0.4, Contacts(POINTS, DOWN, radius), near_field=False)
+        for mesh, radius in ((coarse, 0.004), (fine, 0.005))
+    ]
+    with pytest.raises(MeshError, match="the same presses"):
+        RefinedModel(*models)

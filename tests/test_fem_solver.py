@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import weakref
 
 import numpy as np
@@ -111,6 +113,15 @@ def test_an_indefinite_matrix_is_refused_and_the_pattern_stays_usable(solver, wh
 
 
 @every_solver
+@pytest.mark.parametrize("row", [0, 40, 199])
+def test_the_row_of_a_negative_pivot_is_named_counting_from_zero(solver, row):
+    diagonal = np.ones(200)
+    diagonal[row] = -1.0
+    with pytest.raises(SolverError, match=f"pivot of row {row} of 200"):
+        solver.analyse(np.arange(201), np.arange(200)).factorize(diagonal)
+
+
+@every_solver
 def test_a_matrix_with_an_exactly_zero_row_is_refused(solver):
     upper = upper_of(stiffness_like())
     upper.data[np.repeat(np.arange(upper.shape[0]), np.diff(upper.indptr)) == 11] = 0.0
@@ -187,6 +198,41 @@ def test_memory_of_a_pattern_is_given_back_when_nobody_uses_it():
     gc.collect()
     assert gone() is None
     assert _mkl_bytes() < before - 8 * upper.nnz
+
+
+OTHER_THREADS = """
+import numpy as np
+from fem.assembly import Stiffness
+from fem.block import block_mesh
+from fem.press_threads import share_out, solver_for_threads
+from fem.solver import PardisoSolver, _mkl
+
+stiffness = Stiffness(block_mesh((0.1, 0.1, 0.05), (8, 8, 4)), 0.45)
+pattern = PardisoSolver(threads=2).analyse(stiffness.indptr, stiffness.indices)
+load = np.zeros(len(stiffness.indptr) - 1)
+load[-1] = 1.0
+
+def solved(worker, modulus):
+    values = stiffness.values(np.full(len(stiffness.points_m), float(modulus)))
+    return modulus * worker.factorize(values).solve(load)
+
+expected = solved(pattern, 1)
+most = _mkl().MKL_Get_Max_Threads()
+one = solver_for_threads(PardisoSolver()).analyse(stiffness.indptr, stiffness.indices)
+for worker in (one, pattern):
+    for found in (solved(worker, 2), *share_out([worker], lambda w, i: solved(w, 3 + i), 2)):
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+assert _mkl().MKL_Get_Max_Threads() == most
+assert one.threads == 1
+"""
+
+
+def test_a_pattern_keeps_its_threads_whoever_factorises_and_whatever_others_take():
+    if not fem.solver._pardiso_works():
+        pytest.skip("MKL is not installed here")
+    # in a process of its own: with fewer threads than analysed with, PARDISO crashes
+    run = subprocess.run([sys.executable, "-c", OTHER_THREADS], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
 
 
 def _mkl_bytes() -> int:

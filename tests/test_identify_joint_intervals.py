@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from loop_problem import TRUE, mechanics, model, scan, timing, true_compliance
+from loop_problem import TRUE, model, scan, timing, true_compliance
 
 from identify.effects.catalogue import CATALOGUE
 from identify.intervals import NORMAL_95

@@ -9,10 +9,13 @@ import pytest
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from fem.block import moved_sides
 from fem.mesh import Mesh
+from fem.mesh_checks import check_mesh
+from fem.solver import SuperLUSolver
 from identify.body_mechanics import BodyMechanics
 from identify.effects.body_shift import BodyShift
 from identify.effects.trial import trial
 from identify.optimize_result import InadmissibleError
+from identify.shifted_block import ShiftedBlock
 from sim.hidden.body import BodyShift as HiddenShift
 from sim.hidden_body import HiddenBody
 from sim.soft_body import block_compliance
@@ -40,6 +43,23 @@ def test_sides_move_and_the_middle_stays():
     np.testing.assert_array_equal(moved.nodes[middle], mesh.nodes[middle])
     assert moved.cell_volumes.min() > 0
     assert moved.volume == pytest.approx(mesh.volume)
+
+
+def test_nodes_in_the_middle_of_edges_stay_there_where_edges_cross_the_middle():
+    check_mesh(moved_sides(block_mesh((0.06, 0.05, 0.03), (3, 3, 2)), SHIFT))
+
+
+def test_the_models_of_the_body_elsewhere_are_made_like_that_of_the_body_as_stated():
+    contacts = Contacts([(0.03, 0.03, 0.03)], (0, 0, -1), 0.005)
+    solver = SuperLUSolver()
+    mesh = block_mesh((0.06, 0.06, 0.03), (4, 4, 2))
+    stated = PalpationModel(
+        mesh, 0.45, contacts, near_field=False, solver=solver, skin_surface="x0"
+    )
+    moved = ShiftedBlock(stated, None).coarse_at((0.001, 0.0))
+    assert not moved.enrichments
+    assert moved._solver is solver
+    assert moved._skin_surface == "x0"
 
 
 def test_a_shifted_body_has_the_compliances_of_one_that_was_moved_as_a_whole():

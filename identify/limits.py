@@ -162,7 +162,7 @@ def _seen(
         weakest = right[-1] / max(singular[-1], 1e-300)
         column = pattern.columns[g] @ weakest
         share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal
-        if visible[g] < _NOTHING:
+        if visible[g] < _NOTHING or not (share > 0 and np.isfinite(weakest).all()):
             share = np.inf
         along = left[g] @ weakest
         basis = along / max(float(np.linalg.norm(along)), 1e-300)

@@ -11,6 +11,7 @@ from palpmap.body_model import cell_size_m
 from palpmap.placement import Placement, place_scan
 from palpmap.run_folder import sha256
 from palpmap.study import Study, load_study
+from palpmap.unfit import refuse_unfit
 
 SMALL_STRAIN_SHARE = 0.15
 
@@ -32,6 +33,7 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     placement = place_scan(scan, study)
+    refuse_unfit(placement, study)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     return {

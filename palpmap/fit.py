@@ -27,6 +27,7 @@ from palpmap.recording_maps import map_views
 from palpmap.run_folder import RunFolder
 from palpmap.study import Study, load_study, write_study
 from palpmap.summary import summary
+from palpmap.unfit import refuse_unfit
 
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
 
@@ -66,6 +67,7 @@ def run_fit(
         )
     scan = read_scan(known.scan, known.study.units_checked)
     placement = place_scan(scan, known)
+    refuse_unfit(placement, known)
     settings = {"inclusions": known.map.inclusions, "optimizer": optimizer}
     with RunFolder("fit", out, seed=seed, settings=settings, inputs=[source, known.scan]) as run:
         known = _keep_inputs(known, scan, run.path)

@@ -13,6 +13,7 @@ from models.scan import Scan
 from palpmap.body_model import BodyModel
 from palpmap.placement import Placement
 from palpmap.study import Study
+from palpmap.unfit import different_presses
 
 MOST_INCLUSIONS = 4
 AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
@@ -79,7 +80,8 @@ def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
     """Return the map of the number of inclusions with the least information criterion."""
     rows = np.log(len(scan.used()))
     best, least = None, np.inf
-    for inclusions in range(MOST_INCLUSIONS + 1):
+    bearable = (different_presses(scan.used()) - 1) // 5  # as many unknowns as presses
+    for inclusions in range(min(MOST_INCLUSIONS, bearable) + 1):
         fit = fit_scan(
             scan, body.coarse, inclusions=inclusions, noise=noise, search_model=body.search
         )

@@ -44,6 +44,7 @@ from palpmap.presses_alone import (
 )
 from palpmap.study import Study
 from palpmap.thinned import thinned
+from palpmap.unfit import refuse_unfit
 
 Say = Callable[[str], None]
 
@@ -107,6 +108,7 @@ def pose(
     if leave_out:
         scan = scan.rows(~np.isin(scan.press, leave_out))
     placement = place_scan(thinned(scan), study)
+    refuse_unfit(placement, study)
     say("meshing the body")
     body = build_body_model(study, placement.scan.used())
     law, fit, error = rough_fit(study, placement, body, catalogue, say, on_iteration)

@@ -1,0 +1,93 @@
+"""Scans that no fit can make anything of, each refused in a sentence."""
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+from palpmap.placement import Placement
+from palpmap.study import Study
+
+_SAME_M, _SAME_DIRECTION = 1e-4, 1e-2  # presses that differ by less are repeats
+_FEWEST = 2  # one alone leaves nothing to judge the fit by
+_STEADY, _MOVED = 0.95, 0.2  # of the press's largest force and travel
+
+
+def refuse_unfit(placement: Placement, study: Study) -> None:
+    """Refuse a placed scan that cannot determine the study's map, or contradicts itself.
+
+    Raises
+    ------
+    InputError
+        Fewer different presses than the map has unknowns; a tip deeper than the body is high;
+        readings that are all zero; a force that stays the same while the tip goes in.
+    """
+    scan = placement.scan.used()
+    for column in ("force_n", "displacement_m"):
+        if not np.any(getattr(scan, column)):
+            raise InputError(
+                f"{study.scan}: {column} is zero in all rows of load, hold and unload; expected "
+                "readings: check how the column was exported"
+            )
+    _refuse_steady(scan, study)
+    _refuse_too_deep(scan, study)
+    _refuse_too_few(scan, study)
+
+
+def _refuse_too_few(scan: Scan, study: Study) -> None:
+    number = 0 if study.map.inclusions == "auto" else study.map.inclusions
+    unknowns = 1 + 5 * number - len(study.map.fixed)
+    found = different_presses(scan)
+    if found >= max(unknowns, _FEWEST):
+        return
+    inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
+    why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
+    fewer = ", or state fewer inclusions under [map]" if number else ""
+    raise InputError(
+        f"{study.scan}: found {found} different press{'es' if found > 1 else ''} (place, direction "
+        f"or tip radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places"
+        f"{fewer}"
+    )
+
+
+def different_presses(scan: Scan) -> int:
+    """Return the number of presses that differ in place, direction or tip radius."""
+    kinds = np.column_stack(
+        [
+            scan.contact_points / _SAME_M,
+            scan.contact_directions / _SAME_DIRECTION,
+            scan.contact_radii / _SAME_M,
+        ]
+    )
+    return len(np.unique(np.rint(kinds), axis=0))
+
+
+def _refuse_too_deep(scan: Scan, study: Study) -> None:
+    size = study.body.size_m
+    if size is None or study.body.thickness_assumed:
+        return
+    row = int(np.argmax(scan.displacement_m))
+    if scan.displacement_m[row] >= size[2]:
+        raise InputError(
+            f"{study.scan}, press {scan.press[row]}, column displacement_m: found "
+            f"{scan.displacement_m[row]:.4g} m, expected less than the body's height of "
+            f"{size[2]:g} m (body.size_m); check the unit of the column, metres, and the height"
+        )
+
+
+def _refuse_steady(scan: Scan, study: Study) -> None:
+    def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        low = np.full(len(scan.press_ids), np.inf)
+        high = -low
+        np.minimum.at(low, scan.press_index, values)
+        np.maximum.at(high, scan.press_index, values)
+        return low, high
+
+    (weakest, strongest), (least, most) = extremes(scan.force_n), extremes(scan.displacement_m)
+    steady = (weakest > _STEADY * strongest) & (least < _MOVED * most)
+    if np.mean(steady) > 0.5:
+        j = int(steady.argmax())
+        raise InputError(
+            f"{study.scan}, press {scan.press_ids[j]}: force_n stays at {strongest[j]:.4g} N while "
+            f"displacement_m goes from {least[j]:.4g} to {most[j]:.4g} m, and so in most presses; "
+            "expected the force that was measured at each reading, not the one that was set"
+        )

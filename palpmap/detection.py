@@ -168,7 +168,9 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
         return "" if share is None else f"{100 * share:.2g}"
 
     title = "what this scan can see (5 standard errors), % of the signal"
-    table = Table(box=box.SIMPLE, title=title, title_justify="left", pad_edge=False)
+    table = Table(
+        box=box.SIMPLE, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
+    )
     table.add_column("effect", no_wrap=True)
     planned = [*(["better"] if scans else []), *(["mixed"] if mixed_scan else [])]
     for column in ("from", *shifts, *planned):

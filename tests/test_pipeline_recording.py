@@ -89,7 +89,11 @@ def test_measured_displacements_are_those_of_the_scan(chunks, demo):
     held = [np.flatnonzero((scan.press == p) & (scan.phase == "hold")) for p in scan.press_ids]
     series = scalar_series(chunks, "presses/measured_mm", "press")
     assert_allclose(series[:, 0], scan.press_ids)
-    mean_mm = [1e3 * scan.displacement_m[rows].mean() for rows in held]
+    mean_mm = []
+    for press in scan.press_ids:
+        rows = np.isin(scan.phase, ("load", "hold", "unload")) & (scan.press == press)
+        near = rows & (scan.force_n >= 0.9 * scan.force_n[rows].max())
+        mean_mm.append(1e3 * scan.displacement_m[near].mean())
     assert_allclose(series[:, 1], mean_mm, rtol=FLOAT32)
     on_time = scalar_series(chunks, "presses/measured_mm", "sim_time")
     assert_allclose(on_time[:, 0], scan.time_s[[rows[-1] for rows in held]], atol=1e-6)
@@ -99,6 +103,8 @@ def test_modelled_displacements_and_residuals_are_those_of_the_fit(chunks, fit):
     modelled = scalar_series(chunks, "presses/modelled_mm", "press")
     residual = scalar_series(chunks, "presses/residual_um", "press")
     assert len(modelled) == len(residual) == 81
+    measured = scalar_series(chunks, "presses/measured_mm", "press")
+    assert_allclose(measured[:, 1] - modelled[:, 1], 1e-3 * residual[:, 1], atol=2e-6)
     press, force = np.array(fit["press_index"]), np.array(fit["force_n"])
     predicted, left = np.array(fit["predicted_m"]), np.array(fit["residual_m"])
     for j in range(81):

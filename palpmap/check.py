@@ -11,7 +11,7 @@ from palpmap.body_model import cell_size_m
 from palpmap.placement import Placement, place_scan
 from palpmap.run_folder import sha256
 from palpmap.study import Study, load_study
-from palpmap.unfit import refuse_unfit
+from palpmap.unfit import refuse_contradictions, too_few
 
 SMALL_STRAIN_SHARE = 0.15
 
@@ -33,7 +33,7 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     placement = place_scan(scan, study)
-    refuse_unfit(placement, study)
+    refuse_contradictions(placement, study)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     return {
@@ -73,6 +73,8 @@ def _range(values: np.ndarray) -> list[float]:
 def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
     """Sentences about what was assumed, ignored or cannot be seen."""
     notes = []
+    if few := too_few(placement, study):
+        notes.append(f"Not yet enough to fit the map: {few}.")
     if scan.ignored_rows:
         notes.append(f"{scan.ignored_rows} approach and retract rows are not used by models.")
     if placement.projected:

@@ -21,6 +21,13 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
         Fewer different presses than the map has unknowns; a tip deeper than the body is high;
         readings that are all zero; a force that stays the same while the tip goes in.
     """
+    refuse_contradictions(placement, study)
+    if said := too_few(placement, study):
+        raise InputError(f"{study.scan}: {said}")
+
+
+def refuse_contradictions(placement: Placement, study: Study) -> None:
+    """Refuse a placed scan that contradicts itself or the study, however many presses it has."""
     scan = placement.scan.used()
     for column in ("force_n", "displacement_m"):
         if not np.any(getattr(scan, column)):
@@ -30,22 +37,22 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
             )
     _refuse_steady(scan, study)
     _refuse_too_deep(scan, study)
-    _refuse_too_few(scan, study)
 
 
-def _refuse_too_few(scan: Scan, study: Study) -> None:
+def too_few(placement: Placement, study: Study) -> str | None:
+    """Say what is missing where the presses cannot determine the study's map, else None."""
+    scan = placement.scan.used()
     number = 0 if study.map.inclusions == "auto" else study.map.inclusions
     unknowns = 1 + 5 * number - len(study.map.fixed)
     found = different_presses(scan)
     if found >= max(unknowns, _FEWEST):
-        return
+        return None
     inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
     why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
     fewer = ", or state fewer inclusions under [map]" if number else ""
-    raise InputError(
-        f"{study.scan}: found {found} different press{'es' if found > 1 else ''} (place, direction "
-        f"or tip radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places"
-        f"{fewer}"
+    return (
+        f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
+        f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"
     )
 
 

@@ -134,12 +134,7 @@ def test_the_folder_of_an_interrupted_scan_is_readable(interrupted, run_review):
     assert (code, said["closed"], said["missing"]) == (0, True, [])
     assert PRESSES <= len(scan.press_ids) < said["planned_presses"] == 9
     assert said["presses"] in (len(scan.press_ids), len(scan.press_ids) - 1)
-    # So few presses bear no inclusion: a study of the background alone can be fitted to them
-    study = (folder / "study.toml").read_text()
-    assert "inclusions = 1" in study
-    study = study.replace("inclusions = 1", "inclusions = 0")
-    (folder / "background.toml").write_text(study)
-    checked = CliRunner().invoke(app, ["check", str(folder / "background.toml"), "--json"])
+    checked = CliRunner().invoke(app, ["check", str(folder / "study.toml"), "--json"])
     assert checked.exit_code == 0, checked.output
     assert json.loads(checked.stdout)["presses"] == len(scan.press_ids)
 

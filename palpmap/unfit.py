@@ -49,7 +49,7 @@ def too_few(placement: Placement, study: Study) -> str | None:
         return None
     inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
     why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
-    fewer = ", or state fewer inclusions under [map]" if number else ""
+    fewer = ", or state fewer inclusions (map.inclusions)" if number else ""
     return (
         f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
         f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"

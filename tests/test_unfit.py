@@ -9,7 +9,7 @@ from models.errors import InputError
 from models.scan import Scan
 from palpmap.placement import place_scan
 from palpmap.study import About, Body, Map, Probe, Study
-from palpmap.unfit import different_presses, refuse_unfit
+from palpmap.unfit import different_presses, refuse_unfit, too_few
 
 SIZE_M = (0.096, 0.096, 0.048)
 SHARE = np.array([0.25, 0.5, 0.75, 1.0])
@@ -84,4 +84,6 @@ def test_readings_that_contradict_themselves_are_said_to(table, says):
 
 def test_a_hold_at_constant_force_with_creep_is_a_scan():
     creep = scan(6, np.full(4, 0.2), np.array([2.0, 2.2, 2.3, 2.35]) * 1e-3)
-    refuse_unfit(place_scan(creep, study()), study())
+    placement = place_scan(creep, study())
+    refuse_unfit(placement, study())
+    assert too_few(placement, study()) is None

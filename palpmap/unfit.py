@@ -45,7 +45,7 @@ def too_few(placement: Placement, study: Study) -> str | None:
     number = 0 if study.map.inclusions == "auto" else study.map.inclusions
     unknowns = 1 + 5 * number - len(study.map.fixed)
     found = different_presses(scan)
-    if found >= max(unknowns, _FEWEST):
+    if found >= unknowns and len(scan.press_ids) >= _FEWEST:
         return None
     inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
     why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""

@@ -63,6 +63,8 @@ def test_repeats_of_one_place_are_one_press():
     again = scan(6, step_m=1e-6)
     assert different_presses(again) == 1
     assert "found 1 different press (place" in refused(again, study())
+    alone = study(inclusions=0)  # its background can be found from repeats
+    assert too_few(place_scan(again, alone), alone) is None
     tips = again.replace(probe_radius_m=np.where(again.press % 2, 0.003, 0.005))
     assert different_presses(tips) == 2
 

@@ -155,6 +155,7 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
     _check_time(columns["time_s"], where)
     _check_one_contact_a_press(columns, where)
     _check_samples(columns, where)
+    _check_any_reading(columns, where)
     _check_signs(columns, where)
     if not units_checked:
         _check_forces(columns, where)
@@ -273,6 +274,16 @@ def _check_samples(columns: Columns, where: Where) -> None:
             f"sample{'s' * (found != 1)} with phase load, hold or unload, expected at least 2; "
             "complete the press or remove it"
         )
+
+
+def _check_any_reading(columns: Columns, where: Where) -> None:
+    touching = np.isin(columns["phase"], CONTACT_PHASES)
+    for name in ("force_n", "displacement_m"):
+        if not np.any(columns[name][touching]):
+            raise InputError(
+                f"{where.file}, column {name}: found 0 in all rows of load, hold and unload, "
+                "expected readings; check how the column was exported"
+            )
 
 
 def _peaks(values: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

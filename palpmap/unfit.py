@@ -18,8 +18,8 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
     Raises
     ------
     InputError
-        Fewer different presses than the map has unknowns; a tip deeper than the body is high;
-        readings that are all zero; a force that stays the same while the tip goes in.
+        Fewer different presses than the map has unknowns; a tip deeper than the body is high; a
+        force that stays the same while the tip goes in.
     """
     refuse_contradictions(placement, study)
     if said := too_few(placement, study):
@@ -28,15 +28,8 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
 
 def refuse_contradictions(placement: Placement, study: Study) -> None:
     """Refuse a placed scan that contradicts itself or the study, however many presses it has."""
-    scan = placement.scan.used()
-    for column in ("force_n", "displacement_m"):
-        if not np.any(getattr(scan, column)):
-            raise InputError(
-                f"{study.scan}: {column} is zero in all rows of load, hold and unload; expected "
-                "readings: check how the column was exported"
-            )
-    _refuse_steady(scan, study)
-    _refuse_too_deep(scan, study)
+    _refuse_steady(placement.scan.used(), study)
+    _refuse_too_deep(placement.scan, study)
 
 
 def too_few(placement: Placement, study: Study) -> str | None:
@@ -49,7 +42,7 @@ def too_few(placement: Placement, study: Study) -> str | None:
         return None
     inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
     why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
-    fewer = ", or state fewer inclusions (map.inclusions)" if number else ""
+    fewer = ", or state fewer inclusions (map.inclusions = 0 has none)" if number else ""
     return (
         f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
         f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"
@@ -72,12 +65,13 @@ def _refuse_too_deep(scan: Scan, study: Study) -> None:
     size = study.body.size_m
     if size is None or study.body.thickness_assumed:
         return
-    row = int(np.argmax(scan.displacement_m))
+    row = int(np.argmax(np.where(scan.in_contact, scan.displacement_m, -np.inf)))
     if scan.displacement_m[row] >= size[2]:
         raise InputError(
-            f"{study.scan}, press {scan.press[row]}, column displacement_m: found "
+            f"{study.scan}, row {row + 1} (press {scan.press[row]}), column displacement_m: found "
             f"{scan.displacement_m[row]:.4g} m, expected less than the body's height of "
-            f"{size[2]:g} m (body.size_m); check the unit of the column, metres, and the height"
+            f"{size[2]:g} m (body.size_m); this looks like centimetres (divide by 100) or "
+            "millimetres (divide by 1000), else correct the height"
         )
 
 

@@ -119,6 +119,8 @@ BAD = {
     "heights in millimetres": (scaled("z_m", 1000), r"z_m: found 48 m.*looks like millimetres"),
     "travel in millimetres": (scaled("displacement_m", 1000), r"displacement_m: .*millimetres"),
     "a radius in millimetres": (scaled("probe_radius_m", 1000), r"probe_radius_m: .*millimetres"),
+    "no force at all": (scaled("force_n", 0), r"column force_n: found 0 in all rows"),
+    "no travel at all": (scaled("displacement_m", 0), r"column displacement_m: found 0 in all"),
     "a radius of zero": (scaled("probe_radius_m", 0), r"row 1 .*probe_radius_m: found 0 m"),
     "a negative radius": (scaled("probe_radius_m", -1), r"row 1 .*probe_radius_m: found -0.005"),
     "a contact point that moves": (

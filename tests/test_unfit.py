@@ -72,9 +72,8 @@ def test_repeats_of_one_place_are_one_press():
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        (scan(6, travel=SHARE * 0.06), "found 0.06 m, expected less than the body's height of 0.0"),
-        (scan(6, force=np.zeros(4)), "force_n is zero in all rows"),
-        (scan(6, travel=np.zeros(4)), "displacement_m is zero in all rows"),
+        (scan(6, travel=SHARE * 0.06), "row 4 (press 0), column displacement_m: found 0.06 m"),
+        (scan(6, travel=SHARE * 0.06), "less than the body's height of 0.048 m"),
         (scan(6, np.full(4, 0.2), np.array([0, 1, 2, 3e0]) * 1e-3), "force_n stays at 0.2 N while"),
     ],
 )
@@ -82,6 +81,21 @@ def test_readings_that_contradict_themselves_are_said_to(table, says):
     message = refused(table, study())
     assert says in message
     assert message.startswith("scan.csv")
+
+
+def test_a_height_that_is_only_assumed_refuses_no_travel():
+    known = study()
+    guessed = known.body.model_copy(update={"thickness_assumed": True})
+    known = known.model_copy(update={"body": guessed})
+    deep = scan(6, travel=SHARE * 0.06)
+    refuse_unfit(place_scan(deep, known), known)
+
+
+def test_rows_are_counted_as_in_the_file():
+    deep = scan(6, travel=SHARE * 0.06)
+    phase = deep.phase.copy()
+    phase[0] = "approach"
+    assert "row 4 (press 0)" in refused(deep.replace(phase=phase), study())
 
 
 def test_a_hold_at_constant_force_with_creep_is_a_scan():

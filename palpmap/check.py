@@ -62,6 +62,7 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
             "largest_distance_m": float(placement.distance_m.max()),
             "largest_angle_deg": float(placement.angle_deg.max()),
         },
+        "can_be_fitted": too_few(placement, study) is None,
         "notes": _notes(study, scan, placement),
     }
 

@@ -81,6 +81,17 @@ def test_what_is_ignored_assumed_or_unknown_is_said(tmp_path):
     assert "Noise not given for force_n" in notes
 
 
+def test_a_scan_of_too_few_presses_is_not_said_to_be_usable(tmp_path):
+    study = copied(tmp_path / "run")
+    scan = read_scan(study.parent / "scan.csv")
+    write_scan(scan.rows(scan.press < 2), study.parent / "scan.csv")
+    result = check(study)
+    assert "found 2 different presses" in result.stdout
+    assert "the map cannot be fitted yet" in result.stdout
+    assert "can be used" not in result.stdout
+    assert checked(study)["can_be_fitted"] is False
+
+
 def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):
     study = copied(tmp_path / "run")
     study.write_text(study.read_text().replace("poisson_ratio", "poison_ratio"))

@@ -21,7 +21,10 @@ def check(study: StudyFile, quiet: Quiet = False, json: Json = False) -> None:
     output.result(found, _table(found))
     for note in found["notes"]:
         output.say(f"- {note}")
-    output.say("Study and scan can be used.")
+    if found["can_be_fitted"]:
+        output.say("Study and scan can be used.")
+    else:
+        output.say("Study and scan can be read; the map cannot be fitted yet.")
 
 
 def _table(found: dict[str, Any]) -> "Table":

@@ -33,6 +33,7 @@ SIGMAS = 5.0
 SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
 _SAMPLE = 12  # candidates of a grid that are looked at
 _NOTHING = 1e-5
+_UNMOVED = 1e-9  # of what the amplitudes together move: beyond rounding, nothing
 _TRIES = 3  # at the amplitude whose own pattern is 5 standard errors long
 _EXACT = 0.05  # of that length
 _FAR = 0.5  # of the signal: beyond it, what the linear pattern says is good enough
@@ -153,22 +154,29 @@ def _seen(
     if not pattern.shapes:
         return "the scan leaves no candidate of its shape to be told from another effect"
     left, _, visible = beyond(pattern, fitted)
-    candidates = []
+    candidates, unmoved = [], False
     for g in range(len(left)):
         # The direction of the amplitudes that shows least
         _, singular, right = np.linalg.svd(left[g], full_matrices=False)
         if singular[0] == 0:
             continue
+        least = float(np.linalg.norm(pattern.columns[g] @ right[-1]))
+        if least <= _UNMOVED * float(np.linalg.norm(pattern.columns[g])):
+            unmoved = True
+            continue
         weakest = right[-1] / max(singular[-1], 1e-300)
         column = pattern.columns[g] @ weakest
         share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal
-        if visible[g] < _NOTHING or not (share > 0 and np.isfinite(weakest).all()):
+        if visible[g] < _NOTHING or not np.isfinite(weakest).all():
             share = np.inf
         along = left[g] @ weakest
         basis = along / max(float(np.linalg.norm(along)), 1e-300)
         candidates.append(
             _Seen(pattern.shapes[g], share, weakest, float(visible[g]), basis, normal @ column)
         )
+    if not candidates and unmoved:
+        names = " and ".join(p.name for p in effect.amplitudes)
+        return f"a combination of its {names} moves no reading of this scan"
     if not candidates:
         return "the scan does not show it at all"
     candidates.sort(key=lambda s: s.share)

@@ -19,7 +19,8 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
     source : Path
         Run folder with fit.json, study.toml and scan; or a study file.
     out : Path, optional
-        Run folder to write to; default: the run itself, or a new one for a study.
+        Run folder to write to; default: the run itself, or a new one for a study, and for a run
+        of `palpmap explain`, whose own report is kept.
     output : Output
         Where the summary goes.
 
@@ -36,7 +37,9 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
         with RunFolder("compare", out, inputs=[source]) as folder:
             run = out = folder.path
         _fit_first(source, run, output)
-    with RunFolder("compare", out or run, inputs=_inputs(run)) as folder:
+    explained = (run / "result.json").is_file()
+    folder_of_it = out if explained else out or run
+    with RunFolder("compare", folder_of_it, inputs=_inputs(run)) as folder:
         finding = load_finding(run)
         paths = write_finding(finding, folder.path)
         record = {**finding.comparison.to_dict(), "run": str(folder.path)}

@@ -8,10 +8,12 @@ from identify.effects.effect import Effect
 from identify.explain import Explanation
 from identify.limits import detection_limits
 from identify.rung import Rung
+from models.scan import read_scan
 from palpmap.console import Output, to_type
 from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
+from palpmap.kept_inputs import keep_inputs
 from palpmap.next_scan import next_lines, proposal_records, propose, repeat_record
 from palpmap.problem import Problem, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
@@ -47,9 +49,11 @@ def run_explain(
     own = own_effects(known, effects)
     inputs = [study, known.scan, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
+        scan = read_scan(known.scan, known.study.units_checked)
+        kept = keep_inputs(known, scan, run.path)
         explained, problem, without = explain_study(known, own, seed, output)
         files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
-        record = write_explanation(run.path, problem, explained, files, without)
+        record = write_explanation(run.path, problem, explained, kept, files, without)
         output.result(
             {**record, "run": str(run.path)},
             *explain_summary(record, explained, problem),
@@ -90,13 +94,14 @@ def write_explanation(
     run: Path,
     problem: Problem,
     explained: Explanation,
+    kept: Study,
     files: Mapping[str, Path] | None = None,
     without: WithoutSuspects | None = None,
 ) -> dict[str, Any]:
     """Write result.json, next scans, the explained study, report and recording into a run folder.
 
-    `files` are those of the user's own effects, by name; `without` is what the loop finds without
-    presses that stand out.
+    `kept` is the study that names the run folder's own copies, `files` are those of the user's own
+    effects, by name; `without` is what the loop finds without presses that stand out.
     """
     from palpmap.explain_files import write_explain_files
 
@@ -110,6 +115,6 @@ def write_explanation(
     record["detection_limits"] = {name: share for name, share in seen.items() if share}
     record["limits"] = [limit_record(limit) for limit in limits]
     write_record(run / "result.json", record)
-    version_of(problem.study, explained.final.fit, run / "study.toml", files)
+    version_of(kept, explained.final.fit, run / "study.toml", files)
     write_explain_files(run, problem, explained, record)
     return record

@@ -7,6 +7,7 @@ from typing import Any
 from matplotlib import rc_context
 
 from identify.explain import Explanation
+from identify.fit_file import write_fit
 from palpmap.explain_evidence import evidences
 from palpmap.explain_figures import draw_cosines, draw_evidence, draw_ladder, draw_residuals
 from palpmap.explain_finding import final_finding
@@ -25,7 +26,7 @@ _RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion
 def write_explain_files(
     run: Path, problem: Problem, explained: Explanation, record: Mapping[str, Any]
 ) -> None:
-    """Write comparison.json (of the last rung), figures, report.html and recording.rrd.
+    """Write the last rung's fit.json and comparison.json, figures, report.html, recording.rrd.
 
     Parameters
     ----------
@@ -33,6 +34,7 @@ def write_explain_files(
     record : what result.json says; the report says no more than that
     """
     finding = final_finding(run, problem, explained)
+    write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained)
     paths = {path.stem: path for path in save_figures(pictures, run / "figures")}

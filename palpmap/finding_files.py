@@ -15,6 +15,7 @@ from palpmap.placement import place_scan
 from palpmap.report import write_report
 from palpmap.run_folder import read_record
 from palpmap.study import Study, load_study
+from palpmap.thinned import thinned
 
 
 def load_finding(run: Path, stage_s: Mapping[str, float] | None = None) -> Finding:
@@ -33,7 +34,10 @@ def build_finding(
     run: Path, fit: Fit, study: Study, stage_s: Mapping[str, float] | None = None
 ) -> Finding:
     """Compare a fit with its study's scan and gather what figures and report need."""
-    placement = place_scan(read_scan(study.scan, study.study.units_checked), study)
+    scan = read_scan(study.scan, study.study.units_checked)
+    if len(scan.used()) != len(fit.force_n):
+        scan = thinned(scan)  # as `palpmap explain` does with a large one
+    placement = place_scan(scan, study)
     truth = run / "truth.json"
     runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
     outline, used = study_outline(study), placement.scan.used()

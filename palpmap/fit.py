@@ -1,6 +1,5 @@
 """`palpmap fit`: the stiffness map that explains a study's scan."""
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,19 +12,20 @@ from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import fit_jointly
 from identify.joint_record import fit_of
-from models.scan import Scan, read_scan, write_scan
+from models.scan import Scan, read_scan
 from palpmap.body_model import BodyModel, build_body_model
 from palpmap.console import Output, to_type
 from palpmap.finding import Finding
 from palpmap.finding_files import build_finding, write_finding
 from palpmap.fit_figures import near_largest_force
+from palpmap.kept_inputs import keep_inputs
 from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan
 from palpmap.problem import fit_effects, own_effects
 from palpmap.recording import Recording
 from palpmap.recording_maps import map_views
 from palpmap.run_folder import RunFolder
-from palpmap.study import Study, load_study, write_study
+from palpmap.study import Study, load_study
 from palpmap.summary import summary
 from palpmap.unfit import refuse_unfit
 
@@ -70,7 +70,7 @@ def run_fit(
     refuse_unfit(placement, known)
     settings = {"inclusions": known.map.inclusions, "optimizer": optimizer}
     with RunFolder("fit", out, seed=seed, settings=settings, inputs=[source, known.scan]) as run:
-        known = _keep_inputs(known, scan, run.path)
+        known = keep_inputs(known, scan, run.path)
         with (
             output.progress() as progress,
             Recording(
@@ -202,18 +202,3 @@ def fit_record(finding: Finding) -> dict:
         "residual": finding.comparison.statement,
         "residual_is_noise": finding.comparison.is_noise,
     }
-
-
-def _keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
-    """Copy scan, body and study into the run folder, so that it stands for itself."""
-    write_scan(scan, run / "scan.csv")
-    about = study.study.model_copy(update={"scan": (run / "scan.csv").resolve()})
-    body = study.body
-    if body.file is not None:
-        copy = (run / body.file.name).resolve()
-        if copy != body.file.resolve():
-            shutil.copyfile(body.file, copy)
-        body = body.model_copy(update={"file": copy})
-    kept = study.model_copy(update={"study": about, "body": body})
-    write_study(kept, run / "study.toml")
-    return kept

@@ -8,6 +8,7 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from loop_problem import TRUE, scan, timing, true_compliance
 from loop_problem import model as loop_model
@@ -17,6 +18,8 @@ from typer.testing import CliRunner
 from identify.effects.catalogue import CATALOGUE
 from identify.effects.user_effect import load_effect
 from identify.joint_fit import fit_jointly
+from models.scan import read_scan
+from palpmap import explain as explain_command
 from palpmap.__main__ import app
 from palpmap.study import load_study
 from palpmap.study_versions import version_of
@@ -209,6 +212,36 @@ def test_explain_leaves_a_study_that_has_the_effect(explained):
     assert entry.name == "viscoelasticity"
     assert (run / "report.html").is_file()
     assert (run / "recording.rrd").is_file()
+
+
+def test_the_folder_of_explain_stands_for_itself(explained, tmp_path):
+    _, run = explained
+    moved = shutil.copytree(run, tmp_path / "moved")
+    assert 'scan = "scan.csv"' in (moved / "study.toml").read_text()
+    assert load_study(moved / "study.toml").scan == (moved / "scan.csv").resolve()
+    kept = read_scan(moved / "scan.csv")
+    np.testing.assert_array_equal(kept.force_n, read_scan(run.parent / "scan.csv").force_n)
+    report = (moved / "report.html").read_bytes()
+    compared = palpmap("compare", moved, "--out", tmp_path / "compared", "--json")
+    assert compared.exit_code == 0
+    found = json.loads((moved / "comparison.json").read_text())
+    assert record_of(compared)["chi2"] == pytest.approx(found["chi2"], rel=1e-6)
+    assert (moved / "report.html").read_bytes() == report
+
+
+def test_what_explain_has_read_is_kept_before_it_begins(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(explain_command, "explain_study", interrupted)
+    study = put(tmp_path / "study", shifted(6))
+    result = palpmap("explain", study, "--out", tmp_path / "run")
+    assert result.exit_code == 130
+    assert "run folder is readable" in result.stderr
+    assert load_study(tmp_path / "run" / "study.toml").scan.parent == (tmp_path / "run").resolve()
+    assert len(read_scan(tmp_path / "run" / "scan.csv")) == len(
+        read_scan(study.parent / "scan.csv")
+    )
 
 
 @pytest.mark.parametrize(

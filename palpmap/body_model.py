@@ -129,7 +129,8 @@ def cell_size_m(body: Body) -> float:
     Raises
     ------
     InputError
-        Cells so small that the finer mesh could not be computed with.
+        Cells so small that the finer mesh could not be computed with, or so large that fewer than
+        two fit the body's smallest edge.
     """
     if body.cell_size_m is None:
         cells = COARSE_CELLS if body.size_m is not None else SURFACE_EDGES[0] ** 3
@@ -139,6 +140,13 @@ def cell_size_m(body: Body) -> float:
             f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make "
             f"{_volume(body) / body.cell_size_m**3:,.0f} cells of this body; expected at least "
             f"{smallest_cell_m(body):.3g} m"
+        )
+    largest = _shortest_edge(body) / 2
+    if body.cell_size_m > largest * (1 + 1e-9):
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, expected at most "
+            f"{largest:.3g} m, so that at least two cells fit the body's smallest edge; make it "
+            "smaller or leave it out"
         )
     return body.cell_size_m
 
@@ -150,6 +158,12 @@ def smallest_cell_m(body: Body) -> float:
 
 def _volume(body: Body) -> float:
     return float(np.prod(body.size_m)) if body.size_m is not None else _surface(body).volume
+
+
+def _shortest_edge(body: Body) -> float:
+    """Return the smallest edge of the body's bounding box, m."""
+    edges = np.ptp(_surface(body).vertices, axis=0) if body.size_m is None else body.size_m
+    return float(np.min(edges))
 
 
 def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:

@@ -14,6 +14,8 @@ from palpmap.study import Study, load_study
 from palpmap.unfit import refuse_contradictions, too_few
 
 SMALL_STRAIN_SHARE = 0.15
+SLANTED_DEG = 30.0
+FINEST_NOISE = 0.01  # of the smallest step between two readings
 
 
 def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -95,6 +97,13 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
     unknown = [name for name, value in study.noise.model_dump().items() if value is None]
     if unknown:
         notes.append(f"Noise not given for {' and '.join(unknown)}: it will be estimated.")
+    notes += _noise_notes(study, scan)
+    slanted = int(np.sum(placement.angle_deg > SLANTED_DEG))
+    if slanted and not placement.projected:
+        notes.append(
+            f"{slanted} presses are more than {SLANTED_DEG:g} degrees off the surface's normal (up "
+            f"to {placement.angle_deg.max():.0f}): the model takes the whole tip to be in contact."
+        )
     other = int(np.sum(~np.isclose(scan.contact_radii, study.probe.radius_m, rtol=1e-3)))
     if other:
         notes.append(f"{other} presses were made with another tip radius than probe.radius_m.")
@@ -104,5 +113,21 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
             notes.append(
                 f"The tip goes in by {share:.0%} of the body's thickness: beyond about 10 % the "
                 "linear model is no longer right."
+            )
+    return notes
+
+
+def _noise_notes(study: Study, scan: Scan) -> list[str]:
+    """Say of each stated noise that no reading of such a resolution can have it."""
+    notes = []
+    for name, unit in (("displacement_m", "m"), ("force_n", "N")):
+        values, stated = np.unique(getattr(scan.used(), name)), getattr(study.noise, name)
+        steps = np.diff(values)
+        steps = steps[steps > 1e-12 * np.abs(values).max()]  # else the rounding of a computer
+        if stated is not None and len(steps) and stated < FINEST_NOISE * steps.min():
+            notes.append(
+                f"noise.{name} is {stated:g} {unit}, far below the smallest step between two "
+                f"readings, {steps.min():.2g} {unit}: every test will find structure; state the "
+                "sensor's noise, or leave it out to have it estimated."
             )
     return notes

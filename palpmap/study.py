@@ -4,6 +4,7 @@ import difflib
 import os
 import re
 import tomllib
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +24,7 @@ LARGEST_BODY_M = 1.0
 LARGEST_RADIUS_M = 0.05
 LARGEST_NOISE_M = 0.005
 SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
+SOFTEST_BODY_PA = 50.0
 UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
 EFFECTS = (
     "viscoelasticity",
@@ -111,8 +113,10 @@ class Map(Table):
             inner = entry.items() if isinstance(entry, dict) else [("", entry)]
             flat |= {f"{key}.{name}" if name else key: number for name, number in inner}
         for name, number in flat.items():
-            if type(number) not in (int, float) or number != number:
+            if type(number) not in (int, float) or not isfinite(number):
                 raise ValueError(f"a number for '{name}', not {number!r}")
+            if name.endswith(("background_pa", "radius_m")) and number <= 0:
+                raise ValueError(f"a number greater than 0 for '{name}', not {number!r}")
         return flat
 
     @model_validator(mode="after")
@@ -130,6 +134,14 @@ class Map(Table):
         both = self.initial.keys() & self.fixed.keys()
         if both:
             raise ValueError(f"'{min(both)}' in [map.initial] or [map.fixed], not in both")
+        given = {**self.initial, **self.fixed}
+        background = given.get("background_pa", inf)
+        for name, value in given.items():
+            if name.endswith("weight_pa") and value <= -background:
+                raise ValueError(
+                    f"'{name}' above minus the background, {-background:g} Pa, so that the "
+                    f"modulus stays positive, not {value:g} Pa"
+                )
         return self
 
 
@@ -164,6 +176,15 @@ class Study(Table):
     noise: Noise = Field(default_factory=Noise)
     map: Map = Field(default_factory=Map)
     effects: tuple[Effect, ...] = ()
+
+    @field_validator("effects")
+    @classmethod
+    def _each_once(cls, value: tuple[Effect, ...]) -> tuple[Effect, ...]:
+        names = [effect.name for effect in value]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"each effect once, but '{twice[0]}' is named twice; remove one")
+        return value
 
     @property
     def name(self) -> str:
@@ -273,12 +294,33 @@ def _check_units(path: Path, study: Study) -> None:
                 f"{SOFTEST_BASE_M_PER_PA:g} m/Pa; this looks like mm/kPa: multiply by 1e-6 "
                 f"({UNITS_ESCAPE})"
             )
+    for table in ("initial", "fixed"):
+        background = getattr(study.map, table).get("background_pa", inf)
+        if background < SOFTEST_BODY_PA:
+            raise InputError(
+                f"{path}, key map.{table}.background_pa: found {background:g} Pa, expected at "
+                f"least {SOFTEST_BODY_PA:g} Pa; this looks like kilopascals: multiply by 1000 "
+                f"({UNITS_ESCAPE})"
+            )
     noise = study.noise.force_n or 0.0
     if noise > 2.0:
         raise InputError(
             f"{path}, key noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
             f"grams: divide by 101.97 ({UNITS_ESCAPE})"
         )
+
+
+_EXPECTED = {
+    "float_type": "a number without quotes",
+    "int_type": "a whole number without quotes",
+    "bool_type": "true or false, without quotes",
+    "string_type": "text in quotes",
+    "tuple_type": "a list in square brackets",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+}
+"""What pydantic's kinds of faults are to a person who writes TOML."""
 
 
 def _nearest(name: str, known: list[str]) -> str:
@@ -295,14 +337,15 @@ def _sentence(path: Path, error: ValidationError) -> str:
     fields = _fields_of_table(fault["loc"][:-1])
     last = str(fault["loc"][-1])
     found = fault["input"]
-    expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
+    expected = expected.removeprefix("Input should be ")
+    if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
+        expected = 'a table for each effect: write [[effects]], and name = "..." below it'
     if fault["type"] == "extra_forbidden":
         what = f"unknown key{_nearest(last, list(fields))}; expected {', '.join(fields)}"
     elif fault["type"] == "missing":
         what = f"the key is missing; add {fields[last].description}"
-    elif fault["type"] == "model_type":
-        what = f"found {found!r}, expected a table"
-    elif isinstance(found, dict):
+    elif isinstance(found, dict) or last == "effects":
         what = f"expected {expected}"
     else:
         what = f"found {found!r}, expected {expected}"

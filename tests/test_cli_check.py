@@ -92,6 +92,37 @@ def test_a_scan_of_too_few_presses_is_not_said_to_be_usable(tmp_path):
     assert checked(study)["can_be_fitted"] is False
 
 
+def test_noise_finer_than_the_readings_is_said(tmp_path):
+    study = copied(tmp_path / "run")
+    study.write_text(study.read_text().replace("2.0e-5", "2.0e-12"))
+    notes = " ".join(checked(study)["notes"])
+    assert "noise.displacement_m is 2e-12 m, far below the smallest step" in notes
+    assert "noise.force_n" not in notes
+    assert "far below" not in " ".join(checked(LAB / "case_a" / "study.toml")["notes"])
+
+
+def test_slanted_presses_are_said(tmp_path):
+    study = copied(tmp_path / "run")
+    csv = study.parent / "scan.csv"
+    scan = read_scan(csv)
+    direction = scan.direction.copy()
+    direction[scan.press < 3] = [0.6, 0.0, -0.8]
+    write_scan(scan.replace(direction=direction), csv)
+    notes = " ".join(checked(study)["notes"])
+    assert "3 presses are more than 30 degrees off the surface's normal (up to 37)" in notes
+
+
+def test_cells_larger_than_half_the_body_are_refused(tmp_path):
+    study = copied(tmp_path / "run")
+    text = study.read_text()
+    study.write_text(text.replace("[probe]", "cell_size_m = 0.03\n[probe]"))
+    result = check(study)
+    assert result.exit_code == 2
+    assert "body.cell_size_m: found 0.03 m, expected at most 0.024 m" in result.stderr
+    study.write_text(text.replace("[probe]", "cell_size_m = 0.024\n[probe]"))
+    assert checked(study)["cell_size_m"] == 0.024
+
+
 def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):
     study = copied(tmp_path / "run")
     study.write_text(study.read_text().replace("poisson_ratio", "poison_ratio"))

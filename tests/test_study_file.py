@@ -64,13 +64,17 @@ BAD = {
     "an unknown shape": ('"block"', '"blok"', r"body.shape: found 'blok', .*right one is 'block'"),
     "an unknown tip": ('"flat"', '"round"', r"probe.tip: found 'round', expected 'flat' or 'sph"),
     "two lengths": ("0.096, 0.096, 0.048", "0.1, 0.1", r"body.size_m: .*expected three numbers"),
-    "a length of text": ("0.096, 0.096,", '0.1, "a",', r"body.size_m.1: found 'a', expected a val"),
+    "a length of text": ("0.096, 0.096,", '0.1, "a",', r"body.size_m.1: found 'a', expected a num"),
     "a negative length": ("0.096, 0.096,", "0.1, -0.1,", r"body.size_m.1: .*greater than 0"),
     "no size of a block": ("size_m = [0.096, 0.096, 0.048]", "", r"key body: expected size_m = "),
     "a file for a block": ("[probe]", 'file = "a.stl"\n[probe]', r"key body: expected size_m = "),
     "a surface without file": ('shape = "block"', 'shape = "surface"', r"body: expected file = "),
     "an incompressible body": ("0.49", "0.5", r"poisson_ratio: found 0.5, expected less than or"),
-    "a number as text": ("0.49", '"0.3"', r"poisson_ratio: found '0.3', expected a valid number"),
+    "a number as text": (
+        "0.49",
+        '"0.3"',
+        r"poisson_ratio: found '0.3', expected a number without q",
+    ),
     "a NaN": ("radius_m = 0.005", "radius_m = nan", r"probe.radius_m: found nan, .*finite"),
     "an unknown support": ("base-bonded", "hanging", r"body.support: found 'hanging', expected 'b"),
     "an elastic base without compliances": (
@@ -157,6 +161,52 @@ BAD = {
         "initial.background_pa = 1\nfixed.background_pa = 1",
         r"'background_pa' in \[map.initial\] or \[map.fixed\], not in both",
     ),
+    "a background below zero": (
+        "inclusions = 1",
+        "[map.initial]\nbackground_pa = -6000.0",
+        r"map.initial: expected a number greater than 0 for 'background_pa', not -6000.0",
+    ),
+    "an inclusion of no size": (
+        "inclusions = 1",
+        "[map.fixed]\ninclusion_1.radius_m = 0",
+        r"map.fixed: expected a number greater than 0 for 'inclusion_1.radius_m', not 0",
+    ),
+    "an infinite guess": (
+        "inclusions = 1",
+        "[map.initial]\nbackground_pa = inf",
+        r"a number for 'background_pa', not inf",
+    ),
+    "an inclusion that is a hole": (
+        "inclusions = 1",
+        "initial.background_pa = 5000\nfixed.inclusion_1.weight_pa = -6000",
+        r"key map: expected 'inclusion_1.weight_pa' above minus the background, -5000 Pa",
+    ),
+    "a background in kilopascals": (
+        "inclusions = 1",
+        "[map.initial]\nbackground_pa = 6.0",
+        r"map.initial.background_pa: found 6 Pa.*looks like kilopascals",
+    ),
+    "an effect twice": (
+        "[map]",
+        '[[effects]]\nname = "contact_offset"\n[[effects]]\nname = "contact_offset"\n[map]',
+        r"key effects: expected each effect once, but 'contact_offset' is named twice",
+    ),
+    "effects in single brackets": (
+        "[map]",
+        '[effects]\nname = "contact_offset"\n[map]',
+        r"key effects: expected a table for each effect: write \[\[effects\]\]",
+    ),
+    "effects as a list of names": (
+        "[study]",
+        'effects = ["contact_offset"]\n[study]',
+        r"effects.0: found 'contact_offset', expected a table for each effect: write \[\[eff",
+    ),
+    "a switch as text": (
+        "[study]",
+        '[study]\nunits_checked = "yes"',
+        r"study.units_checked: found 'yes', expected true or false, without quotes",
+    ),
+    "a name that is a number": ('"case_a"', "3", r"study.name: found 3, expected text in quotes"),
     "an unknown effect": (
         "[map]",
         '[[effects]]\nname = "tool_complianc"\n[map]',

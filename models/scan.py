@@ -33,6 +33,8 @@ from models.scan_checks import (
 SCHEMA = 1
 _SCHEMA_KEY = b"palpmap.scan_schema"
 _PHASE = np.dtype(("U", max(map(len, PHASES))))
+_PARQUET = b"PAR1"  # with which such a file begins
+_COMMENTS = re.compile(r"([ \t]*(#[^\r\n]*)?(\r\n|\r|\n))+")
 _FINITE_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -182,6 +184,8 @@ class Scan:
 def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan:
     """Read a Scan from a .csv or .parquet file and check it.
 
+    Lines at the top of a .csv that begin with '#' are comments.
+
     Parameters
     ----------
     path : path
@@ -196,8 +200,9 @@ def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan
         Naming file, row, column, what was found, what is expected and what to do.
     """
     path = Path(path)
-    read = _by_ending(path, {".csv": _read_csv, ".parquet": _read_parquet})
-    if not path.is_file():
+    forms = {".csv": _read_csv, ".parquet": _read_parquet}
+    read = None if path.is_dir() else _by_ending(path, forms)
+    if read is None or not path.is_file():
         kind = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {kind}, expected a scan (.csv or .parquet); check the path")
     data = path.read_bytes()
@@ -306,6 +311,8 @@ def _read_parquet(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], Where
 
 
 def _read_csv(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], Where]:
+    if data.startswith(_PARQUET):
+        raise InputError(f"{path}: found a Parquet file, expected text; name it .parquet")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -314,7 +321,7 @@ def _read_csv(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], Where]:
             f"{path}, line {line}: found the byte 0x{data[error.start]:02x}, expected UTF-8 text; "
             "save the table as CSV UTF-8"
         ) from error
-    rows, lines = _split_cells(path, text)
+    rows, lines = _split_cells(path, _without_comments(text))
     where = Where(str(path), lambda row: lines[row + 1])
     header, *body = rows
     if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
@@ -327,12 +334,21 @@ def _read_csv(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], Where]:
     for row, cells in enumerate(body):
         if len(cells) != len(header):
             hint = "write numbers with '.', not ','" if len(cells) > len(header) else "complete it"
+            if len(cells) == len(header) + 1 and not cells[-1].strip():
+                hint = "the line ends with a comma too many, remove it"
             raise InputError(
                 f"{where.row(row)}: found {len(cells)} cells, expected {len(header)} as in the "
                 f"header; {hint}: {','.join(cells)[:60]}"
             )
     columns = {name: [cells[i] for cells in body] for i, name in enumerate(header)}
     return {name: _from_text(cells, name, where) for name, cells in columns.items()}, where
+
+
+def _without_comments(text: str) -> str:
+    """Empty the lines at the top that begin with '#'; the others keep their numbers."""
+    top = _COMMENTS.match(text)
+    end = top.end() if top else 0
+    return re.sub(r"[^\r\n]", "", text[:end]) + text[end:]
 
 
 def _split_cells(path: Path, text: str) -> tuple[list[list[str]], list[int]]:

@@ -75,13 +75,15 @@ class Where:
 
 
 def nearest(name: str, known: tuple[str, ...]) -> str:
-    """Return " (the nearest known name is ...)" or nothing, for a name that is not known.
+    """Return "; the nearest right name is ..." or nothing, for a name that is not known.
 
     >>> nearest("forze_n", ("force_n", "time_s"))
     "; the nearest right name is 'force_n'"
+    >>> nearest("temp_c", ("tip_qz", "time_s"))
+    ''
     """
     folded = {k.lower(): k for k in known}
-    match = difflib.get_close_matches(name.strip().lower(), folded, n=1, cutoff=0.5)
+    match = difflib.get_close_matches(name.strip().lower(), folded, n=1, cutoff=0.6)
     return f"; the nearest right name is '{folded[match[0]]}'" if match else ""
 
 
@@ -94,6 +96,11 @@ def check_header(names: list[str], where: Where) -> None:
         Naming the file and the column.
     """
     known = REQUIRED + OPTIONAL
+    if names[-1].strip() == "" and len(names) > 1:
+        raise InputError(
+            f"{where.file}: found a header that ends with a comma, expected the name of a last "
+            "column; each line ends with a comma too many: remove it"
+        )
     for name in names:
         if names.count(name) > 1:
             raise InputError(
@@ -101,9 +108,11 @@ def check_header(names: list[str], where: Where) -> None:
                 "remove or rename one of them"
             )
         if name not in known:
+            hint = nearest(name, known)
             raise InputError(
-                f"{where.file}: unknown column '{name}'{nearest(name, known)}; "
-                f"expected {', '.join(REQUIRED)} and optionally {', '.join(OPTIONAL)}"
+                f"{where.file}: unknown column '{name}'{hint}; "
+                f"expected {', '.join(REQUIRED)} and optionally {', '.join(OPTIONAL)}; "
+                f"{'rename or remove' if hint else 'remove'} the column"
             )
     for name in REQUIRED:
         if name not in names:
@@ -152,7 +161,7 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
     _check_unit_length(columns, DIRECTION, where)
     if TIP_QUATERNION[0] in columns:
         _check_unit_length(columns, TIP_QUATERNION, where)
-    _check_time(columns["time_s"], where)
+    _check_time(columns["time_s"], columns["press"], where)
     _check_one_contact_a_press(columns, where)
     _check_samples(columns, where)
     _check_any_reading(columns, where)
@@ -237,13 +246,15 @@ def _check_unit_length(columns: Columns, names: tuple[str, ...], where: Where) -
         )
 
 
-def _check_time(time: np.ndarray, where: Where) -> None:
+def _check_time(time: np.ndarray, press: np.ndarray, where: Where) -> None:
     bad = np.flatnonzero(np.diff(time) <= 0) + 1
     if len(bad):
+        between = press[bad[0]] != press[bad[0] - 1]
+        hint = ", or join two scans with `palpmap join --pause`" if between else ""
         raise InputError(
             f"{where.cell(bad[0], 'time_s')}: found {time[bad[0]]:.10g} s after "
             f"{time[bad[0] - 1]:.10g} s, expected a time that increases from row to row over the "
-            "whole scan; sort the rows by time or add the start time of each press"
+            f"whole scan; sort the rows by time or add the start time of each press{hint}"
         )
 
 

@@ -55,6 +55,22 @@ BAD = {
     "a missing time column": (without_column("time_s"), r"'time_s' is missing.*leave its cells"),
     "an unknown column": (renamed("force_n", "forze_n"), r"'forze_n'.*right name is 'force_n'"),
     "a column in capitals": (renamed("press", "PRESS"), r"'PRESS'.*right name is 'press'"),
+    "a column that is like no other": (
+        with_columns("temp_c", "21"),
+        r"unknown column 'temp_c'; expected press,.*remove the column",
+    ),
+    "a comma after each line": (
+        [line + "," for line in LINES],
+        r"header that ends with a comma.*each line ends with a comma too many",
+    ),
+    "a comma after each line but the header": (
+        [LINES[0], *(line + "," for line in LINES[1:])],
+        r"row 1 \(line 2\): found 13 cells, .*the line ends with a comma too many",
+    ),
+    "a time that begins anew with a press": (
+        [*LINES[:23], *(re.sub(r"^1,[\d.]+", "1,0.0", line) for line in LINES[23:])],
+        r"row 23 .*time_s: found 0 s after .*start time of each press, or join .*join --pause`",
+    ),
     "a column twice": (renamed("ny", "nx"), r"column 'nx' stands twice"),
     "an incomplete force vector": (with_columns("fx_n", "0"), r"'fx_n' stands without fy_n, fz_n"),
     "an empty cell": (
@@ -158,6 +174,19 @@ def test_displacement_that_falls_while_force_rises_is_refused(tmp_path):
         read_scan(path)
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_comments_at_the_top_are_skipped_and_counted(end, tmp_path):
+    path = tmp_path / "scan.csv"
+    top = ['# recorded "2026", by hand', "", '#"', *LINES]
+    path.write_bytes(end.join(top).encode())
+    plain = tmp_path / "plain.csv"
+    plain.write_text("\n".join(LINES))
+    np.testing.assert_array_equal(read_scan(path).force_n, read_scan(plain).force_n)
+    path.write_bytes(end.join(["# one", *changed(5, "force_n", "x")]).encode())
+    with pytest.raises(InputError, match=r"row 5 \(line 7\), column force_n"):
+        read_scan(path)
+
+
 def test_the_line_number_counts_blank_lines_too(tmp_path):
     path = tmp_path / "scan.csv"
     bad = changed(5, "force_n", "x")
@@ -195,8 +224,16 @@ def test_a_path_that_holds_no_scan_is_refused(name, sentence, tmp_path):
 
 def test_a_folder_is_refused(tmp_path):
     (tmp_path / "scan.csv").mkdir()
-    with pytest.raises(InputError, match="a folder, expected a scan"):
-        read_scan(tmp_path / "scan.csv")
+    for path in (tmp_path / "scan.csv", tmp_path):
+        with pytest.raises(InputError, match="a folder, expected a scan"):
+            read_scan(path)
+
+
+def test_a_parquet_file_named_csv_is_refused(tmp_path):
+    write_scan(read_scan(CASE_A), tmp_path / "scan.parquet")
+    path = (tmp_path / "scan.parquet").rename(tmp_path / "scan.csv")
+    with pytest.raises(InputError, match=r"found a Parquet file, expected text; name it .parquet"):
+        read_scan(path)
 
 
 def test_a_parquet_file_that_is_cut_off_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from models.errors import InputError
 from models.scan import read_scan, write_scan
 from models.scan_join import join_scans
 from palpmap.console import Output
+from palpmap.run_folder import sha256
 
 
 def run_join(*, scans: Sequence[Path], out: Path, pause_s: float | None, output: Output) -> None:
@@ -15,10 +16,12 @@ def run_join(*, scans: Sequence[Path], out: Path, pause_s: float | None, output:
     Raises
     ------
     InputError
-        Fewer than two scans, scans that do not go together, or an output file that is there.
+        Fewer than two scans, one of them twice, scans that do not go together, or an output file
+        that is there.
     """
     if len(scans) < 2:
         raise InputError(f"found {len(scans)} scan, expected two or more to join")
+    _refuse_twice(scans)
     if out.exists():
         raise InputError(f"{out}: is already there and is not overwritten; choose another --out")
     joined, left_out = join_scans(
@@ -34,3 +37,15 @@ def run_join(*, scans: Sequence[Path], out: Path, pause_s: float | None, output:
     )  # fmt: skip
     for columns in left_out:
         output.say(f"Left out, as not every scan has them: {columns}.")
+
+
+def _refuse_twice(scans: Sequence[Path]) -> None:
+    first: dict[str, Path] = {}
+    for path in filter(Path.is_file, scans):
+        digest = sha256(path)
+        if digest in first:
+            raise InputError(
+                f"{path}: holds the same readings as {first[digest]}, expected another scan; the "
+                "same noise twice would make the map look surer than it is: name each scan once"
+            )
+        first[digest] = path

@@ -80,6 +80,7 @@ def test_the_command_writes_one_scan_and_overwrites_nothing(tmp_path, monkeypatc
         (["a.csv", "--out", "c.csv"], "found 1 scan, expected two or more"),
         (["a.csv", "b.parquet", "--out", "c.csv"], "say with --pause"),
         (["a.csv", "none.csv", "--out", "c.csv"], "none.csv: no such file"),
+        (["a.csv", "a.csv", "--out", "c.csv", "--pause", "9"], "same readings as a.csv"),
     ):
         refused = RUN.invoke(app, ["join", *words])
         assert refused.exit_code == 2

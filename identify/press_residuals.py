@@ -10,6 +10,7 @@ from identify.residual_tests import Alikeness, Score, moran_test, orthonormal, p
 from identify.whitening import Whitened
 
 MOST_BAD = 12
+LARGEST_SIGMAS = 37.0  # beyond, the chance is below any number that the computer has
 """More presses than this standing out is no matter of single presses."""
 
 

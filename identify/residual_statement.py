@@ -3,7 +3,7 @@
 import numpy as np
 
 from identify.comparison import Comparison, Level
-from identify.press_residuals import MOST_BAD, PressResidual
+from identify.press_residuals import LARGEST_SIGMAS, MOST_BAD, PressResidual
 
 LABELS = {
     "place": "the place on the surface",
@@ -29,6 +29,11 @@ def length(metres: float, *, signed: bool = True) -> str:
     if abs(micro) >= 1000:
         return f"{micro / 1000:{sign}.2f} mm"
     return f"{micro:{sign}.0f} µm" if abs(micro) >= 9.95 else f"{micro:{sign}.1f} µm"
+
+
+def sigmas(press: PressResidual, digits: str = ".2g") -> str:
+    """Say a press's misfit in standard deviations; beyond 37 its chance is below any number."""
+    return "> 37" if press.sigmas >= LARGEST_SIGMAS else f"{press.sigmas:{digits}}"
 
 
 def sentence(c: Comparison) -> str:
@@ -115,9 +120,9 @@ def _presses(c: Comparison) -> str:
         worst = c.worst_presses[0]
         return (
             "it differs from press to press without a pattern over the surface, most at press "
-            f"{worst.press} ({length(worst.mean_m)}, {worst.sigmas:.2g} sigma)"
+            f"{worst.press} ({length(worst.mean_m)}, {sigmas(worst)} sigma)"
         )
-    named = ", ".join(f"{p.press} ({length(p.mean_m)}, {p.sigmas:.2g} sigma)" for p in bad[:4])
+    named = ", ".join(f"{p.press} ({length(p.mean_m)}, {sigmas(p)} sigma)" for p in bad[:4])
     rest = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
     stand = "stands" if len(bad) == 1 else "stand"
     word = "press" if len(bad) == 1 else "presses"

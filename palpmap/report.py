@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from identify.fit_record import Estimate
-from identify.residual_statement import length
+from identify.residual_statement import length, sigmas
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
 from palpmap.report_parts import listing, picture, section, table, write_page
@@ -185,7 +185,7 @@ def _misfit_tables(f: Finding) -> str:
             f"press {p.press}" + (" (stands out)" if p.bad else ""),
             place(p.point_m),
             length(p.mean_m),
-            f"{p.sigmas:.1f}",
+            sigmas(p, ".1f"),
             f"{100 * p.softer:+.1f} %",
             f"{p.influence:.2f}",
         )

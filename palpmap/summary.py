@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from identify.comparison import Comparison
-from identify.residual_statement import length
+from identify.residual_statement import length, sigmas
 from palpmap.finding import Finding
 from palpmap.report import parameter_rows
 
@@ -42,7 +42,8 @@ def _residual_table(c: Comparison) -> "RenderableType":
     said = ", ".join(fires) if fires else "none"
     table.add_row(f"questions that find structure (of {len(asked)})", said)
     worst = "; ".join(
-        f"press {p.press} {length(p.mean_m)} ({p.sigmas:.1f} sigma)" for p in c.worst_presses[:3]
+        f"press {p.press} {length(p.mean_m)} ({sigmas(p, '.1f')} sigma)"
+        for p in c.worst_presses[:3]
     )
     table.add_row("largest misfits", worst)
     return table

@@ -1,6 +1,7 @@
 """Each statistic of the residual agrees with its closed form or with plain simulation."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy import stats
 
 from identify.compare import compare_residual
 from identify.comparison import SCHEMA, read_comparison
+from identify.residual_statement import sigmas
 from identify.residual_tests import (
     holm,
     lag_test,
@@ -166,3 +168,11 @@ def test_fewer_readings_than_parameters_are_refused():
     w = Whitened(scan, np.zeros(2), np.ones(2), np.array([1.0, 2.0]), np.eye(2), False)
     with pytest.raises(InputError, match="cannot be compared"):
         compare_residual(w)
+
+
+def test_a_misfit_beyond_all_chance_is_not_said_as_a_number():
+    press = small_comparison().presses[0]
+    assert sigmas(replace(press, sigmas=4.21)) == "4.2"
+    assert sigmas(replace(press, sigmas=36.94), ".1f") == "36.9"
+    for digits in (".2g", ".1f"):
+        assert sigmas(replace(press, sigmas=37.07), digits) == "> 37"

@@ -27,6 +27,7 @@ from identify.parameter_space import parameter_space
 from identify.rivals import fit_with
 from identify.score import Score, fitted_basis, score_effect
 
+NOT_PLANTED = "not planted: "  # with which a finding begins where the check was not made
 _DIVISIONS = (5, 5, 3)
 _MAP = GaussianMap(6000.0, (Inclusion(9000.0, 0.040, 0.060, 0.030, 0.015),))
 _NOISE = Noise(1e-5, 2e-3)
@@ -47,10 +48,10 @@ def planted_and_found(effect: Effect, own: Trial) -> str:
     plain = _fit(own, effect, None)
     score = score_effect(plain, effect, fitted_basis(plain.at))
     if score.untestable:
-        return f"not planted: {score.untestable}"
+        return NOT_PLANTED + score.untestable
     values = _values(effect, plain, score)
     if values is None:
-        return "not planted: within its bounds this scan does not show it beside the map"
+        return NOT_PLANTED + "within its bounds this scan does not show it beside the map"
     fit = _fit(own, effect, values)
     score = score_effect(fit, effect, fitted_basis(fit.at))
     said = ", ".join(f"{name} {value:.3g}" for name, value in values.items())

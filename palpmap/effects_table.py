@@ -72,8 +72,8 @@ def effect_page(effect: Effect) -> "Iterator[RenderableType]":
         yield _paragraph("example     ", f"{_values(effect, example.values)}. {example.says}")
 
 
-def findings_table(findings: Sequence[Finding]) -> "Table":
-    """Return a table of what the conformance kit found."""
+def findings_table(findings: Sequence[Finding], not_made: Sequence[Finding] = ()) -> "Table":
+    """Return a table of what the conformance kit found; of checks not made it says only why."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -84,6 +84,7 @@ def findings_table(findings: Sequence[Finding]) -> "Table":
     table.add_column("found", ratio=1)
     for finding in findings:
         mark = Text("ok") if finding.passed else Text("FAULT", style="bold red")
+        mark = Text("-") if finding in not_made else mark
         table.add_row(mark, Text(finding.check), Text(finding.says))
     return table
 

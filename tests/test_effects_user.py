@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from identify import planting
 from identify.effects.catalogue import CATALOGUE
 from identify.effects.conformance import check_effect, failures
 from identify.effects.user_effect import load_effect
@@ -110,6 +111,18 @@ def test_a_sound_effect_passes_the_command():
     said = json.loads(done.stdout)
     assert said["passed"] is True
     assert all(finding["passed"] for finding in said["findings"])
+
+
+def test_a_check_that_was_not_made_is_not_said_to_be_kept(monkeypatch):
+    why = planting.NOT_PLANTED + "the stiffness map absorbs it entirely"
+    monkeypatch.setattr(planting, "planted_and_found", lambda effect, own: why)
+    done = palpmap("check-effect", WARM_UP)
+    assert done.exit_code == 0
+    assert re.search(r"^ *- +planted and found", done.stdout, re.MULTILINE)
+    assert "keeps to the 14 checks that were made; not made: planted and found." in done.stdout
+    said = json.loads(palpmap("check-effect", WARM_UP, "--json").stdout)
+    assert said["not_made"] == ["planted and found"]
+    assert [f["check"] for f in said["findings"] if not f["made"]] == said["not_made"]
 
 
 def test_a_faulty_effect_fails_the_command(tmp_path):

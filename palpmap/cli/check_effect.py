@@ -29,22 +29,28 @@ def check_effect(
 
     from identify.effects import conformance
     from identify.effects.user_effect import load_effect
-    from identify.planting import planted_and_found
+    from identify.planting import NOT_PLANTED, planted_and_found
     from palpmap.effects_table import findings_table
 
     effect = load_effect(file)
     further = {"planted and found": planted_and_found}
     findings = conformance.check_effect(effect, further)
     faults = conformance.failures(findings)
+    not_made = [finding for finding in findings if finding.says.startswith(NOT_PLANTED)]
     record = {
         "effect": effect.name,
         "passed": not faults,
-        "findings": [asdict(finding) for finding in findings],
+        "not_made": [finding.check for finding in not_made],
+        "findings": [{**asdict(f), "made": f not in not_made} for f in findings],
     }
     output = Output(quiet=quiet, json=json)
-    output.result(record, findings_table(findings))
+    output.result(record, findings_table(findings, not_made))
     if faults:
         output.say(f"{effect.name}: {len(faults)} of {len(findings)} checks find a fault.")
+    elif not_made:
+        made = len(findings) - len(not_made)
+        names = ", ".join(finding.check for finding in not_made)
+        output.say(f"{effect.name} keeps to the {made} checks that were made; not made: {names}.")
     else:
         output.say(f"{effect.name} keeps to all {len(findings)} checks.")
     return not faults

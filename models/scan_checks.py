@@ -249,8 +249,8 @@ def _check_unit_length(columns: Columns, names: tuple[str, ...], where: Where) -
 def _check_time(time: np.ndarray, press: np.ndarray, where: Where) -> None:
     bad = np.flatnonzero(np.diff(time) <= 0) + 1
     if len(bad):
-        between = press[bad[0]] != press[bad[0] - 1]
-        hint = ", or join two scans with `palpmap join --pause`" if between else ""
+        anew = press[bad[0]] != press[bad[0] - 1] or time[bad[0]] <= time[0]
+        hint = ", or join two scans with `palpmap join --pause`" if anew else ""
         raise InputError(
             f"{where.cell(bad[0], 'time_s')}: found {time[bad[0]]:.10g} s after "
             f"{time[bad[0] - 1]:.10g} s, expected a time that increases from row to row over the "

@@ -98,10 +98,10 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
     if unknown:
         notes.append(f"Noise not given for {' and '.join(unknown)}: it will be estimated.")
     notes += _noise_notes(study, scan)
-    slanted = int(np.sum(placement.angle_deg > SLANTED_DEG))
+    slanted = int(np.sum(placement.angle_deg > SLANTED_DEG - 1e-3))
     if slanted and not placement.projected:
         notes.append(
-            f"{slanted} presses are more than {SLANTED_DEG:g} degrees off the surface's normal (up "
+            f"{slanted} presses are {SLANTED_DEG:g} degrees or more off the surface's normal (up "
             f"to {placement.angle_deg.max():.0f}): the model takes the whole tip to be in contact."
         )
     other = int(np.sum(~np.isclose(scan.contact_radii, study.probe.radius_m, rtol=1e-3)))

@@ -109,7 +109,7 @@ def test_slanted_presses_are_said(tmp_path):
     direction[scan.press < 3] = [0.6, 0.0, -0.8]
     write_scan(scan.replace(direction=direction), csv)
     notes = " ".join(checked(study)["notes"])
-    assert "3 presses are more than 30 degrees off the surface's normal (up to 37)" in notes
+    assert "3 presses are 30 degrees or more off the surface's normal (up to 37)" in notes
 
 
 def test_cells_larger_than_half_the_body_are_refused(tmp_path):

@@ -71,6 +71,10 @@ BAD = {
         [*LINES[:23], *(re.sub(r"^1,[\d.]+", "1,0.0", line) for line in LINES[23:])],
         r"row 23 .*time_s: found 0 s after .*start time of each press, or join .*join --pause`",
     ),
+    "a clock that begins anew within a press": (
+        [*LINES[:30], *(re.sub(r"^(\d+),[\d.]+", r"\1,0.0", line) for line in LINES[30:])],
+        r"row 30 .*time_s: found 0 s after .*join --pause`",
+    ),
     "a column twice": (renamed("ny", "nx"), r"column 'nx' stands twice"),
     "an incomplete force vector": (with_columns("fx_n", "0"), r"'fx_n' stands without fy_n, fz_n"),
     "an empty cell": (

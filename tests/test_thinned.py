@@ -1,10 +1,19 @@
 """Of too many presses the loop takes some of every kind, evenly, and as many as it may."""
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from models.scan import Scan
+from models.errors import InputError
+from models.scan import Scan, write_scan
+from palpmap import finding_files
+from palpmap.study import load_study
 from palpmap.thinned import thinned
+
+LAB = Path(__file__).parent / "data" / "lab"
 
 
 def scan_of(points, radius, force, travel=None) -> Scan:
@@ -70,3 +79,24 @@ def test_hard_places_of_a_scan_to_one_depth_are_not_chosen_more_often_than_other
     twice = scan_of(np.vstack([places] * 2), np.full(800, 0.003), np.repeat([0.1, 0.3], 400))
     levels = np.bincount(thinned(twice, 100).press_ids // 400)
     assert levels.min() > 40
+
+
+def test_a_fit_of_a_thinned_scan_is_compared_with_what_it_was_made_on(tmp_path, monkeypatch):
+    side = np.linspace(0.012, 0.084, 15)
+    places = np.array([(x, y, 0.048) for x in side for y in side])
+    scan = scan_of(places, np.full(225, 0.005), np.full(225, 0.3))
+    write_scan(scan, tmp_path / "scan.csv")
+    study = load_study(LAB / "case_a" / "study.toml")
+    about = study.study.model_copy(update={"scan": tmp_path / "scan.csv"})
+    used = []
+
+    def compared(fit, scan):
+        used.append(scan)
+        raise InputError("seen")
+
+    monkeypatch.setattr(finding_files, "compare", compared)
+    for made_on in (scan, thinned(scan)):
+        fit: Any = SimpleNamespace(force_n=made_on.used().force_n)
+        with pytest.raises(InputError, match="seen"):
+            finding_files.build_finding(tmp_path, fit, study.model_copy(update={"study": about}))
+    assert [len(scan.press_ids) for scan in used] == [225, 200]

@@ -11,7 +11,7 @@ from palpmap.body_model import cell_size_m
 from palpmap.placement import Placement, place_scan
 from palpmap.run_folder import sha256
 from palpmap.study import Study, load_study
-from palpmap.unfit import refuse_contradictions, too_few
+from palpmap.unfit import refuse_contradictions, refuse_effect, too_few
 
 SMALL_STRAIN_SHARE = 0.15
 SLANTED_DEG = 30.0
@@ -36,6 +36,8 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
     scan = read_scan(study.scan, study.study.units_checked)
     placement = place_scan(scan, study)
     refuse_contradictions(placement, study)
+    if study.effects:
+        _refuse_effects(study, placement)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     return {
@@ -67,6 +69,17 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
         "can_be_fitted": too_few(placement, study) is None,
         "notes": _notes(study, scan, placement),
     }
+
+
+def _refuse_effects(study: Study, placement: Placement) -> None:
+    """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
+    from identify.effects.catalogue import effect_named
+    from identify.readings import Readings
+
+    readings = Readings.of(placement.scan)
+    for entry in study.effects:
+        if entry.file is None:
+            refuse_effect(effect_named(entry.name), readings, entry.initial)
 
 
 def _range(values: np.ndarray) -> list[float]:

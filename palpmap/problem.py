@@ -44,7 +44,7 @@ from palpmap.presses_alone import (
 )
 from palpmap.study import Study
 from palpmap.thinned import thinned
-from palpmap.unfit import refuse_unfit
+from palpmap.unfit import refuse_effect, refuse_unfit
 
 Say = Callable[[str], None]
 
@@ -249,18 +249,8 @@ def measurement_model(scan: Scan, body: BodyModel, fit: Fit) -> MeasurementModel
 def _with_effect(
     model: MeasurementModel, start: GaussianMap, effect: Effect, initial: dict[str, float]
 ) -> JointFit:
-    reason = effect.untestable(model.readings)
-    if reason is not None:
-        raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
+    refuse_effect(effect, model.readings, initial)
     if initial:
-        missing = [p.name for p in effect.parameters if p.name not in initial]
-        unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
-        if missing or unknown:
-            names = ", ".join(p.name for p in effect.parameters)
-            raise InputError(
-                f"effect '{effect.name}', key initial: expected values of {names}; "
-                f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
-            )
         return fit_jointly(model.with_effect(effect, initial, model.mechanics.state()), start)
     without = fit_jointly(model, start, rounds=0)
     score = score_effect(without, effect, fitted_basis(without.at))

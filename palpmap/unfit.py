@@ -1,11 +1,18 @@
 """Scans that no fit can make anything of, each refused in a sentence."""
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.placement import Placement
 from palpmap.study import Study
+
+if TYPE_CHECKING:
+    from identify.effects.effect import Effect
+    from identify.readings import Readings
 
 _SAME_M, _SAME_DIRECTION = 1e-4, 1e-2  # presses that differ by less are repeats
 _FEWEST = 2  # one alone leaves nothing to judge the fit by
@@ -47,6 +54,21 @@ def too_few(placement: Placement, study: Study) -> str | None:
         f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
         f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"
     )
+
+
+def refuse_effect(effect: "Effect", readings: "Readings", initial: Mapping[str, float]) -> None:
+    """Refuse an effect that a scan cannot show, and values to start from that it does not have."""
+    reason = effect.untestable(readings)
+    if reason is not None:
+        raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
+    missing = [p.name for p in effect.parameters if p.name not in initial]
+    unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
+    if initial and (missing or unknown):
+        names = ", ".join(p.name for p in effect.parameters)
+        raise InputError(
+            f"effect '{effect.name}', key initial: expected values of {names}; "
+            f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
+        )
 
 
 def different_presses(scan: Scan) -> int:

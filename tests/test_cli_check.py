@@ -123,6 +123,27 @@ def test_cells_larger_than_half_the_body_are_refused(tmp_path):
     assert checked(study)["cell_size_m"] == 0.024
 
 
+@pytest.mark.parametrize(
+    ("effect", "says"),
+    [
+        ('name = "breathing"', "'breathing' cannot be fitted to this scan: the scan has no time"),
+        (
+            'name = "contact_offset"\ninitial = { ofset_m = 1e-4 }',
+            "effect 'contact_offset', key initial: expected values of offset_m; missing offset_m",
+        ),
+    ],
+)
+def test_an_effect_that_no_fit_would_take_is_refused(effect, says, tmp_path):
+    study = copied(tmp_path / "run")
+    csv = study.parent / "scan.csv"
+    scan = read_scan(csv)
+    write_scan(scan.replace(time_s=scan.time_s * float("nan")), csv)
+    study.write_text(study.read_text() + f"\n[[effects]]\n{effect}\n")
+    result = check(study)
+    assert result.exit_code == 2
+    assert says in result.stderr
+
+
 def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):
     study = copied(tmp_path / "run")
     study.write_text(study.read_text().replace("poisson_ratio", "poison_ratio"))

@@ -91,8 +91,9 @@ def planned_limits(
     """
     readings = problem.model.readings
     presses = presses_of(readings)
-    designs = [*variations(presses, readings.time_s is not None), mixed(presses)]
-    *plans, all_at_once = improvements(fit, problem.catalogue, that_fit(fit, designs), say)
+    all_at_once = mixed(presses)
+    designs = [*variations(presses, readings.time_s is not None), all_at_once]
+    plans = improvements(fit, problem.catalogue, that_fit(fit, designs), say)
     same = next(p for p in plans if p.design.name == "same")
     present = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
     for limit in same.limits:
@@ -105,18 +106,21 @@ def planned_limits(
         return share is not None and share < _BETTER * present.get(limit.name, 0.0)
 
     found: dict[str, dict[str, Any]] = {}
-    for plan in sorted(plans, key=lambda p: p.design.presses.duration_s):
+    single = [p for p in plans if p is not same and p.design.name != all_at_once.name]
+    for plan in sorted(single, key=lambda p: p.design.presses.duration_s):
         for limit in plan.limits:
-            if plan is not same and limit.name not in found and helps(limit):
+            if limit.name not in found and helps(limit):
                 found[limit.name] = {
                     **_planned(plan, problem, run),
                     "smallest_share": limit.smallest_share,
                     "confused_with": list(limit.confused_with),
                 }
-    if not any(helps(limit) for limit in all_at_once.limits):
+    # A tip that fits nowhere has no scan
+    whole = next((p for p in plans if p.design.name == all_at_once.name), None)
+    if whole is None or not any(helps(limit) for limit in whole.limits):
         return Better(found)
-    shares = {n.name: n.smallest_share for n in all_at_once.limits if n.smallest_share}
-    return Better(found, _planned(all_at_once, problem, run), shares)
+    shares = {n.name: n.smallest_share for n in whole.limits if n.smallest_share}
+    return Better(found, _planned(whole, problem, run), shares)
 
 
 def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Earlier additions are compared with their rivals again, beside what was added since."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from loop_problem import TRUE, mechanics, model, scan, timing
 
 from identify.effects.catalogue import effect_named
+from identify.effects.contact_offset import ContactOffset
 from identify.explain import climb
 from identify.rivals import MARGIN
 
@@ -67,3 +69,23 @@ def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     assert tilt.chi2 > own.chi2 - MARGIN
     before = {rival.name: rival.chi2 for rival in offset.tried}
     assert before["surface_tilt"] < before["contact_offset"] - MARGIN
+
+
+class LittleOffset(ContactOffset):
+    """An offset of which less is possible than the scan asks for."""
+
+    parameters = (replace(ContactOffset.parameters[0], lower=-9.5e-5, upper=9.5e-5),)
+
+
+def test_an_effect_at_the_bound_of_what_is_possible_is_not_found():
+    press, _, _, force = timing(4)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    table = scan(compliance[press] * force - OFFSET_M, force, 4)
+    found = climb(model(table), TRUE, table, [LittleOffset()])
+    assert found.final.fit.values["contact_offset.offset_m"] == pytest.approx(-9.5e-5)
+    assert found.final.comparison.is_noise
+    assert found.at_bound == ("contact_offset",)
+    assert found.verdict == "unexplained"
+    assert found.added == ()
+    free = climb(model(table), TRUE, table, [ContactOffset()])
+    assert (free.verdict, free.added, free.at_bound) == ("explained", ("contact_offset",), ())

@@ -9,6 +9,7 @@ few evaluations do.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -150,7 +151,8 @@ def fit_jointly(
     ----------
     model : its effects start from their own values
     stiffness : map to start from
-    rounds : most rounds of correction towards the finer model; 0 keeps the present correction
+    rounds : of correction towards the finer model, more where its chi-square still falls; 0 keeps
+        the present correction
     max_evaluations : of a round
     enough : a round ends, too, when two steps in a row lowered chi-square by no more than this
     callback : called with chi-square after each accepted step
@@ -161,8 +163,9 @@ def fit_jointly(
         The start is impossible.
     """
     search = _Search(enough, max_evaluations, callback)
-    u, radius, accepted, moved = model.start(stiffness), np.inf, 0, np.inf
+    u, radius, accepted, near = model.start(stiffness), np.inf, 0, False
     own: float | None = None  # the finer model's chi-square at u, where it is known
+    stale = False  # the correction was made elsewhere than at u: what it led to says nothing
     result, at = search.minimum(model, u, radius)
     if rounds == 0:
         return search.fit(model, result.x, at, result.success)
@@ -170,25 +173,29 @@ def fit_jointly(
         there = corrected_at(model, result.x)
         now = search.linearised(there, result.x)
         if own is None and now.chi2 > at.chi2 + _ROUGH:
+            before = search.linearised(model, u).chi2
             model = corrected_at(model, u)
             own = search.linearised(model, u).chi2
-        if own is not None and now.chi2 > own:
+            stale = abs(own - before) > _ROUGH
+        if own is not None and now.chi2 > own + _FTOL:
             # The correction does not hold so far from where it was made
             map_moved = (result.x - u)[: len(model.space.free)]
-            radius = _NEARER * float(np.abs(map_moved).max(initial=0.0))
+            radius = np.inf if stale else _NEARER * float(np.abs(map_moved).max(initial=0.0))
+            stale = False
         else:
+            fell = np.inf if own is None else own - now.chi2
             u, model, own = result.x, there, now.chi2
             accepted, radius = accepted + 1, 2 * radius
-        if accepted == rounds:
-            break
+            if near and accepted >= rounds and fell < _ROUGH:
+                break
         result, at = search.minimum(model, u, radius)
-        moved = np.linalg.norm(at.jacobian @ (result.x - u))
-        misfit = np.sqrt(max(1.0, at.chi2 / len(at.residual)))
+        moved = float(np.linalg.norm(at.jacobian @ (result.x - u)))
+        misfit = math.sqrt(max(1.0, at.chi2 / len(at.residual)))
         if accepted and moved < _SETTLED * misfit:
             return search.fit(model, result.x, at, result.success)
+        near = moved < misfit
     at = search.linearised(model, u)
-    close = accepted == rounds and moved < np.sqrt(max(1.0, at.chi2 / len(at.residual)))
-    return search.fit(model, u, at, result.success and close)
+    return search.fit(model, u, at, result.success and near and accepted >= rounds)
 
 
 def corrected_at(model: MeasurementModel, u: np.ndarray) -> MeasurementModel:

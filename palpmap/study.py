@@ -43,6 +43,7 @@ EFFECTS = (
     "tool_compliance",
     "force_bias",
     "force_drift",
+    "sensitivity_drift",
     "force_saturation",
     "contact_offset",
     "touch_threshold",
@@ -52,6 +53,7 @@ EFFECTS = (
     "side_gradient",
     "body_shift",
     "surface_tilt",
+    "displacement_drift",
     "breathing",
     "mesh_error",
 )

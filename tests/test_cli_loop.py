@@ -98,7 +98,9 @@ def test_diagnose_scores_every_effect_and_says_that_something_is_missing(diagnos
 def test_what_a_scan_without_times_cannot_show_is_said(diagnosed):
     reasons = {c["name"]: c["untestable"] for c in record_of(diagnosed[0])["candidates"]}
     told = {name: reason for name, reason in reasons.items() if reason}
-    timed = ("viscoelasticity", "force_drift", "breathing")
+    timed = (
+        "viscoelasticity", "force_drift", "sensitivity_drift", "displacement_drift", "breathing",
+    )  # fmt: skip
     assert told.pop("touch_threshold") == "under a contact of fixed size it is what force_bias is"
     assert told == dict.fromkeys(timed, "the scan has no time stamps")
 

@@ -16,7 +16,7 @@ NAMES = (
     "spherical_tip", "base_compliance", "base_sliding", "tool_compliance", "force_bias",
     "force_drift", "force_saturation", "contact_offset", "surface_tilt", "breathing", "mesh_error",
     "touch_threshold", "rigid_tip", "inclusion_edge", "inclusion_stretch", "side_gradient",
-    "body_shift",
+    "body_shift", "sensitivity_drift", "displacement_drift",
 )  # fmt: skip
 
 

@@ -64,6 +64,13 @@ def test_drift_and_preconditioning_are_told_over_the_whole_scan():
     own = trial().readings
     drift = effect_named("force_drift").evidence({"rate_n_per_s": -1e-4}, own)
     assert f"falls steadily by {words.force(1e-4 * own.elapsed_s[-1])} over" in drift
+    gain = effect_named("sensitivity_drift")
+    gain = gain.evidence({"rate_per_s": -0.05 / own.elapsed_s[-1]}, own)
+    assert "5 % less after the" in gain
+    assert "or the body softens" in gain
+    growth = effect_named("displacement_drift")
+    growth = growth.evidence({"rate_m_per_s": 2e-4 / own.elapsed_s[-1]}, own)
+    assert "grow steadily, by 0.2 mm over" in growth
     soft = effect_named("preconditioning").evidence({"p": 0.1, "k0": 24.0}, own)
     assert number_before("%", soft) == pytest.approx(10 * (1 - math.exp(-1)), rel=0.01)
 

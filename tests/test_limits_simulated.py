@@ -21,6 +21,7 @@ RADIUS_M = 0.005
 TESTED = (
     "stiffness_gradient", "poisson_ratio", "base_compliance", "tool_compliance", "spherical_tip",
     "viscoelasticity", "force_bias", "force_drift", "force_saturation", "contact_offset",
+    "sensitivity_drift", "displacement_drift",
     "preconditioning", "hysteresis", "side_gradient", "body_shift", "finite_strain",
     "strain_stiffening",
 )  # fmt: skip

@@ -10,6 +10,7 @@ from identify.effects.base_sliding import BaseSliding
 from identify.effects.body_shift import BodyShift
 from identify.effects.breathing import Breathing
 from identify.effects.contact_offset import ContactOffset
+from identify.effects.displacement_drift import DisplacementDrift
 from identify.effects.effect import Effect
 from identify.effects.extra_inclusion import ExtraInclusion
 from identify.effects.finite_strain import FiniteStrain
@@ -23,6 +24,7 @@ from identify.effects.mesh_error import MeshError
 from identify.effects.poisson_ratio import PoissonRatio
 from identify.effects.preconditioning import Preconditioning
 from identify.effects.rigid_tip import RigidTip
+from identify.effects.sensitivity_drift import SensitivityDrift
 from identify.effects.side_gradient import SideGradient
 from identify.effects.skin_layer import SkinLayer
 from identify.effects.spherical_tip import SphericalTip
@@ -57,10 +59,12 @@ CATALOGUE: tuple[Effect, ...] = (
     ToolCompliance(),
     ForceBias(),
     ForceDrift(),
+    SensitivityDrift(),
     ForceSaturation(),
     ContactOffset(),
     TouchThreshold(),
     SurfaceTilt(),
+    DisplacementDrift(),
     Breathing(),
 )
 

@@ -25,9 +25,11 @@ from sim.hidden.effect import HiddenEffect
 from sim.hidden.instrument import (
     Breathing,
     ContactOffset,
+    DisplacementDrift,
     ForceBias,
     ForceDrift,
     ForceSaturation,
+    SensitivityDrift,
     SurfaceTilt,
     ToolCompliance,
 )
@@ -61,9 +63,11 @@ HIDDEN: tuple[HiddenEffect, ...] = (
     ToolCompliance(),
     ForceBias(),
     ForceDrift(),
+    SensitivityDrift(),
     ForceSaturation(),
     ContactOffset(),
     SurfaceTilt(),
+    DisplacementDrift(),
     Breathing(),
     MeshError(),
     InclusionEdge(),

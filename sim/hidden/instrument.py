@@ -50,6 +50,20 @@ class ForceDrift(HiddenEffect):
         return force_n + values["rate_n_per_s"] * (bench.time_s - bench.begin_s), travel_m
 
 
+class SensitivityDrift(HiddenEffect):
+    """The force channel gains or loses sensitivity over the session."""
+
+    name, category = "sensitivity_drift", "structured"
+    law = "force (1 + rate t), t since the first press"
+    amplitude, typical, limit = "rate_per_s", 2e-4, 0.01
+    two_sided = True
+
+    def sensor(self, bench, force_n, travel_m, values):
+        """Scale the force channel."""
+        gain = 1 + values["rate_per_s"] * (bench.time_s - bench.begin_s)
+        return force_n * gain, travel_m
+
+
 class ForceSaturation(HiddenEffect):
     """The force channel bends over: it reads less, the larger the force."""
 
@@ -93,6 +107,19 @@ class SurfaceTilt(HiddenEffect):
         centred = bench.points_m - np.array(bench.body.size_m[:2]) / 2
         towards = [np.cos(values["angle_rad"]), np.sin(values["angle_rad"])]
         return force_n, travel_m + values["slope"] * (centred @ towards)[:, None]
+
+
+class DisplacementDrift(HiddenEffect):
+    """The arm grows over the session, and its growth is taken for travel."""
+
+    name, category = "displacement_drift", "structured"
+    law = "travel + rate t, t since the first press"
+    amplitude, typical = "rate_m_per_s", 5e-7
+    two_sided = True
+
+    def sensor(self, bench, force_n, travel_m, values):
+        """Add the growth."""
+        return force_n, travel_m + values["rate_m_per_s"] * (bench.time_s - bench.begin_s)
 
 
 class Breathing(HiddenEffect):

@@ -20,7 +20,7 @@ import numpy as np
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from fem.response import Response
 from identify.gaussian_map import GaussianMap, Inclusion
-from models.scan import read_scan
+from models.scan_file import read_scan
 
 LAB = Path(__file__).parent.parent / "tests" / "data" / "lab"
 CASES = ("case_a", "case_k")

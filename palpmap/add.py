@@ -13,7 +13,7 @@ from identify.residual_statement import length
 from identify.rivals import fit_with
 from identify.rung import Rung
 from models.errors import InputError
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.console import Output, to_type
 from palpmap.diagnose import judged
 from palpmap.explain_record import parameters_of, rung_record

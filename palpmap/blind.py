@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models.errors import InputError
-from models.scan import write_scan
+from models.scan_file import write_scan
 from palpmap.console import Output, to_type
 from palpmap.run_folder import RunFolder
 from palpmap.sealed import seal

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from models.scan_join import stack_scans
 from palpmap.console import Output, to_type
 from palpmap.sealed import seal, unseal

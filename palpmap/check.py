@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from models.scan import Scan, read_scan
+from models.scan import Scan
 from models.scan_checks import PHASES
+from models.scan_file import read_scan
 from palpmap.body_model import cell_size_m
 from palpmap.placement import Placement, place_scan
 from palpmap.run_folder import sha256

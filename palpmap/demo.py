@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.body_model import build_body_model
 from palpmap.console import Output, to_type
 from palpmap.finding import Finding, matched

@@ -8,7 +8,7 @@ from identify.effects.effect import Effect
 from identify.explain import Explanation
 from identify.limits import detection_limits
 from identify.rung import Rung
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.console import Output, to_type
 from palpmap.detection import limit_record
 from palpmap.explain_record import explain_record

@@ -7,7 +7,7 @@ from typing import Any
 from identify.compare import compare
 from identify.fit_file import read_fit
 from identify.fit_record import Fit
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.figures import draw_figures, save_figures
 from palpmap.finding import Finding, read_truth, study_outline
 from palpmap.limits import limits_of

@@ -12,7 +12,8 @@ from identify.fit_record import Fit, FitIteration
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import fit_jointly
 from identify.joint_record import fit_of
-from models.scan import Scan, read_scan
+from models.scan import Scan
+from models.scan_file import read_scan
 from palpmap.body_model import BodyModel, build_body_model
 from palpmap.console import Output, to_type
 from palpmap.finding import Finding

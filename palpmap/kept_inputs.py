@@ -3,7 +3,8 @@
 import shutil
 from pathlib import Path
 
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 from palpmap.study import Study, write_study
 
 

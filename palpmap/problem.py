@@ -30,7 +30,8 @@ from identify.readings import Readings
 from identify.rivals import fit_with
 from identify.score import fitted_basis, score_effect
 from models.errors import InputError
-from models.scan import Scan, read_scan
+from models.scan import Scan
+from models.scan_file import read_scan
 from palpmap.body_model import BodyModel, build_body_model
 from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan

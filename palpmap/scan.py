@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from models.errors import InputError
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 from models.scan_join import stack_scans
 from palpmap.console import Output, to_type
 from palpmap.recording import Recording

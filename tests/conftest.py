@@ -17,7 +17,7 @@ from identify.explain import Explanation, climb
 from identify.fit import fit_scan
 from identify.gaussian_map import GaussianMap, Inclusion
 from identify.noise import scan_noise
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.body_model import BodyModel, contacts_of
 from palpmap.explain_files import write_explain_files

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from loop_problem import NOISE, NU, PEAK_N, SIZE, TRUE, points, scan, timing, true_compliance
 
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 from palpmap.study import About, Body, Map, Noise, Probe, Study, write_study
 
 PRESSES = (0, 2, 4, 7, 10, 11, 12, 13, 14, 17, 20, 24)

@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from models.errors import InputError
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap import tournament
 from palpmap.__main__ import app
 from palpmap.blind import Trial, draw_map, draw_trial, make_trial

@@ -9,7 +9,8 @@ import pytest
 from fem import Contacts, PalpationModel, Support, block_mesh
 from identify.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
-from models.scan import Scan, read_scan
+from models.scan import Scan
+from models.scan_file import read_scan
 from palpmap.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
 from palpmap.scan import build_laboratory
 from palpmap.study import Study, load_study, write_study

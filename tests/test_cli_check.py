@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.run_folder import sha256
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from identify.effects.catalogue import CATALOGUE
 from identify.effects.user_effect import load_effect
 from identify.joint_fit import fit_jointly
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap import explain as explain_command
 from palpmap.__main__ import app
 from palpmap.study import load_study

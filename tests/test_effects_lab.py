@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from identify.effects.catalogue import effect_named
 from identify.readings import Readings
-from models.scan import read_scan
+from models.scan_file import read_scan
 
 LAB = Path(__file__).parent / "data" / "lab"
 DISPLACEMENT_NOISE_M, FORCE_NOISE_N = 2e-5, 5e-3

@@ -10,7 +10,7 @@ from identify.joint_fit import fit_jointly
 from identify.limits import SIGMAS, detection_limits
 from identify.readings import Readings
 from identify.score import fitted_basis, score_effect
-from models.scan import write_scan
+from models.scan_file import write_scan
 from palpmap.problem import pose
 from palpmap.study import About, Body, Map, Noise, Probe, Study
 from sim.hidden.planted_scan import planted_scan

@@ -13,7 +13,7 @@ import pytest
 
 from identify.contact_law import GROSS
 from identify.effects.catalogue import CATALOGUE
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from palpmap.body_model import build_body_model
 from palpmap.console import Output
 from palpmap.explain import explain_study

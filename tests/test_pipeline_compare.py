@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identify.fit_file import read_fit, write_fit
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from palpmap.run_folder import sha256
 
 

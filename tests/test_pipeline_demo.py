@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.run_folder import sha256
 from palpmap.study import load_study

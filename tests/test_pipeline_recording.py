@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from rerun.chunk import RrdReader
 
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.recording_summary import read_summary, scalar_series
 
 PLOTS = {

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.run_folder import sha256
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")

@@ -16,7 +16,8 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 from typer.testing import CliRunner
 
-from models.scan import Scan, read_scan
+from models.scan import Scan
+from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.recording_integrity import examine, readable
 from palpmap.recording_summary import scalar_series

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from models.errors import InputError
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.__main__ import app
 from sim.hidden.on_robot import plant_on_robot, program_of
 from sim.hidden_body import HiddenBody

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from identify.effects.catalogue import CATALOGUE
 from identify.explain import Verdict
-from models.scan import read_scan
+from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.check import check_study
 

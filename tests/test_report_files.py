@@ -19,7 +19,8 @@ from identify.gaussian_map import GaussianMap, Inclusion
 from identify.misfit import whitening
 from identify.noise import Noise
 from models.errors import InputError
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 from palpmap.comparison import run_compare
 from palpmap.console import Output
 from palpmap.figure_style import png

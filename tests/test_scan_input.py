@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from models.errors import InputError
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 
 CASE_A = Path(__file__).parent / "data" / "lab" / "case_a" / "scan.csv"
 LINES = CASE_A.read_text().splitlines()[: 1 + 3 * 22]

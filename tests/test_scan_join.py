@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from typer.testing import CliRunner
 
 from models.errors import InputError
-from models.scan import Scan, read_scan, write_scan
+from models.scan import Scan
+from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans
 from palpmap.__main__ import app
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from models.scan import Scan, read_scan, write_scan
+from models.scan import Scan
+from models.scan_file import read_scan, write_scan
 
 HERE = Path(__file__).parent
 CASE_A = HERE / "data" / "lab" / "case_a" / "scan.csv"

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from models.arm import LINKS
 from models.errors import InputError
-from models.scan import read_scan, write_scan
+from models.scan_file import read_scan, write_scan
 from sim.laboratory import Placement, build_laboratory
 from sim.scan_plan import ScanPlan, grid_plan
 from sim.scan_program import run_scan

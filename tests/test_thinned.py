@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 from palpmap import finding_files
 from palpmap.study import load_study
 from palpmap.thinned import thinned

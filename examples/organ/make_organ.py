@@ -15,7 +15,8 @@ import numpy as np
 
 from fem import Contacts, PalpationModel, read_surface, tetrahedralize_surface
 from identify.gaussian_map import GaussianMap, Inclusion
-from models.scan import Scan, write_scan
+from models.scan import Scan
+from models.scan_file import write_scan
 
 RINGS = 15  # 6 RINGS^2 triangles on the upper side, as many on the base
 HALF_AXES_M = (0.050, 0.035, 0.040)

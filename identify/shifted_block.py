@@ -24,6 +24,7 @@ _PLACES = np.array([0.01, 0.025, 0.06, 0.12])
 _ROOM = 0.95  # of the gap between tips and edges may be closed
 _LEAST_M = 1e-4
 _STEP_M = 1e-4  # between shifts that have a finer model of their own
+_KEPT = 6  # coarse models, the last ones used: four are at work at a time, of 0.1 GB each
 _SIDES = {"x0", "x1", "y0", "y1"}
 
 
@@ -96,9 +97,11 @@ class ShiftedBlock:
 
     def coarse_at(self, shift_m: Shift) -> PalpationModel:
         """Return the coarse model of the block elsewhere."""
-        if shift_m not in self._models:
-            self._models[shift_m] = _moved(self.coarse, shift_m)
-        return self._models[shift_m]
+        model = self._models.pop(shift_m, None) or _moved(self.coarse, shift_m)
+        self._models[shift_m] = model
+        while len(self._models) > _KEPT:
+            self._models.pop(next(iter(self._models)))
+        return model
 
     def near(self, shift_m: Shift) -> Shift:
         """Return the shift nearby that has a finer model."""

@@ -62,6 +62,23 @@ def test_the_models_of_the_body_elsewhere_are_made_like_that_of_the_body_as_stat
     assert moved._skin_surface == "x0"
 
 
+def test_the_models_last_used_are_kept_and_no_more():
+    stated = PalpationModel(
+        block_mesh((0.06, 0.06, 0.03), (4, 4, 2)),
+        0.45,
+        Contacts([(0.03, 0.03, 0.03)], (0, 0, -1), 0.005),
+        near_field=False,
+    )
+    elsewhere = ShiftedBlock(stated, None)
+    first = elsewhere.coarse_at((0.001, 0.0))
+    second = elsewhere.coarse_at((0.002, 0.0))
+    for place in range(3, 8):
+        assert elsewhere.coarse_at((0.001, 0.0)) is first
+        elsewhere.coarse_at((0.001 * place, 0.0))
+    assert elsewhere.coarse_at((0.001, 0.0)) is first
+    assert elsewhere.coarse_at((0.002, 0.0)) is not second
+
+
 def test_a_shifted_body_has_the_compliances_of_one_that_was_moved_as_a_whole():
     own = problem.mechanics()
     state = own.state().changed(shift_m=SHIFT)

@@ -10,11 +10,13 @@ import numpy as np
 from models.arm import PROBE_LENGTH_M, REACH_M, SHOULDER_M
 from models.errors import InputError
 from sim.clearance import Clearance
+from sim.coupling import Body
 from sim.inverse_kinematics import Reached, TipKinematics
 from sim.laboratory import Laboratory
 from sim.press_path import PressPath, press_path
 from sim.quintic import PEAK_SPEED
 from sim.scan_plan import ScanPlan
+from sim.settings import ScanSettings
 
 SPEED_FRACTION = 0.5
 """Part of the joints' velocity limits that a planned motion may use."""
@@ -77,6 +79,37 @@ def plan_motion(
     for point, direction in zip(points, directions, strict=True):
         presses.append(planner.press(len(presses), point, direction, presses))
     return tuple(presses)
+
+
+def refuse_too_deep(plan: ScanPlan, body: Body, settings: ScanSettings) -> None:
+    """Refuse a scan in which a press would go deeper than body or settings allow.
+
+    Raises
+    ------
+    InputError
+        It names the press that goes furthest beyond, and the force that would do.
+    """
+    provided = settings.largest_depth(plan.force_n)
+    presses = range(len(plan))
+    expected = np.array([body.displacement(press, plan.force_of(press)) for press in presses])
+    thickness = np.array([plan.thickness_m(press) for press in presses])
+    allowed = np.minimum(settings.deepest_share * thickness, provided)
+    worst = int((allowed / expected).argmin())
+    if expected[worst] <= allowed[worst]:
+        return
+    force = plan.force_of(worst)
+    enough = 0.99 * force * allowed[worst] / expected[worst]
+    why = (
+        f"the scan setting depth_m provides for {provided * 1e3:.3g} mm"
+        if allowed[worst] == provided
+        else f"the body is {thickness[worst] * 1e3:.3g} mm thick there, of which at most "
+        f"{settings.deepest_share:.0%} may be gone through, as its law is for small depths"
+    )
+    raise InputError(
+        f"Press {worst} at {_mm(plan.points_m[worst])} mm: {force:.3g} N would go "
+        f"{expected[worst] * 1e3:.3g} mm deep; {why}. Press with at most "
+        f"{enough:.3g} N, with a wider tip, or on a thicker or stiffer body."
+    )
 
 
 def transit_duration(arm_speed_limit: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:

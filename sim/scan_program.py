@@ -14,7 +14,7 @@ from sim.coupling import Body, MatchedContact
 from sim.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.inverse_kinematics import TipKinematics
 from sim.laboratory import build_laboratory
-from sim.planner import PlannedPress, plan_motion
+from sim.planner import PlannedPress, plan_motion, refuse_too_deep
 from sim.press_result import PressLog, press_result
 from sim.quintic import quintic
 from sim.rig import Rig
@@ -54,8 +54,9 @@ def run_scan(
     Raises
     ------
     InputError
-        Before the arm moves: a press that cannot be made (see `sim.planner`). During the scan: a
-        body so soft, or so far away, that the planned depth does not do.
+        Before the arm moves: a press that cannot be made, or would go too deep (see
+        `sim.planner`). During the scan: a body so far away, or so much softer than it said, that
+        the planned depth does not do.
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
@@ -97,10 +98,13 @@ class _Program:
                 f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
                 f"force of {weakest:g} N; press harder or lower touch_force_n."
             )
+        refuse_too_deep(plan, body, settings)
         laboratory = build_laboratory(
             plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
         )
-        self.depth_limit = settings.largest_depth(plan.force_n)
+        # Never through the body, whatever a controller or a body that changes may do
+        thickest = max(plan.thickness_m(press) for press in range(len(plan)))
+        self.depth_limit = min(settings.largest_depth(plan.force_n), thickest)
         self.presses = plan_motion(
             plan, laboratory, settings.lift_m, self.depth_limit, FASTEST_M_PER_S
         )
@@ -211,8 +215,8 @@ class _Program:
             raise InputError(
                 f"Press {self.number}: the tip has gone {control.depth_m * 1e3:.1f} mm deep at "
                 f"{control.force_n:.3f} N "
-                f"and the plan provides for {self.depth_limit * 1e3:.1f} mm. Set a smaller "
-                "force or a larger depth_m."
+                f"and the plan provides for {self.depth_limit * 1e3:.1f} mm, at most what the "
+                "body is thick. Set a smaller force, or a larger depth_m if it is less than that."
             )
         q, slope = self.planned.path.at(control.depth_m)
         self._step(phase, q, slope * control.speed_m_per_s)

@@ -27,6 +27,8 @@ class ScanSettings:
     stiffness_n_per_m : the robot's first guess of the body's stiffness; it learns better ones as
         it presses
     depth_m : largest depth, None for 30 mm a newton of set force and at least 20 mm
+    deepest_share : largest depth that a press may be expected to reach, of the body's thickness
+        along it; at most 1, where the tip has come through the body
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
     """
@@ -49,6 +51,7 @@ class ScanSettings:
     residual: float = 0.06
     stiffness_n_per_m: float = 150.0
     depth_m: float | None = None
+    deepest_share: float = 0.5
     timestep_s: float = 0.002
     frames_per_s: float = 25.0
 
@@ -72,6 +75,11 @@ class ScanSettings:
             )
         if self.depth_m is not None and not self.depth_m > 0:
             raise InputError(f"The scan setting depth_m is {self.depth_m}; it has to be positive.")
+        if self.deepest_share > 1:
+            raise InputError(
+                f"The scan setting deepest_share is {self.deepest_share:g}; give at most 1, the "
+                "whole thickness of the body."
+            )
         if self.touch_force_n < 4.5 * self.force_noise_n:
             raise InputError(
                 f"A touch force of {self.touch_force_n:g} N is lost in a force noise of "

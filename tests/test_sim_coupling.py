@@ -1,10 +1,15 @@
 """Contact and soft body agree, from very soft to hard, for linear and stiffening laws."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models.errors import InputError
-from sim.scan_plan import ScanPlan
+from sim.planner import refuse_too_deep
+from sim.press_program import grid_program
+from sim.scan_plan import ScanPlan, program_plan
 from sim.scan_program import run_scan
 from sim.settings import ScanSettings
 from sim.soft_body import SoftBody
@@ -91,13 +96,57 @@ def test_a_wrong_guess_of_the_stiffness_does_no_harm(guess):
 
 def test_three_newton_press_the_soft_body_deep_without_falling_through():
     body = body_of(1.0)
-    run = run_scan(ScanPlan(POINTS, DOWN, 3.0), body, ScanSettings(**SHORT))
+    run = run_scan(ScanPlan(POINTS, DOWN, 3.0), body, ScanSettings(deepest_share=0.7, **SHORT))
     depth = [body.displacement(j, 3.0) for j in (0, 1)]
     assert depth[0] > 0.02
     found = [press.true_displacement_m.max() for press in run.presses]
     np.testing.assert_allclose(found, depth, rtol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("scale", "setting", "reason"),
+    [
+        (1.0, {}, "the body is 48 mm thick there, of which at most 50%"),
+        (0.2, {"depth_m": 0.02}, "the scan setting depth_m provides for 20 mm"),
+    ],
+)
+def test_a_press_that_would_go_too_deep_is_refused_with_the_force_that_would_do(
+    scale, setting, reason
+):
+    body, settings = body_of(scale), ScanSettings(**setting, **SHORT)
+    with pytest.raises(InputError, match=rf"Press 0 at .*3 N would go .*{reason}") as caught:
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), body, settings)
+    enough = float(re.search(r"at most ([0-9.]+) N", str(caught.value))[1])  # pyright: ignore[reportOptionalSubscript]
+    refuse_too_deep(ScanPlan(POINTS, DOWN, enough), body, settings)
+    with pytest.raises(InputError):
+        refuse_too_deep(ScanPlan(POINTS, DOWN, 1.02 * enough), body, settings)
+
+
+def test_every_press_of_a_program_is_judged_by_its_own_force_and_thickness():
+    thin, plan = (0.096, 0.096, 0.004), grid_program((0.096, 0.096, 0.004), per_side=2)
+    force = np.array([0.1, 0.1, 0.3, 0.1])
+    law = Stiffening(60, 0)
+    with pytest.raises(
+        InputError, match=r"Press 2 at .*0.3 N would go 5 mm deep; the body is 4 mm"
+    ):
+        run_scan(program_plan(replace(plan, force_n=force), thin), law)
+
+
+class Softening(Stiffening):
+    """A body that is ten times as soft as it said once it has been asked about every press."""
+
+    asked = 0
+
+    def displacement(self, press, force_n):
+        self.asked += 1
+        return force_n / self.k1 * (1 if self.asked <= len(POINTS) else 10)
+
+    def tangent(self, press, force_n):
+        return self.k1 / 10
+
+
 def test_a_body_softer_than_the_plan_provides_for_stops_the_scan():
     with pytest.raises(InputError, match=r"Press 0: the tip has gone 2.* Set a smaller force"):
-        run_scan(ScanPlan(POINTS, DOWN, 3.0), body_of(0.2), ScanSettings(depth_m=0.02))
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.02))
+    with pytest.raises(InputError, match=r"provides for 48.0 mm, at most what the body is thick"):
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.2))

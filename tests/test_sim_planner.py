@@ -109,6 +109,15 @@ def test_a_steep_body_is_reached_by_way_of_a_pose_drawn_back():
     assert all(len(press.waypoints) == 1 for press in presses[1:9])
 
 
+def test_a_press_goes_through_the_body_along_its_own_direction():
+    half = np.sqrt(0.5)
+    points = [[0.02, 0.02, 0.048], [0.0, 0.03, 0.02], [0.02, 0.02, 0.048], [0.09, 0.02, 0.048]]
+    directions = [[0, 0, -1], [1, 0, 0], [half, 0, -half], [half, 0, -half]]
+    plan = ScanPlan(np.array(points), np.array(directions, float))
+    thickness = [plan.thickness_m(press) for press in range(4)]
+    np.testing.assert_allclose(thickness, [0.048, 0.096, 0.048 / half, 0.006 / half])
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

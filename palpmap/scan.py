@@ -152,8 +152,8 @@ def build_laboratory(
     from sim.settings import ScanSettings
     from sim.soft_body import SoftBody
 
-    share = {"deepest_share": PAPER_DEEPEST_SHARE} if paper_force else {}
-    settings = ScanSettings(seed=seed, **share)
+    share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
+    settings = ScanSettings(seed=seed, deepest_share=share)
     study = study or default_study()
     _refuse_unknown(study)
     size = study.body.size_m

@@ -59,7 +59,8 @@ def test_the_papers_force_presses_so_deep_that_it_is_said(run_command):
     run = run_command("scan", "--presses-per-side", "2", "--paper-force")
     assert run.exit_code == 0, run.stderr
     assert run.record["largest"]["depth_share"] == pytest.approx(0.99, abs=0.01)
-    assert "deepest press" in list(scan_table(run.record).columns[0].cells)
+    table = scan_table(run.record)
+    assert "deepest press" in list(table.columns[0].cells)  # pyright: ignore[reportAttributeAccessIssue]
     assert max(read_scan(run.folder / "scan.csv").displacement_m) < 0.048
 
 

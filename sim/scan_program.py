@@ -15,6 +15,7 @@ from sim.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceContr
 from sim.inverse_kinematics import TipKinematics
 from sim.laboratory import build_laboratory
 from sim.planner import PlannedPress, plan_motion, refuse_too_deep
+from sim.press_path import sideways_yield
 from sim.press_result import PressLog, press_result
 from sim.quintic import quintic
 from sim.rig import Rig
@@ -134,6 +135,7 @@ class _Program:
         self._used, self.wanted = 0, 0.0
         self._transit(planned.waypoints)
         self._pause(pause_s)
+        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
         self.contact.start(number, planned.point_m, planned.direction, force)
         control.rest(-settings.lift_m)
         self._approach()
@@ -219,6 +221,7 @@ class _Program:
                 "body is thick. Set a smaller force, or a larger depth_m if it is less than that."
             )
         q, slope = self.planned.path.at(control.depth_m)
+        q = q - control.force_n * self.sideways
         self._step(phase, q, slope * control.speed_m_per_s)
         control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n)

@@ -48,7 +48,8 @@ class Stiffening:
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "force"), [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (100_000, 3)]
+    ("stiffness", "force"),
+    [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (20_000, 12), (100_000, 3)],
 )
 def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiffness, force):
     body = body_of(stiffness / local_stiffness)
@@ -58,6 +59,7 @@ def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiff
         assert abs(press.force_error) < 0.01
         assert press.overshoot < 0.05
         assert press.coupling_error < 1e-3
+        assert press.contact_error_m < 1e-5  # 0.06 mm a newton if the servo were left to give way
 
 
 def test_a_small_force_on_a_hard_body_bounces_at_touch_down_and_still_settles(local_stiffness):
@@ -101,6 +103,7 @@ def test_three_newton_press_the_soft_body_deep_without_falling_through():
     assert depth[0] > 0.02
     found = [press.true_displacement_m.max() for press in run.presses]
     np.testing.assert_allclose(found, depth, rtol=0.02)
+    assert max(press.contact_error_m for press in run.statistics) < 1e-5
 
 
 @pytest.mark.parametrize(

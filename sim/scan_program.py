@@ -107,7 +107,12 @@ class _Program:
         thickest = max(plan.thickness_m(press) for press in range(len(plan)))
         self.depth_limit = min(settings.largest_depth(plan.force_n), thickest)
         self.presses = plan_motion(
-            plan, laboratory, settings.lift_m, self.depth_limit, FASTEST_M_PER_S
+            plan,
+            laboratory,
+            settings.lift_m,
+            self.depth_limit,
+            FASTEST_M_PER_S,
+            ACCELERATION_M_PER_S2,
         )
         wrist_seed, encoder_seed, pause_seed = np.random.SeedSequence(settings.seed).spawn(3)
         self.encoder_rng = np.random.default_rng(encoder_seed)
@@ -202,12 +207,13 @@ class _Program:
         control.touch()
 
     def _ramp(self, phase: int, start_n: float, end_n: float, duration: float) -> None:
-        """Follow a straight line of force over time."""
-        count = max(1, round(duration / self.dt))
-        rate = (end_n - start_n) / duration
+        """Follow a straight line of force over time, its ends rounded."""
+        line = self.control.line(end_n - start_n, duration)
+        count = max(1, round(line.duration_s / self.dt))
         for i in range(1, count + 1):
-            self.wanted = start_n + (end_n - start_n) * i / count
-            self.control.press(self.wanted, rate, learn=phase == LOAD)
+            share, rate = line.at(line.duration_s * i / count)
+            self.wanted = start_n + (end_n - start_n) * share
+            self.control.press(self.wanted, (end_n - start_n) * rate, learn=phase == LOAD)
             self._tick(phase)
 
     def _tick(self, phase: int) -> None:

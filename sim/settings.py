@@ -16,7 +16,8 @@ class ScanSettings:
     seed : of all noise and of the pauses
     force_noise_n, displacement_noise_m : one standard deviation of a sample's force (each
         component) and of its displacement
-    ramp_s, hold_s, unload_s : duration of the three parts of a press
+    ramp_s, hold_s, unload_s : duration of the three parts of a press; ramp and unloading take
+        longer where the arm could not speed up and slow down in that time
     load_samples, hold_samples, unload_samples : rows of the scan a press, evenly over each part
     pause_s : shortest and longest pause between two presses, drawn at random
     lift_m : height of the tip above the surface between presses

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
+from sim.laboratory import build_laboratory
 from sim.planner import refuse_too_deep
 from sim.press_program import grid_program
+from sim.rounded_line import rounded_line
 from sim.scan_plan import ScanPlan, program_plan
 from sim.scan_program import run_scan
 from sim.settings import ScanSettings
@@ -123,6 +125,30 @@ def test_a_press_that_would_go_too_deep_is_refused_with_the_force_that_would_do(
     refuse_too_deep(ScanPlan(POINTS, DOWN, enough), body, settings)
     with pytest.raises(InputError):
         refuse_too_deep(ScanPlan(POINTS, DOWN, 1.02 * enough), body, settings)
+
+
+@pytest.mark.parametrize(("force", "ramp"), [(0.3, 0.05), (3.0, 1.0), (3.0, 0.3)])
+def test_the_joints_keep_to_their_limits_of_acceleration_also_where_the_tip_goes_far(force, ramp):
+    settings = ScanSettings(deepest_share=0.7, ramp_s=ramp, unload_s=ramp, **SHORT)
+    run = run_scan(ScanPlan(POINTS, DOWN, force), body_of(1.0), settings)
+    limits = build_laboratory()
+    speed = np.diff(run.series.q, axis=0) / settings.timestep_s
+    acceleration = np.diff(speed, axis=0) / settings.timestep_s
+    assert (np.abs(speed) < limits.speed_limit).all()
+    assert (np.abs(acceleration) < 0.6 * limits.acceleration_limit).all()
+    for press in run.statistics:
+        assert abs(press.force_error) < 0.01
+        assert press.overshoot < 0.1  # 0.47 where such a ramp is not made longer
+
+
+def test_a_line_that_is_rounded_ends_at_one_and_is_as_fast_as_it_says():
+    for length, duration in ((0.01, 1.0), (0.05, 0.2), (0.0, 1.0)):
+        line = rounded_line(length, duration, 0.25)
+        time = np.linspace(0, line.duration_s, 2001)
+        way, rate = np.transpose([line.at(t) for t in time])
+        np.testing.assert_allclose(way[[0, -1]], [0, 1], atol=1e-12)
+        np.testing.assert_allclose(np.gradient(way, time)[2:-2], rate[2:-2], atol=2e-3 * rate.max())
+        assert np.abs(np.diff(rate) / np.diff(time) * length).max() < 0.25 * (1 + 1e-6)
 
 
 def test_every_press_of_a_program_is_judged_by_its_own_force_and_thickness():

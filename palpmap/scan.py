@@ -12,8 +12,9 @@ from models.scan import Scan, write_scan
 from models.scan_join import stack_scans
 from palpmap.console import Output, to_type
 from palpmap.recording import Recording
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.run_folder import RunFolder
 from palpmap.scan_scene import draw_scene
+from palpmap.scan_truth import scaled_truth, true_parameters, write_truth
 from palpmap.study import About, Body, Map, Noise, Probe, Study, load_study, write_study
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Laboratory:
     Attributes
     ----------
     plan, settings : how it is made
-    truth, body : the map, and the body that has it
+    truth, body : the map with planted inclusions, and the body that has it
     study : what is known
     hidden : effects that are hidden in it
     """
@@ -186,9 +187,9 @@ def build_laboratory(
         }
     )
     write_study(kept, run / "study.toml")
-    said = {"effects": list(hidden.records)} if plant else {}
-    write_record(run / "truth.json", {"body": truth_record(truth), **said})
-    return Laboratory(plan, truth, body, settings, kept, hidden)
+    laboratory = Laboratory(plan, hidden.body.truth, body, settings, kept, hidden)
+    write_truth(run, hidden.body, hidden.records)
+    return laboratory
 
 
 def make_scan(
@@ -215,7 +216,11 @@ def make_scan(
         )
         advance()
 
-    return run_scan(laboratory.plan, laboratory.body, laboratory.settings, drawn, on_press)
+    made = run_scan(laboratory.plan, laboratory.body, laboratory.settings, drawn, on_press)
+    if laboratory.hidden.planted:
+        reached = laboratory.hidden.reached([press.scan for press in made.presses])
+        write_truth(run, laboratory.hidden.body, reached)
+    return made
 
 
 def default_study() -> Study:
@@ -261,47 +266,6 @@ def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:
     x, y = (np.linspace(MARGIN_SHARE * s, (1 - MARGIN_SHARE) * s, per_side) for s in size[:2])
     rows = [(xi, yk, size[2]) for k, yk in enumerate(y) for xi in (x if k % 2 == 0 else x[::-1])]
     return np.array(rows)
-
-
-def scaled_truth(size: tuple[float, float, float]) -> "TruthMap":
-    """Return the phantom's true map, its inclusion moved and scaled with the body."""
-    from sim.truth_map import Inclusion, TruthMap
-
-    default, paper = TruthMap(), (0.096, 0.096, 0.048)
-    share = [s / p for s, p in zip(size, paper, strict=True)]
-    inclusions = tuple(
-        Inclusion(
-            inclusion.weight_pa,
-            tuple(c * s for c, s in zip(inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
-            inclusion.radius_m * min(share),
-        )
-        for inclusion in default.inclusions
-    )
-    return TruthMap(default.background_pa, inclusions)
-
-
-def truth_record(truth: "TruthMap") -> dict[str, Any]:
-    """Return the true map as a JSON record."""
-    return {
-        "background_pa": truth.background_pa,
-        "inclusions": [
-            {
-                "weight_pa": i.weight_pa,
-                **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
-                "radius_m": i.radius_m,
-            }
-            for i in truth.inclusions
-        ],
-    }
-
-
-def true_parameters(truth: "TruthMap") -> dict[str, float]:
-    """Return the true map's values by parameter name."""
-    record = truth_record(truth)
-    values = {"background_pa": record["background_pa"]}
-    for number, inclusion in enumerate(record["inclusions"], start=1):
-        values |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
-    return values
 
 
 def scan_record(scanned: "ScanRun") -> dict[str, Any]:

@@ -114,9 +114,9 @@ class _Program:
             FASTEST_M_PER_S,
             ACCELERATION_M_PER_S2,
         )
-        wrist_seed, encoder_seed, pause_seed = np.random.SeedSequence(settings.seed).spawn(3)
+        wrist_seed, encoder_seed, _ = settings.streams()
         self.encoder_rng = np.random.default_rng(encoder_seed)
-        self.pause_rng = np.random.default_rng(pause_seed)
+        self.pauses_s = settings.pauses(len(plan))
         self.kinematics = TipKinematics(laboratory.arm)
         self.rig = Rig(laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed))
         self.contact = MatchedContact(self.rig.model, self.rig.data, body)
@@ -161,8 +161,8 @@ class _Program:
         """Durations of ramp, hold, unloading and the rest before, s."""
         program, settings = self.plan.program, self.settings
         if program is None:
-            pause = float(self.pause_rng.uniform(*settings.pause_s))
-            return settings.ramp_s, settings.hold_s, settings.unload_s, pause
+            pause = self.pauses_s[number]
+            return settings.ramp_s, settings.hold_s, settings.unload_s, float(pause)
         columns = (program.ramp_s, program.hold_s, program.unload_s, program.pause_s)
         ramp, hold, unload, pause = (float(column[number]) for column in columns)
         return ramp, hold, unload, pause

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from models.errors import InputError
 
 
@@ -87,6 +89,14 @@ class ScanSettings:
                 f"{self.force_noise_n:g} N; "
                 "set touch_force_n to five times the noise or more."
             )
+
+    def streams(self) -> tuple[np.random.SeedSequence, ...]:
+        """Seeds of the wrist's noise, of the encoders' noise, and of the pauses."""
+        return tuple(np.random.SeedSequence(self.seed).spawn(3))
+
+    def pauses(self, count: int) -> np.ndarray:
+        """Rests before the presses of a plan without a program, (j,) s."""
+        return np.random.default_rng(self.streams()[2]).uniform(*self.pause_s, size=count)
 
     def largest_depth(self, force_n: float) -> float:
         """Depth in m that the plan provides for a set force."""

@@ -175,9 +175,20 @@ def build_laboratory(
         plan.points_m,
         plan.directions,
     )
+    kept = _known_of(study, run, plan, truth, settings)
+    write_study(kept, run / "study.toml")
+    laboratory = Laboratory(plan, hidden.body.truth, body, settings, kept, hidden)
+    write_truth(run, hidden.body, hidden.records)
+    return laboratory
+
+
+def _known_of(
+    study: Study, run: Path, plan: "ScanPlan", truth: "TruthMap", settings: "ScanSettings"
+) -> Study:
+    """Return what is known of the scan beforehand: noise, number of inclusions, tip, place."""
     about = About(name=study.name, scan=(run / "scan.csv").resolve())  # pyright: ignore[reportCallIssue]
     noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
-    kept = study.model_copy(
+    return study.model_copy(
         update={
             "study": about,
             "noise": noise,
@@ -186,10 +197,6 @@ def build_laboratory(
             "probe": Probe(tip="flat", radius_m=plan.tip_radius_m),
         }
     )
-    write_study(kept, run / "study.toml")
-    laboratory = Laboratory(plan, hidden.body.truth, body, settings, kept, hidden)
-    write_truth(run, hidden.body, hidden.records)
-    return laboratory
 
 
 def make_scan(

@@ -111,7 +111,7 @@ def test_three_newton_press_the_soft_body_deep_without_falling_through():
 @pytest.mark.parametrize(
     ("scale", "setting", "reason"),
     [
-        (1.0, {}, "the body is 48 mm thick there, of which at most 50%"),
+        (1.0, {}, "the body is 48 mm thick there, of which at most 50 %"),
         (0.2, {"depth_m": 0.02}, "the scan setting depth_m provides for 20 mm"),
     ],
 )

@@ -64,7 +64,9 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             progress.update(task, total=total or 1, completed=total or 1)
 
         with stage("solving the body"):
-            laboratory = build_laboratory(run.path, None, force_n, PRESSES_PER_SIDE, seed)
+            laboratory = build_laboratory(
+                run.path, None, force_n, PRESSES_PER_SIDE, seed, paper_force=paper_force
+            )
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)
         study = laboratory.study

@@ -13,8 +13,9 @@ from models.scan_file import write_scan
 from models.scan_join import stack_scans
 from palpmap.console import Output, to_type
 from palpmap.recording import Recording
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.run_folder import RunFolder
 from palpmap.scan_scene import draw_scene
+from palpmap.scan_truth import scaled_truth, true_parameters, write_truth
 from palpmap.study import About, Body, Map, Noise, Probe, Study, load_study, write_study
 
 if TYPE_CHECKING:
@@ -39,6 +40,9 @@ LARGEST_OVERSHOOT = 0.05
 LARGEST_CONTACT_ERROR_M = 2e-4
 LARGEST_COUPLING_ERROR = 1e-3
 
+PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
+SMALL_DEPTH_SHARE = 0.2  # deeper ones are said: beyond a tenth a linear law goes wrong by so much
+
 
 @dataclass(frozen=True)
 class Laboratory:
@@ -47,7 +51,7 @@ class Laboratory:
     Attributes
     ----------
     plan, settings : how it is made
-    truth, body : the map, and the body that has it
+    truth, body : the map with planted inclusions, and the body that has it
     study : what is known
     hidden : effects that are hidden in it
     """
@@ -107,7 +111,7 @@ def run_scan_command(
     ):
         task = progress.add_task("meshing and solving the body", total=count)
         laboratory = build_laboratory(
-            run.path, known, force_n, presses_per_side, seed, presses, plant
+            run.path, known, force_n, presses_per_side, seed, presses, plant, paper_force
         )
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
@@ -130,12 +134,14 @@ def build_laboratory(
     seed: int,
     program: "PressProgram | None" = None,
     plant: Sequence[tuple[str, float]] = (),
+    paper_force: bool = False,
 ) -> Laboratory:
     """Plan the scan and solve the body; write study.toml and truth.json into the run folder.
 
     Parameters
     ----------
     program, plant : see `run_scan_command`
+    paper_force : the presses may go as deep as the body is high
 
     Raises
     ------
@@ -148,7 +154,8 @@ def build_laboratory(
     from sim.settings import ScanSettings
     from sim.soft_body import SoftBody
 
-    settings = ScanSettings(seed=seed)
+    share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
+    settings = ScanSettings(seed=seed, deepest_share=share)
     study = study or default_study()
     _refuse_unknown(study)
     size = study.body.size_m
@@ -169,9 +176,20 @@ def build_laboratory(
         plan.points_m,
         plan.directions,
     )
+    kept = _known_of(study, run, plan, truth, settings)
+    write_study(kept, run / "study.toml")
+    laboratory = Laboratory(plan, hidden.body.truth, body, settings, kept, hidden)
+    write_truth(run, hidden.body, hidden.records)
+    return laboratory
+
+
+def _known_of(
+    study: Study, run: Path, plan: "ScanPlan", truth: "TruthMap", settings: "ScanSettings"
+) -> Study:
+    """Return what is known of the scan beforehand: noise, number of inclusions, tip, place."""
     about = About(name=study.name, scan=(run / "scan.csv").resolve())  # pyright: ignore[reportCallIssue]
     noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
-    kept = study.model_copy(
+    return study.model_copy(
         update={
             "study": about,
             "noise": noise,
@@ -180,10 +198,6 @@ def build_laboratory(
             "probe": Probe(tip="flat", radius_m=plan.tip_radius_m),
         }
     )
-    write_study(kept, run / "study.toml")
-    said = {"effects": list(hidden.records)} if plant else {}
-    write_record(run / "truth.json", {"body": truth_record(truth), **said})
-    return Laboratory(plan, truth, body, settings, kept, hidden)
 
 
 def make_scan(
@@ -210,7 +224,11 @@ def make_scan(
         )
         advance()
 
-    return run_scan(laboratory.plan, laboratory.body, laboratory.settings, drawn, on_press)
+    made = run_scan(laboratory.plan, laboratory.body, laboratory.settings, drawn, on_press)
+    if laboratory.hidden.planted:
+        reached = laboratory.hidden.reached([press.scan for press in made.presses])
+        write_truth(run, laboratory.hidden.body, reached)
+    return made
 
 
 def default_study() -> Study:
@@ -258,47 +276,6 @@ def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:
     return np.array(rows)
 
 
-def scaled_truth(size: tuple[float, float, float]) -> "TruthMap":
-    """Return the phantom's true map, its inclusion moved and scaled with the body."""
-    from sim.truth_map import Inclusion, TruthMap
-
-    default, paper = TruthMap(), (0.096, 0.096, 0.048)
-    share = [s / p for s, p in zip(size, paper, strict=True)]
-    inclusions = tuple(
-        Inclusion(
-            inclusion.weight_pa,
-            tuple(c * s for c, s in zip(inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
-            inclusion.radius_m * min(share),
-        )
-        for inclusion in default.inclusions
-    )
-    return TruthMap(default.background_pa, inclusions)
-
-
-def truth_record(truth: "TruthMap") -> dict[str, Any]:
-    """Return the true map as a JSON record."""
-    return {
-        "background_pa": truth.background_pa,
-        "inclusions": [
-            {
-                "weight_pa": i.weight_pa,
-                **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
-                "radius_m": i.radius_m,
-            }
-            for i in truth.inclusions
-        ],
-    }
-
-
-def true_parameters(truth: "TruthMap") -> dict[str, float]:
-    """Return the true map's values by parameter name."""
-    record = truth_record(truth)
-    values = {"background_pa": record["background_pa"]}
-    for number, inclusion in enumerate(record["inclusions"], start=1):
-        values |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
-    return values
-
-
 def scan_record(scanned: "ScanRun") -> dict[str, Any]:
     """Return how well the presses were made, as a JSON record."""
     statistics = scanned.statistics
@@ -307,6 +284,7 @@ def scan_record(scanned: "ScanRun") -> dict[str, Any]:
         "overshoot": max(s.overshoot for s in statistics),
         "contact_error_m": max(s.contact_error_m for s in statistics),
         "coupling_error": max(s.coupling_error for s in statistics),
+        "depth_share": max(s.depth_share for s in statistics),
     }
     kept = [
         abs(s.force_error) <= LARGEST_FORCE_ERROR
@@ -347,6 +325,12 @@ def scan_table(record: dict[str, Any]) -> "RenderableType":
         "largest contact error, coupling error",
         f"{1e3 * largest['contact_error_m']:.3f} mm, {100 * largest['coupling_error']:.3f} %",
     )
+    if largest["depth_share"] > SMALL_DEPTH_SHARE:
+        table.add_row(
+            "deepest press",
+            f"{100 * largest['depth_share']:.0f} % of the body's height; a real body is linear "
+            "to about a tenth",
+        )
     table.add_row(
         "robot time, computing time",
         f"{record['simulated_s']:.0f} s, {record['wall_s']:.1f} s "

@@ -31,13 +31,14 @@ def draw_scene(
     shapes = arm_shapes(build_arm(plan.tip_radius_m, plan.body_size_m, place).model)
     drawn = link_names(shapes)
     order = [LINKS.index(name) for name in drawn]
-    views = map_views(laboratory.truth, np.zeros(3), np.array(plan.body_size_m))
+    modulus = laboratory.hidden.body.modulus  # with what is hidden in it
+    views = map_views(modulus, np.zeros(3), np.array(plan.body_size_m))
     recording.truth(views, parameters)
     recording.scene(
         body.surface_nodes_m,
         body.surface_triangles,
         links=shapes,
-        body_modulus_pa=laboratory.truth(body.surface_nodes_m),
+        body_modulus_pa=modulus(body.surface_nodes_m),
         body_position_m=place.position_m,
         body_quaternion=place.quaternion,
         arrow_m_per_n=0.02 / plan.force_n,

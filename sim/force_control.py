@@ -10,6 +10,9 @@ the filter that f passes through, so that the filter's delay makes no error and 
 learnt while the force rises, as the slope of the filtered force over the servo's depth since
 touch; the servo is known (two poles), so its lag is modelled, not guessed.
 
+All changes of speed are bounded. So that the bound never takes hold while the force is followed,
+which would make it overshoot, a straight line of force has rounded ends (`line`).
+
 Touch-down is not controlled: a tip that comes with speed v onto stiffness K rings up to
 v sqrt(K m), m being the arm's 5 kg. At 1.5 mm/s that is 0.03 N on 60 N/m and 1 N on 100 kN/m:
 approach a hard body more slowly, or press it harder.
@@ -20,6 +23,7 @@ from __future__ import annotations
 import math
 
 from sim.rig import SERVO_RAD_PER_S
+from sim.rounded_line import RoundedLine, rounded_line
 
 FILTER_HZ = 10.0
 RETURN_S = 0.15
@@ -61,15 +65,21 @@ class ForceControl:
         self.force_n = self._wanted = 0.0
         self._origin = (0.0, depth_m)
 
+    def line(self, change_n: float, duration_s: float) -> RoundedLine:
+        """Return a rounded line over a change of force that keeps to half of the acceleration.
+
+        The other half is for an estimate of the stiffness that is too high.
+        """
+        length = abs(change_n) / self.stiffness
+        return rounded_line(length, duration_s, ACCELERATION_M_PER_S2 / 2)
+
     def feel(self, force_n: float) -> None:
         """Take in a measured force."""
         self.force_n += self._filter * (force_n - self.force_n)
 
     def move(self, speed_m_per_s: float) -> None:
-        """Go on at a speed, reached at a bounded acceleration; the force is not controlled."""
-        change = ACCELERATION_M_PER_S2 * self._dt
-        wanted = speed_m_per_s - self.speed_m_per_s
-        self._advance(self.speed_m_per_s + max(-change, min(change, wanted)))
+        """Go on at a speed; the force is not controlled."""
+        self._advance(speed_m_per_s)
 
     def touch(self) -> None:
         """Note that the tip has come into contact: stiffness is learnt from here on."""
@@ -92,6 +102,8 @@ class ForceControl:
 
     def _advance(self, speed: float) -> None:
         dt, gain = self._dt, SERVO_RAD_PER_S
+        change = ACCELERATION_M_PER_S2 * dt
+        speed = max(self.speed_m_per_s - change, min(self.speed_m_per_s + change, speed))
         self.depth_m += speed * dt
         self.speed_m_per_s = speed
         pull = gain * gain * (self.depth_m - self._servo) + 2 * gain * (speed - self._servo_speed)

@@ -57,6 +57,10 @@ class TipKinematics:
         kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         return pin.computeFrameJacobian(self.arm, self._data, q, self._frame, kind)[:3].copy()
 
+    def mass(self, q: np.ndarray) -> np.ndarray:
+        """Mass matrix of the joints, (n, n) kg m^2."""
+        return np.array(pin.crba(self.arm, self._data, q))
+
     def reach(
         self,
         point_m: np.ndarray,

@@ -72,6 +72,16 @@ class Laboratory:
     def __post_init__(self) -> None:
         object.__setattr__(self, "tcp", self.arm.getFrameId("tcp"))
 
+    @property
+    def speed_limit(self) -> np.ndarray:
+        """Of the joints, (7,) rad/s."""
+        return np.array(self.arm.velocityLimit)
+
+    @property
+    def acceleration_limit(self) -> np.ndarray:
+        """Of the joints, (7,) rad/s^2."""
+        return np.array(self.model.numeric("joint_acceleration_limit").data)
+
 
 def build_laboratory(
     tip_radius_m: float = 0.005,

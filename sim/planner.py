@@ -10,14 +10,16 @@ import numpy as np
 from models.arm import PROBE_LENGTH_M, REACH_M, SHOULDER_M
 from models.errors import InputError
 from sim.clearance import Clearance
+from sim.coupling import Body
 from sim.inverse_kinematics import Reached, TipKinematics
 from sim.laboratory import Laboratory
 from sim.press_path import PressPath, press_path
-from sim.quintic import PEAK_SPEED
+from sim.quintic import PEAK_ACCELERATION, PEAK_SPEED
 from sim.scan_plan import ScanPlan
+from sim.settings import ScanSettings
 
-SPEED_FRACTION = 0.5
-"""Part of the joints' velocity limits that a planned motion may use."""
+LIMIT_FRACTION = 0.5
+"""Part of the joints' limits of speed and acceleration that a planned motion may use."""
 
 CLEARANCE_M = 0.003
 TRANSIT_CLEARANCE_M = 0.001
@@ -55,6 +57,7 @@ def plan_motion(
     lift_m: float = 0.005,
     depth_m: float = 0.02,
     fastest_m_per_s: float = 0.1,
+    hardest_m_per_s2: float = 0.5,
 ) -> tuple[PlannedPress, ...]:
     """Find configurations and paths for all presses, or say which press cannot be made and why.
 
@@ -62,7 +65,8 @@ def plan_motion(
     ----------
     lift_m : height above the surface at which a press starts and ends
     depth_m : largest depth to be reached
-    fastest_m_per_s : largest speed of the tip along the press direction
+    fastest_m_per_s, hardest_m_per_s2 : largest speed and acceleration of the tip along the press
+        direction
 
     Raises
     ------
@@ -70,7 +74,7 @@ def plan_motion(
         A press that is out of reach, against a joint limit, in collision or too fast; it names
         press and pose.
     """
-    planner = _Planner(laboratory, lift_m, depth_m, fastest_m_per_s)
+    planner = _Planner(laboratory, lift_m, depth_m, fastest_m_per_s, hardest_m_per_s2)
     points = plan.body_in_world.points_to_world(plan.points_m)
     directions = plan.body_in_world.vectors_to_world(plan.directions)
     presses: list[PlannedPress] = []
@@ -79,21 +83,62 @@ def plan_motion(
     return tuple(presses)
 
 
-def transit_duration(arm_speed_limit: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
-    """Seconds of a quintic joint motion that keeps to `SPEED_FRACTION` of the velocity limits."""
-    needed = PEAK_SPEED * np.abs(end - start) / (SPEED_FRACTION * arm_speed_limit)
-    return max(0.3, float(needed.max()), float(4.0 * np.sqrt(np.abs(end - start).max() / 10)))
+def refuse_too_deep(plan: ScanPlan, body: Body, settings: ScanSettings) -> None:
+    """Refuse a scan in which a press would go deeper than body or settings allow.
+
+    Raises
+    ------
+    InputError
+        It names the press that goes furthest beyond, and the force that would do.
+    """
+    provided = settings.largest_depth(plan.force_n)
+    presses = range(len(plan))
+    expected = np.array([body.displacement(press, plan.force_of(press)) for press in presses])
+    thickness = np.array([plan.thickness_m(press) for press in presses])
+    allowed = np.minimum(settings.deepest_share * thickness, provided)
+    worst = int((allowed / expected).argmin())
+    if expected[worst] <= allowed[worst]:
+        return
+    force = plan.force_of(worst)
+    enough = 0.99 * force * allowed[worst] / expected[worst]
+    why = (
+        f"the scan setting depth_m provides for {provided * 1e3:.3g} mm"
+        if allowed[worst] == provided
+        else f"the body is {thickness[worst] * 1e3:.3g} mm thick there, of which at most "
+        f"{100 * settings.deepest_share:.0f} % may be gone through, as its law is for small depths"
+    )
+    raise InputError(
+        f"Press {worst} at {_mm(plan.points_m[worst])} mm: {force:.3g} N would go "
+        f"{expected[worst] * 1e3:.3g} mm deep; {why}. Press with at most "
+        f"{enough:.3g} N, with a wider tip, or on a thicker or stiffer body."
+    )
+
+
+def transit_duration(laboratory: Laboratory, start: np.ndarray, end: np.ndarray) -> float:
+    """Seconds of a quintic joint motion that keeps to `LIMIT_FRACTION` of the joints' limits."""
+    change = np.abs(end - start) / LIMIT_FRACTION
+    by_speed = PEAK_SPEED * change / laboratory.speed_limit
+    by_acceleration = np.sqrt(PEAK_ACCELERATION * change / laboratory.acceleration_limit)
+    return max(0.3, float(by_speed.max()), float(by_acceleration.max()))
 
 
 class _Planner:
     def __init__(
-        self, laboratory: Laboratory, lift_m: float, depth_m: float, fastest: float
+        self,
+        laboratory: Laboratory,
+        lift_m: float,
+        depth_m: float,
+        fastest: float,
+        hardest: float,
     ) -> None:
         self.laboratory = laboratory
         self.kinematics = TipKinematics(laboratory.arm)
         self.clearance = Clearance(laboratory.model)
-        self.speed_limit = np.array(laboratory.arm.velocityLimit)
-        self.lift_m, self.depth_m, self.fastest = lift_m, depth_m, fastest
+        self.lift_m, self.depth_m = lift_m, depth_m
+        # What a joint turns for each metre of depth may not be more than this
+        self.most_turn = LIMIT_FRACTION * np.minimum(
+            laboratory.speed_limit / fastest, laboratory.acceleration_limit / hardest
+        )
 
     def press(
         self, number: int, point: np.ndarray, direction: np.ndarray, before: list[PlannedPress]
@@ -183,15 +228,14 @@ class _Planner:
 
     def _check_speed(self, where: str, path: PressPath) -> None:
         for depth in np.linspace(path.start_m, path.end_m, 5):
-            speed = np.abs(path.at(depth)[1]) * self.fastest
-            worst = int((speed / self.speed_limit).argmax())
-            if speed[worst] > SPEED_FRACTION * self.speed_limit[worst]:
+            turn = np.abs(path.at(depth)[1])
+            worst = int((turn / self.most_turn).argmax())
+            if turn[worst] > self.most_turn[worst]:
                 raise InputError(
-                    f"{where}: joint{worst + 1} would turn at {speed[worst]:.2f} rad/s, its "
-                    "limit is "
-                    f"{self.speed_limit[worst]:.2f} rad/s and a half of it may be used. "
-                    "Approach more slowly or "
-                    "move the body away from the edge of the arm's range."
+                    f"{where}: joint{worst + 1} would turn by {turn[worst]:.2f} rad for each metre "
+                    f"of depth; half of its limits of speed and acceleration allow "
+                    f"{self.most_turn[worst]:.2f}. Approach more slowly or move the body away from "
+                    "the edge of the arm's range."
                 )
 
     def _transit(
@@ -212,7 +256,7 @@ class _Planner:
             legs = list(pairwise(stations))
             nearest = min(self._nearest_on_way(a, b) for a, b in legs)
             if nearest[0] >= TRANSIT_CLEARANCE_M:
-                return tuple((b, transit_duration(self.speed_limit, a, b)) for a, b in legs)
+                return tuple((b, transit_duration(self.laboratory, a, b)) for a, b in legs)
         raise InputError(
             f"{where}: collision on the way there: {nearest[1]} would come within "
             f"{nearest[0] * 1e3:.1f} mm of "

@@ -179,4 +179,5 @@ def _statistics(
         fem_calls=log.fem_calls,
         coupling_error=float(np.abs(true_depth[settled[::50]] / own - 1).max()),
         touch_error_m=zero,
+        depth_share=float(true_depth.max()) / plan.thickness_m(log.press),
     )

@@ -7,6 +7,9 @@ import numpy as np
 PEAK_SPEED = 15 / 8
 """Largest rate of the blend over its mean rate."""
 
+PEAK_ACCELERATION = 10 / 3**0.5
+"""Largest acceleration of the blend, for a duration of 1 s."""
+
 
 def quintic(
     start: np.ndarray, end: np.ndarray, s: float, duration_s: float

@@ -14,7 +14,8 @@ from sim.coupling import Body, MatchedContact
 from sim.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.inverse_kinematics import TipKinematics
 from sim.laboratory import build_laboratory
-from sim.planner import PlannedPress, plan_motion
+from sim.planner import PlannedPress, plan_motion, refuse_too_deep
+from sim.press_path import sideways_yield
 from sim.press_result import PressLog, press_result
 from sim.quintic import quintic
 from sim.rig import Rig
@@ -54,8 +55,9 @@ def run_scan(
     Raises
     ------
     InputError
-        Before the arm moves: a press that cannot be made (see `sim.planner`). During the scan: a
-        body so soft, or so far away, that the planned depth does not do.
+        Before the arm moves: a press that cannot be made, or would go too deep (see
+        `sim.planner`). During the scan: a body so far away, or so much softer than it said, that
+        the planned depth does not do.
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
@@ -97,16 +99,24 @@ class _Program:
                 f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
                 f"force of {weakest:g} N; press harder or lower touch_force_n."
             )
+        refuse_too_deep(plan, body, settings)
         laboratory = build_laboratory(
             plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
         )
-        self.depth_limit = settings.largest_depth(plan.force_n)
+        # Never through the body, whatever a controller or a body that changes may do
+        thickest = max(plan.thickness_m(press) for press in range(len(plan)))
+        self.depth_limit = min(settings.largest_depth(plan.force_n), thickest)
         self.presses = plan_motion(
-            plan, laboratory, settings.lift_m, self.depth_limit, FASTEST_M_PER_S
+            plan,
+            laboratory,
+            settings.lift_m,
+            self.depth_limit,
+            FASTEST_M_PER_S,
+            ACCELERATION_M_PER_S2,
         )
-        wrist_seed, encoder_seed, pause_seed = np.random.SeedSequence(settings.seed).spawn(3)
+        wrist_seed, encoder_seed, _ = settings.streams()
         self.encoder_rng = np.random.default_rng(encoder_seed)
-        self.pause_rng = np.random.default_rng(pause_seed)
+        self.pauses_s = settings.pauses(len(plan))
         self.kinematics = TipKinematics(laboratory.arm)
         self.rig = Rig(laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed))
         self.contact = MatchedContact(self.rig.model, self.rig.data, body)
@@ -130,6 +140,7 @@ class _Program:
         self._used, self.wanted = 0, 0.0
         self._transit(planned.waypoints)
         self._pause(pause_s)
+        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
         self.contact.start(number, planned.point_m, planned.direction, force)
         control.rest(-settings.lift_m)
         self._approach()
@@ -150,8 +161,8 @@ class _Program:
         """Durations of ramp, hold, unloading and the rest before, s."""
         program, settings = self.plan.program, self.settings
         if program is None:
-            pause = float(self.pause_rng.uniform(*settings.pause_s))
-            return settings.ramp_s, settings.hold_s, settings.unload_s, pause
+            pause = self.pauses_s[number]
+            return settings.ramp_s, settings.hold_s, settings.unload_s, float(pause)
         columns = (program.ramp_s, program.hold_s, program.unload_s, program.pause_s)
         ramp, hold, unload, pause = (float(column[number]) for column in columns)
         return ramp, hold, unload, pause
@@ -196,12 +207,13 @@ class _Program:
         control.touch()
 
     def _ramp(self, phase: int, start_n: float, end_n: float, duration: float) -> None:
-        """Follow a straight line of force over time."""
-        count = max(1, round(duration / self.dt))
-        rate = (end_n - start_n) / duration
+        """Follow a straight line of force over time, its ends rounded."""
+        line = self.control.line(end_n - start_n, duration)
+        count = max(1, round(line.duration_s / self.dt))
         for i in range(1, count + 1):
-            self.wanted = start_n + (end_n - start_n) * i / count
-            self.control.press(self.wanted, rate, learn=phase == LOAD)
+            share, rate = line.at(line.duration_s * i / count)
+            self.wanted = start_n + (end_n - start_n) * share
+            self.control.press(self.wanted, (end_n - start_n) * rate, learn=phase == LOAD)
             self._tick(phase)
 
     def _tick(self, phase: int) -> None:
@@ -211,10 +223,11 @@ class _Program:
             raise InputError(
                 f"Press {self.number}: the tip has gone {control.depth_m * 1e3:.1f} mm deep at "
                 f"{control.force_n:.3f} N "
-                f"and the plan provides for {self.depth_limit * 1e3:.1f} mm. Set a smaller "
-                "force or a larger depth_m."
+                f"and the plan provides for {self.depth_limit * 1e3:.1f} mm, at most what the "
+                "body is thick. Set a smaller force, or a larger depth_m if it is less than that."
             )
         q, slope = self.planned.path.at(control.depth_m)
+        q = q - control.force_n * self.sideways
         self._step(phase, q, slope * control.speed_m_per_s)
         control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n)

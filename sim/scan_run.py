@@ -60,6 +60,7 @@ class PressStatistics:
     coupling_error : largest relative difference between the tip's depth and the body's own
         displacement under the same force, over the second half of the hold
     touch_error_m : error of the robot's point of first touch
+    depth_share : largest depth, of the body's thickness along the press
     """
 
     press: int
@@ -72,6 +73,7 @@ class PressStatistics:
     fem_calls: int
     coupling_error: float
     touch_error_m: float
+    depth_share: float
 
 
 @dataclass(frozen=True)

@@ -61,13 +61,12 @@ def run_script(script: Sequence[TipPose], laboratory: Laboratory) -> Tracking:
     kinematics = TipKinematics(laboratory.arm)
     rig = Rig(laboratory, 0.0, np.random.default_rng(0))
     rig.data.mocap_pos[0] = (0.0, 0.0, -1.0)
-    limit = np.array(laboratory.arm.velocityLimit)
     start = laboratory.home
     wanted, tips, force = [], [], 0.0
     for i, pose in enumerate(script):
         point, axis = np.asarray(pose.point_m), np.asarray(pose.axis)
         reached = kinematics.reach(point, axis, start, posture=laboratory.home)
-        needed = transit_duration(limit, start, reached.q)
+        needed = transit_duration(laboratory, start, reached.q)
         if not reached.converged or needed > pose.duration_s:
             why = f"needs {needed:.2f} s" if reached.converged else "is out of reach"
             raise InputError(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+import numpy as np
+
 from models.errors import InputError
 
 
@@ -16,7 +18,8 @@ class ScanSettings:
     seed : of all noise and of the pauses
     force_noise_n, displacement_noise_m : one standard deviation of a sample's force (each
         component) and of its displacement
-    ramp_s, hold_s, unload_s : duration of the three parts of a press
+    ramp_s, hold_s, unload_s : duration of the three parts of a press; ramp and unloading take
+        longer where the arm could not speed up and slow down in that time
     load_samples, hold_samples, unload_samples : rows of the scan a press, evenly over each part
     pause_s : shortest and longest pause between two presses, drawn at random
     lift_m : height of the tip above the surface between presses
@@ -27,6 +30,8 @@ class ScanSettings:
     stiffness_n_per_m : the robot's first guess of the body's stiffness; it learns better ones as
         it presses
     depth_m : largest depth, None for 30 mm a newton of set force and at least 20 mm
+    deepest_share : largest depth that a press may be expected to reach, of the body's thickness
+        along it; at most 1, where the tip has come through the body
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
     """
@@ -49,6 +54,7 @@ class ScanSettings:
     residual: float = 0.06
     stiffness_n_per_m: float = 150.0
     depth_m: float | None = None
+    deepest_share: float = 0.5
     timestep_s: float = 0.002
     frames_per_s: float = 25.0
 
@@ -72,12 +78,25 @@ class ScanSettings:
             )
         if self.depth_m is not None and not self.depth_m > 0:
             raise InputError(f"The scan setting depth_m is {self.depth_m}; it has to be positive.")
+        if self.deepest_share > 1:
+            raise InputError(
+                f"The scan setting deepest_share is {self.deepest_share:g}; give at most 1, the "
+                "whole thickness of the body."
+            )
         if self.touch_force_n < 4.5 * self.force_noise_n:
             raise InputError(
                 f"A touch force of {self.touch_force_n:g} N is lost in a force noise of "
                 f"{self.force_noise_n:g} N; "
                 "set touch_force_n to five times the noise or more."
             )
+
+    def streams(self) -> tuple[np.random.SeedSequence, ...]:
+        """Seeds of the wrist's noise, of the encoders' noise, and of the pauses."""
+        return tuple(np.random.SeedSequence(self.seed).spawn(3))
+
+    def pauses(self, count: int) -> np.ndarray:
+        """Rests before the presses of a plan without a program, (j,) s."""
+        return np.random.default_rng(self.streams()[2]).uniform(*self.pause_s, size=count)
 
     def largest_depth(self, force_n: float) -> float:
         """Depth in m that the plan provides for a set force."""

@@ -7,6 +7,7 @@ import pytest
 
 from models.scan_file import read_scan
 from palpmap.run_folder import sha256
+from palpmap.scan import scan_table
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
@@ -43,6 +44,24 @@ def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_
     code, said = run_review(folder)
     assert code == 0
     assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
+
+
+def test_a_force_that_would_press_the_phantom_flat_is_refused_before_the_arm_moves(run_command):
+    run = run_command("scan", "--presses-per-side", "2", "--quiet", "--force", "3")
+    assert run.exit_code == 2
+    assert "3 N would go 47.3 mm deep; the body is 48 mm thick there" in " ".join(
+        run.stderr.split()
+    )
+    assert not (run.folder / "scan.csv").exists()
+
+
+def test_the_papers_force_presses_so_deep_that_it_is_said(run_command):
+    run = run_command("scan", "--presses-per-side", "2", "--paper-force")
+    assert run.exit_code == 0, run.stderr
+    assert run.record["largest"]["depth_share"] == pytest.approx(0.99, abs=0.01)
+    table = scan_table(run.record)
+    assert "deepest press" in list(table.columns[0].cells)  # pyright: ignore[reportAttributeAccessIssue]
+    assert max(read_scan(run.folder / "scan.csv").displacement_m) < 0.048
 
 
 def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):

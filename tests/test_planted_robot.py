@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -13,6 +14,11 @@ from typer.testing import CliRunner
 from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.__main__ import app
+from palpmap.finding import read_truth
+from palpmap.recording_maps import map_views
+from palpmap.scan import build_laboratory
+from palpmap.scan_scene import draw_scene
+from palpmap.scan_truth import true_parameters
 from sim.hidden.on_robot import plant_on_robot, program_of
 from sim.hidden_body import HiddenBody
 from sim.press_program import grid_program, read_program, write_program
@@ -134,9 +140,78 @@ def test_a_modulus_field_goes_into_the_body_that_the_robot_presses():
 
 def test_a_plan_without_a_program_is_one_of_equal_presses():
     plan = replace(program_plan(grid_program(SIZE, per_side=2), SIZE), program=None)
-    program = program_of(plan, ScanSettings(hold_s=1.5))
+    program = program_of(plan, ScanSettings(hold_s=1.5), HiddenBody())
     assert set(program.hold_s) == {1.5}
     assert_allclose(program.force_n, plan.force_n)
+
+
+@pytest.fixture(scope="module")
+def short_scan():
+    """Four quick presses by the robot, and the body that it pressed."""
+    program = grid_program(SIZE, per_side=2, ramp_s=0.5, hold_s=0.3, seed=4)
+    plan = program_plan(program, SIZE)
+    body = SoftBody(
+        SIZE, HiddenBody().modulus, 0.49, 0.005, plan.points_m, plan.directions, (6, 6, 3)
+    )
+    return plan, [press.scan for press in run_scan(plan, body, ScanSettings()).presses]
+
+
+def test_presses_of_a_program_begin_when_the_robot_comes_to_them(short_scan):
+    plan, scans = short_scan
+    foreseen = program_of(plan, ScanSettings(), HiddenBody()).start_s
+    begun = np.array([scan.time_s[0] for scan in scans])
+    assert_allclose(np.diff(foreseen), np.diff(begun), rtol=0.03)
+    assert np.ptp(plan.program.start_s) < 0.8 * np.ptp(begun)
+
+
+@pytest.mark.parametrize(
+    "name", ["force_drift", "sensitivity_drift", "displacement_drift", "breathing"]
+)
+def test_what_goes_with_time_has_the_size_that_was_asked_on_the_robots_clock(short_scan, name):
+    plan, scans = short_scan
+    plant = plant_on_robot([("force_bias", 0.02), (name, 0.05)], plan, ScanSettings(), HiddenBody())
+    start = scans[0].time_s[0]
+    bias = next(iter(plant.records))["values"]["bias_n"]
+    plain = [np.concatenate([s.force_n + bias, s.displacement_m]) for s in scans]
+    told = [plant.report(s, start) for s in scans]
+    told = [np.concatenate([s.force_n, s.displacement_m]) for s in told]
+    half = len(plain[0]) // 2
+    change = [
+        sum(((a - b)[part] ** 2).sum() for a, b in zip(told, plain, strict=True))
+        / sum((b[part] ** 2).sum() for b in plain)
+        for part in (slice(half), slice(half, None))
+    ]
+    size = np.sqrt(sum(change))
+    assert size == pytest.approx(0.05, rel=0.1)
+    assert plant.reached(scans)[1]["size"] == pytest.approx(size, rel=1e-9)
+
+
+def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
+    words = ["scan", "--presses-per-side", "2", "--force", "0.2", "--json"]
+    plant = ["--plant", "extra_inclusion:5", "--plant", "stiffness_gradient:5"]
+    done = CliRunner().invoke(app, [*words, *plant, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    extra, gradient = (effect["values"] for effect in truth["effects"])
+    assert truth["body"]["inclusions"][1:] == [extra]
+    assert truth["body"]["gradient"] == gradient["gradient"] != 0
+    assert truth["body"]["poisson_ratio"] == 0.49
+    assert len(read_truth(tmp_path / "truth.json").inclusions) == 2
+
+
+def test_the_recordings_truth_is_the_body_that_is_pressed(tmp_path):
+    plant = [("extra_inclusion", 0.05), ("stiffness_gradient", 0.05)]
+    laboratory = build_laboratory(tmp_path, None, 0.2, 2, 0, plant=plant)
+    recording = MagicMock()
+    draw_scene(recording, laboratory, true_parameters(laboratory.truth))
+    views, parameters = recording.truth.call_args.args
+    true = map_views(laboratory.body.modulus, (0, 0, 0), SIZE)
+    assert_allclose(views.side_pa, true.side_pa)
+    assert (
+        parameters["inclusion_2.weight_pa"] == laboratory.hidden.records[0]["values"]["weight_pa"]
+    )
+    surface = recording.scene.call_args
+    assert_allclose(surface.kwargs["body_modulus_pa"], laboratory.body.modulus(surface.args[0]))
 
 
 def test_what_is_hidden_by_the_scan_command_is_in_the_rows_and_said_in_the_truth(tmp_path):

@@ -76,6 +76,7 @@ def test_limits_are_those_of_the_data_sheet(laboratory):
     arm, model = laboratory.arm, laboratory.model
     assert arm.effortLimit.tolist() == [87] * 4 + [12] * 3
     assert arm.velocityLimit.tolist() == [2.175] * 4 + [2.61] * 3
+    assert build_laboratory().acceleration_limit.tolist() == [15, 7.5, 10, 12.5, 15, 20, 20]
     assert_allclose(arm.lowerPositionLimit, model.jnt_range[:, 0], rtol=0, atol=0)
     assert_allclose(arm.upperPositionLimit, model.jnt_range[:, 1], rtol=0, atol=0)
     assert (model.jnt_range[3] == [-3.0718, -0.0698]).all()

@@ -1,10 +1,17 @@
 """Contact and soft body agree, from very soft to hard, for linear and stiffening laws."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models.errors import InputError
-from sim.scan_plan import ScanPlan
+from sim.laboratory import build_laboratory
+from sim.planner import refuse_too_deep
+from sim.press_program import grid_program
+from sim.rounded_line import rounded_line
+from sim.scan_plan import ScanPlan, program_plan
 from sim.scan_program import run_scan
 from sim.settings import ScanSettings
 from sim.soft_body import SoftBody
@@ -43,7 +50,8 @@ class Stiffening:
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "force"), [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (100_000, 3)]
+    ("stiffness", "force"),
+    [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (20_000, 12), (100_000, 3)],
 )
 def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiffness, force):
     body = body_of(stiffness / local_stiffness)
@@ -53,6 +61,7 @@ def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiff
         assert abs(press.force_error) < 0.01
         assert press.overshoot < 0.05
         assert press.coupling_error < 1e-3
+        assert press.contact_error_m < 1e-5  # 0.06 mm a newton if the servo were left to give way
 
 
 def test_a_small_force_on_a_hard_body_bounces_at_touch_down_and_still_settles(local_stiffness):
@@ -91,13 +100,82 @@ def test_a_wrong_guess_of_the_stiffness_does_no_harm(guess):
 
 def test_three_newton_press_the_soft_body_deep_without_falling_through():
     body = body_of(1.0)
-    run = run_scan(ScanPlan(POINTS, DOWN, 3.0), body, ScanSettings(**SHORT))
+    run = run_scan(ScanPlan(POINTS, DOWN, 3.0), body, ScanSettings(deepest_share=0.7, **SHORT))
     depth = [body.displacement(j, 3.0) for j in (0, 1)]
     assert depth[0] > 0.02
     found = [press.true_displacement_m.max() for press in run.presses]
     np.testing.assert_allclose(found, depth, rtol=0.02)
+    assert max(press.contact_error_m for press in run.statistics) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("scale", "setting", "reason"),
+    [
+        (1.0, {}, "the body is 48 mm thick there, of which at most 50 %"),
+        (0.2, {"depth_m": 0.02}, "the scan setting depth_m provides for 20 mm"),
+    ],
+)
+def test_a_press_that_would_go_too_deep_is_refused_with_the_force_that_would_do(
+    scale, setting, reason
+):
+    body, settings = body_of(scale), ScanSettings(**setting, **SHORT)
+    with pytest.raises(InputError, match=rf"Press 0 at .*3 N would go .*{reason}") as caught:
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), body, settings)
+    enough = float(re.search(r"at most ([0-9.]+) N", str(caught.value))[1])  # pyright: ignore[reportOptionalSubscript]
+    refuse_too_deep(ScanPlan(POINTS, DOWN, enough), body, settings)
+    with pytest.raises(InputError):
+        refuse_too_deep(ScanPlan(POINTS, DOWN, 1.02 * enough), body, settings)
+
+
+@pytest.mark.parametrize(("force", "ramp"), [(0.3, 0.05), (3.0, 1.0), (3.0, 0.3)])
+def test_the_joints_keep_to_their_limits_of_acceleration_also_where_the_tip_goes_far(force, ramp):
+    settings = ScanSettings(deepest_share=0.7, ramp_s=ramp, unload_s=ramp, **SHORT)
+    run = run_scan(ScanPlan(POINTS, DOWN, force), body_of(1.0), settings)
+    limits = build_laboratory()
+    speed = np.diff(run.series.q, axis=0) / settings.timestep_s
+    acceleration = np.diff(speed, axis=0) / settings.timestep_s
+    assert (np.abs(speed) < limits.speed_limit).all()
+    assert (np.abs(acceleration) < 0.6 * limits.acceleration_limit).all()
+    for press in run.statistics:
+        assert abs(press.force_error) < 0.01
+        assert press.overshoot < 0.1  # 0.47 where such a ramp is not made longer
+
+
+def test_a_line_that_is_rounded_ends_at_one_and_is_as_fast_as_it_says():
+    for length, duration in ((0.01, 1.0), (0.05, 0.2), (0.0, 1.0)):
+        line = rounded_line(length, duration, 0.25)
+        time = np.linspace(0, line.duration_s, 2001)
+        way, rate = np.transpose([line.at(t) for t in time])
+        np.testing.assert_allclose(way[[0, -1]], [0, 1], atol=1e-12)
+        np.testing.assert_allclose(np.gradient(way, time)[2:-2], rate[2:-2], atol=2e-3 * rate.max())
+        assert np.abs(np.diff(rate) / np.diff(time) * length).max() < 0.25 * (1 + 1e-6)
+
+
+def test_every_press_of_a_program_is_judged_by_its_own_force_and_thickness():
+    thin, plan = (0.096, 0.096, 0.004), grid_program((0.096, 0.096, 0.004), per_side=2)
+    force = np.array([0.1, 0.1, 0.3, 0.1])
+    law = Stiffening(60, 0)
+    with pytest.raises(
+        InputError, match=r"Press 2 at .*0.3 N would go 5 mm deep; the body is 4 mm"
+    ):
+        run_scan(program_plan(replace(plan, force_n=force), thin), law)
+
+
+class Softening(Stiffening):
+    """A body that is ten times as soft as it said once it has been asked about every press."""
+
+    asked = 0
+
+    def displacement(self, press, force_n):
+        self.asked += 1
+        return force_n / self.k1 * (1 if self.asked <= len(POINTS) else 10)
+
+    def tangent(self, press, force_n):
+        return self.k1 / 10
 
 
 def test_a_body_softer_than_the_plan_provides_for_stops_the_scan():
     with pytest.raises(InputError, match=r"Press 0: the tip has gone 2.* Set a smaller force"):
-        run_scan(ScanPlan(POINTS, DOWN, 3.0), body_of(0.2), ScanSettings(depth_m=0.02))
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.02))
+    with pytest.raises(InputError, match=r"provides for 48.0 mm, at most what the body is thick"):
+        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.2))

@@ -9,6 +9,7 @@ import pytest
 from models.errors import InputError
 from sim.laboratory import Placement, build_laboratory
 from sim.planner import CLEARANCE_M, plan_motion
+from sim.quintic import quintic
 from sim.scan_plan import ScanPlan, grid_plan
 
 
@@ -54,7 +55,8 @@ def test_paths_keep_to_the_joints_limits(default_scan):
             q, slope = press.path.at(depth)
             assert (q > low).all()
             assert (q < high).all()
-            assert (np.abs(slope) * 0.1 < 0.5 * laboratory.arm.velocityLimit).all()
+            assert (np.abs(slope) * 0.1 < 0.5 * laboratory.speed_limit).all()
+            assert (np.abs(slope) * 0.5 < 0.5 * laboratory.acceleration_limit).all()
 
 
 def test_slope_of_a_path_is_its_derivative(default_scan):
@@ -63,14 +65,23 @@ def test_slope_of_a_path_is_its_derivative(default_scan):
     np.testing.assert_allclose(path.at(0.007)[1], difference, rtol=1e-5, atol=1e-6)
 
 
-def test_transits_keep_to_half_of_the_velocity_limits(default_scan):
+def test_transits_keep_to_half_of_the_limits_of_speed_and_acceleration(default_scan):
     _, laboratory, presses = default_scan
     start = laboratory.home
     for press in presses:
         for goal, duration in press.waypoints:
             peak = 15 / 8 * np.abs(goal - start) / duration
-            assert (peak <= 0.5 * laboratory.arm.velocityLimit + 1e-12).all()
+            assert (peak <= 0.5 * laboratory.speed_limit + 1e-12).all()
+            shares = np.linspace(0, 1, 400)
+            largest = np.max([np.abs(quintic(start, goal, s, duration)[2]) for s in shares], axis=0)
+            assert (largest <= 0.5 * laboratory.acceleration_limit + 1e-12).all()
             start = goal
+
+
+def test_a_press_that_would_turn_a_joint_too_fast_is_refused_by_joint():
+    laboratory = build_laboratory()
+    with pytest.raises(InputError, match=r"Press 0 .*joint\d would turn by .* rad for each metre"):
+        plan_motion(grid_plan(), laboratory, hardest_m_per_s2=2.0)
 
 
 def test_the_elbow_stays_continuous_from_press_to_press(default_scan):
@@ -107,6 +118,15 @@ def test_a_steep_body_is_reached_by_way_of_a_pose_drawn_back():
     _, presses = planned(grid_plan(body_in_world=turned(45)))
     assert len(presses[0].waypoints) > 1
     assert all(len(press.waypoints) == 1 for press in presses[1:9])
+
+
+def test_a_press_goes_through_the_body_along_its_own_direction():
+    half = np.sqrt(0.5)
+    points = [[0.02, 0.02, 0.048], [0.0, 0.03, 0.02], [0.02, 0.02, 0.048], [0.09, 0.02, 0.048]]
+    directions = [[0, 0, -1], [1, 0, 0], [half, 0, -half], [half, 0, -half]]
+    plan = ScanPlan(np.array(points), np.array(directions, float))
+    thickness = [plan.thickness_m(press) for press in range(4)]
+    np.testing.assert_allclose(thickness, [0.048, 0.096, 0.048 / half, 0.006 / half])
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ def test_a_tilted_and_moved_body_is_scanned_in_its_own_frame():
     assert_allclose(scan.tip_pose[:, :2], scan.point_m[:, :2], atol=1e-4)
     law = [body.displacement(j, f) for j, f in zip(scan.press_index, scan.force_n, strict=True)]
     assert_allclose(scan.displacement_m, law, atol=3e-6)
-    assert all(press.contact_error_m < 2e-4 for press in run.statistics)
+    assert all(press.contact_error_m < 1e-6 for press in run.statistics)
 
 
 def test_a_set_force_near_the_touch_force_is_refused():

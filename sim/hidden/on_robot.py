@@ -9,7 +9,8 @@ as supports, fibres and a skin.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,13 +18,19 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan
-from sim.bench import Bench, Planted
-from sim.hidden.amplitude import amplitude_for
+from sim.bench import Bench, Planted, Pressed
+from sim.force_control import ACCELERATION_M_PER_S2
+from sim.hidden.amplitude import amplitude_for, size_of
 from sim.hidden.catalogue import hidden_effect
 from sim.hidden_body import HiddenBody
-from sim.press_program import PressProgram, random_pauses
+from sim.laboratory import build_laboratory
+from sim.planner import plan_motion
+from sim.press_program import PressProgram
+from sim.rig import SERVO_RAD_PER_S
 from sim.scan_plan import ScanPlan
+from sim.scan_program import DWELL_S
 from sim.settings import ScanSettings
+from sim.soft_body import block_compliance
 
 SEARCH_DIVISIONS = (8, 8, 4)
 """Of the mesh on which amplitudes are searched: the size is right to about a hundredth of it."""
@@ -72,6 +79,33 @@ class RobotPlant:
         """
         if not self.planted:
             return scan
+        force, travel = self._readings(scan, start_s)[-1]
+        return scan.replace(
+            force_n=force, displacement_m=travel, force_vector_n=None, tip_pose=None
+        )
+
+    def reached(self, scans: Sequence[Scan]) -> tuple[dict[str, Any], ...]:
+        """Return `records` with the sizes that effects of the instrument have in a whole scan.
+
+        Until the scan is made its clock is only foreseen, and so is the size of a drift.
+
+        Parameters
+        ----------
+        scans : the rows of each press, before `report`
+        """
+        start = float(scans[0].time_s[0])
+        stages = [
+            np.hstack(stage)
+            for stage in zip(*(self._readings(s, start) for s in scans), strict=True)
+        ]
+        sizes = [size_of(Pressed(*after), Pressed(*before)) for before, after in pairwise(stages)]
+        return tuple(
+            {**record, "size": size} if record["name"] in REPORTED else record
+            for record, size in zip(self.records, sizes, strict=True)
+        )
+
+    def _readings(self, scan: Scan, start_s: float) -> list[np.ndarray]:
+        """Force and travel of one press, (2, m): as they are, and after each effect."""
         peak = float(scan.force_n[scan.phase == "hold"].mean())
         scene: Any = SimpleNamespace(
             time_s=scan.time_s[None],
@@ -83,11 +117,11 @@ class RobotPlant:
             program=SimpleNamespace(force_n=np.array([peak])),
         )
         force, travel = scan.force_n[None], scan.displacement_m[None]
+        readings = [np.vstack([force, travel])]
         for effect, values in self.planted:
             force, travel = effect.sensor(scene, force, travel, values)
-        return scan.replace(
-            force_n=force[0], displacement_m=travel[0], force_vector_n=None, tip_pose=None
-        )
+            readings.append(np.vstack([force, travel]))
+        return readings
 
 
 def plant_on_robot(
@@ -107,7 +141,9 @@ def plant_on_robot(
         An effect that only the bench can hide.
     """
     rng = np.random.default_rng([settings.seed, 3])
-    bench = Bench(program_of(plan, settings), body, divisions=SEARCH_DIVISIONS)
+    if not wanted:
+        return RobotPlant((), body, ())
+    bench = Bench(program_of(plan, settings, body), body, divisions=SEARCH_DIVISIONS)
     planted: tuple[Planted, ...] = ()
     records = []
     for name, size in wanted:
@@ -128,13 +164,16 @@ def plant_on_robot(
     return RobotPlant(planted, body, tuple(records))
 
 
-def program_of(plan: ScanPlan, settings: ScanSettings) -> PressProgram:
-    """Return a plan's presses as a program."""
-    if plan.program is not None:
-        return plan.program
+def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> PressProgram:
+    """Return a plan's presses as a program on the robot's clock: with the ways between as rests.
+
+    Parameters
+    ----------
+    body : tells how deep the tip is at first touch and where it lets go
+    """
     count = len(plan)
     same = np.ones(count)
-    return PressProgram(
+    given = plan.program or PressProgram(
         plan.points_m[:, 0],
         plan.points_m[:, 1],
         plan.tip_radius_m * same,
@@ -142,5 +181,22 @@ def program_of(plan: ScanPlan, settings: ScanSettings) -> PressProgram:
         settings.ramp_s * same,
         settings.hold_s * same,
         settings.unload_s * same,
-        random_pauses(count, settings.seed),
+        settings.pauses(count),
     )
+    compliance = block_compliance(
+        body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
+    )
+    laboratory = build_laboratory(
+        plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
+    )
+    moved = plan_motion(plan, laboratory, settings.lift_m)
+    transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])
+    fast, slow = settings.approach_m_per_s, settings.touch_m_per_s
+    speeding = fast / ACCELERATION_M_PER_S2
+    lag = 2 / SERVO_RAD_PER_S
+    touching = settings.slow_m + compliance * settings.touch_force_n
+    approach = (settings.lift_m - settings.slow_m) / fast + speeding + touching / slow + lag
+    retract = (settings.lift_m + settings.residual * given.force_n * compliance) / fast + speeding
+    rest = given.pause_s + transit + approach + DWELL_S
+    rest[1:] += retract[:-1]
+    return replace(given, pause_s=rest)

@@ -1,5 +1,8 @@
 """What a missing effect had done to the map: maps, parameters, single presses, before and after."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -98,10 +101,13 @@ def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) ->
     axes.set_ylim(limits[1])
 
 
-def draw_parameters(finding: Finding, explained: Explanation) -> Figure | None:
+def draw_parameters(
+    finding: Finding, explained: Explanation, parameters: Mapping[str, Mapping[str, Any]]
+) -> Figure | None:
     """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
 
-    None where the ladder has one rung, or the whole map was held.
+    The last rung's intervals are those of `parameters`, as result.json has them; those of the rungs
+    before are 1.96 standard errors. None where the ladder has one rung, or the whole map was held.
     """
     rungs = explained.ladder
     names = [n for n in rungs[-1].fit.map.names if n in rungs[-1].fit.std]
@@ -119,10 +125,13 @@ def draw_parameters(finding: Finding, explained: Explanation) -> Figure | None:
         panel_grid(axes)
         scale, shift = (1e-3, 0.0) if name.endswith("_pa") else (1e3, _shift(finding, name))
         value = np.array([scale * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
-        error = np.array([scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        error = np.array([1.96 * scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        low, high = value - error, value + error
+        low[-1], high[-1] = (scale * parameters[name][end] for end in ("lower95", "upper95"))
         colors = [GREY] * (len(rungs) - 1) + [BLUE]
-        for x, v, e, hue in zip(at, value, error, colors, strict=True):
-            axes.errorbar(x, v, 1.96 * e, fmt="o", color=hue, ms=5, lw=1.8)
+        for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
+            axes.vlines(x, below, above, color=hue, lw=1.8)
+            axes.plot(x, v, "o", color=hue, ms=5)
         if name in true:
             axes.axhline(scale * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
         axes.set_xticks(at, ["before", *[""] * (len(rungs) - 2), "after"][: len(rungs)])

@@ -130,7 +130,10 @@ def draw_tests(f: Finding) -> Figure:
 
 
 def _answers(axes: Axes, c: Comparison) -> None:
-    """Bars of -log10 of each question's adjusted p-value with the line beyond which it fires."""
+    """Bars of -log10 of each question's adjusted p-value with the line beyond which it fires.
+
+    Each bar ends in a dot, as one of no length would look as if it were missing.
+    """
     tests = c.tests[::-1]
     floor = 1e-12
     values = [-np.log10(max(t.p_adjusted, floor)) for t in tests]
@@ -139,6 +142,8 @@ def _answers(axes: Axes, c: Comparison) -> None:
     for row, test in enumerate(tests):
         if test.untestable:
             axes.text(0.1, row, "cannot be tested", va="center", color=GREY, fontsize=9)
+        else:
+            axes.plot(values[row], row, "o", ms=8, color=colors[row], clip_on=False, zorder=3)
     axes.axvline(-np.log10(c.alpha), color="#333a45", lw=1, ls="--")
     axes.set_yticks(range(len(tests)), [SHORT[t.name] for t in tests])
     axes.tick_params(axis="y", length=0)

@@ -27,6 +27,7 @@ from palpmap.finding import Finding, Outline, matched, read_truth, study_outline
 from palpmap.finding_files import load_finding
 from palpmap.map_figures import cuts, draw_map, draw_uncertainty, sample
 from palpmap.report import parameter_rows, write_report
+from palpmap.residual_figures import draw_tests
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
 from palpmap.summary import summary
@@ -182,6 +183,16 @@ def test_every_picture_is_a_png_that_is_not_blank(done):
         picture = imread(path)[..., :3]
         assert picture.shape[1] > 500
         assert picture.std() > 0.02, path.name
+
+
+def test_every_question_that_can_be_tested_has_a_dot_at_its_chance(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run"))
+    answers = draw_tests(finding).axes[1]
+    dots = {float(y): float(x) for line in answers.lines[:-1] for x, y in line.get_xydata()}
+    tests = finding.comparison.tests[::-1]
+    chances = {row: t.p_adjusted for row, t in enumerate(tests) if not t.untestable}
+    assert 1.0 in chances.values()  # its bar has no length
+    assert dots == pytest.approx({row: -np.log10(max(p, 1e-12)) for row, p in chances.items()})
 
 
 def test_structure_fails_the_criterion_and_the_screen_holds_the_summary(tmp_path, capsys):

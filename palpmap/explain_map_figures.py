@@ -11,7 +11,16 @@ from identify.body_state import ChangedMap
 from identify.explain import Explanation
 from identify.gaussian_map import GaussianMap
 from identify.rung import Rung
-from palpmap.figure_style import BLUE, GREEN, GREY, MODULUS_COLORS, ORANGE, new_figure, panel_grid
+from palpmap.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    MODULUS_COLORS,
+    ORANGE,
+    legend_below,
+    new_figure,
+    panel_grid,
+)
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import MARKS, plain_name
 from palpmap.map_figures import Cut, cuts, sample
@@ -157,12 +166,13 @@ def draw_presses(explained: Explanation) -> Figure:
         (int(np.argmax(compliance)), "softest place"),
     ):
         chosen[j] = f"{chosen[j]}, {words}" if j in chosen else words
-    figure = new_figure(10.4, 3.7)
+    figure = new_figure(10.4, 3.9)
     for axes, (j, words) in zip(
         figure.subplots(1, len(chosen), squeeze=False).flat, chosen.items(), strict=True
     ):
         _press(axes, first, last, j)
         axes.set_title(f"Press {last.comparison.presses[j].press}: {words}")
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -185,4 +195,3 @@ def _press(axes: Axes, first: Rung, last: Rung, press: int) -> None:
     axes.plot(1e3 * last.fit.at.predicted_m[rows], force[rows], color=ORANGE, lw=1.6, label="after")
     axes.set_xlabel("displacement, mm")
     axes.set_ylabel("force, N")
-    axes.legend(fontsize=8, loc="upper left")

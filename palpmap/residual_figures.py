@@ -146,7 +146,7 @@ def _answers(axes: Axes, c: Comparison) -> None:
             axes.plot(values[row], row, "o", ms=8, color=colors[row], clip_on=False, zorder=3)
     axes.axvline(-np.log10(c.alpha), color="#333a45", lw=1, ls="--")
     axes.set_yticks(range(len(tests)), [SHORT[t.name] for t in tests])
-    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="y", length=0, pad=9)  # room for a dot on the axis
     ticks = [0, 2, 4, 8, 12]
     axes.set_xticks(ticks, ["1", "0.01", "1e-4", "1e-8", "≤ 1e-12"])
     axes.set_xlim(0, 12.3)

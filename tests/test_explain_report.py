@@ -18,7 +18,7 @@ from palpmap.body_model import smallest_cell_m
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
-from palpmap.explain_map_figures import draw_maps, draw_parameters
+from palpmap.explain_map_figures import draw_maps, draw_parameters, draw_presses
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import (
@@ -27,6 +27,7 @@ from palpmap.explain_words import (
     unseen_inclusions,
     verdict_detail,
 )
+from palpmap.figure_style import settle
 from palpmap.next_scan import finer_cells, propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -286,6 +287,17 @@ def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_
     name = "inclusion_1.weight_pa"
     assert_allclose(np.mean(before), 1e-3 * fit.values[name])
     assert_allclose(np.ptp(before), 2 * 1.96e-3 * fit.std[name])
+
+
+def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told):
+    figure = draw_presses(told.explained)
+    settle(figure)
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(set(names)) == len(names)
+    assert {"measured, load", "before", "after"} <= set(names)
+    panels = [axes.get_window_extent() for axes in figure.axes]
+    assert not any(legend.get_window_extent().overlaps(panel) for panel in panels)
 
 
 def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explained_case):

@@ -19,6 +19,7 @@ from palpmap.figure_style import (
     PINK,
     new_figure,
     panel_grid,
+    plain_log_ticks,
 )
 
 _MISFIT_COLORS = "magma_r"
@@ -61,20 +62,11 @@ def draw_ladder(explained: Explanation) -> Figure:
     )  # fmt: skip
     axes.set_xticks(at, rung_labels(explained))
     axes.tick_params(axis="x", labelsize=11, length=0)
-    _plain_ticks(axes)
+    plain_log_ticks(axes)
     axes.set_ylabel("measured less modelled displacement, µm")
     axes.set_title("The error, step by step")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=3, borderaxespad=0.0)
     return figure
-
-
-def _plain_ticks(axes: Axes) -> None:
-    """Write 20, 50, 100 on a logarithmic axis, not powers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:

@@ -36,14 +36,16 @@ def write_explain_files(
     finding = final_finding(run, problem, explained)
     write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
-    pictures = explain_pictures(finding, explained)
+    pictures = explain_pictures(finding, explained, record)
     paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
     write_explain_report(Told(finding, explained, record, problem, pictures), run / "report.html")
     shown = {name: path for name, path in paths.items() if name.startswith(_RECORDED)}
     record_explanation(run / "recording.rrd", finding, explained, record, problem, shown)
 
 
-def explain_pictures(finding: Finding, explained: Explanation) -> dict[str, bytes]:
+def explain_pictures(
+    finding: Finding, explained: Explanation, record: Mapping[str, Any]
+) -> dict[str, bytes]:
     """Draw all figures of an explanation: PNG by name."""
     first = explained.ladder[0]
     with rc_context(STYLE):
@@ -57,7 +59,7 @@ def explain_pictures(finding: Finding, explained: Explanation) -> dict[str, byte
         }
         for number, evidence in enumerate(evidences(explained), start=1):
             pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
-        parameters = draw_parameters(finding, explained)
+        parameters = draw_parameters(finding, explained, record["parameters"])
         if parameters is not None:
             pictures["parameters"] = png(parameters)
         cosines = draw_cosines(first.diagnosis)

@@ -1,5 +1,8 @@
 """What a missing effect had done to the map: maps, parameters, single presses, before and after."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,7 +11,16 @@ from identify.body_state import ChangedMap
 from identify.explain import Explanation
 from identify.gaussian_map import GaussianMap
 from identify.rung import Rung
-from palpmap.figure_style import BLUE, GREEN, GREY, MODULUS_COLORS, ORANGE, new_figure, panel_grid
+from palpmap.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    MODULUS_COLORS,
+    ORANGE,
+    legend_below,
+    new_figure,
+    panel_grid,
+)
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import MARKS, plain_name
 from palpmap.map_figures import Cut, cuts, sample
@@ -98,10 +110,13 @@ def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) ->
     axes.set_ylim(limits[1])
 
 
-def draw_parameters(finding: Finding, explained: Explanation) -> Figure | None:
+def draw_parameters(
+    finding: Finding, explained: Explanation, parameters: Mapping[str, Mapping[str, Any]]
+) -> Figure | None:
     """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
 
-    None where the ladder has one rung, or the whole map was held.
+    The last rung's intervals are those of `parameters`, as result.json has them; those of the rungs
+    before are 1.96 standard errors. None where the ladder has one rung, or the whole map was held.
     """
     rungs = explained.ladder
     names = [n for n in rungs[-1].fit.map.names if n in rungs[-1].fit.std]
@@ -119,10 +134,13 @@ def draw_parameters(finding: Finding, explained: Explanation) -> Figure | None:
         panel_grid(axes)
         scale, shift = (1e-3, 0.0) if name.endswith("_pa") else (1e3, _shift(finding, name))
         value = np.array([scale * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
-        error = np.array([scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        error = np.array([1.96 * scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        low, high = value - error, value + error
+        low[-1], high[-1] = (scale * parameters[name][end] for end in ("lower95", "upper95"))
         colors = [GREY] * (len(rungs) - 1) + [BLUE]
-        for x, v, e, hue in zip(at, value, error, colors, strict=True):
-            axes.errorbar(x, v, 1.96 * e, fmt="o", color=hue, ms=5, lw=1.8)
+        for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
+            axes.vlines(x, below, above, color=hue, lw=1.8)
+            axes.plot(x, v, "o", color=hue, ms=5)
         if name in true:
             axes.axhline(scale * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
         axes.set_xticks(at, ["before", *[""] * (len(rungs) - 2), "after"][: len(rungs)])
@@ -148,12 +166,13 @@ def draw_presses(explained: Explanation) -> Figure:
         (int(np.argmax(compliance)), "softest place"),
     ):
         chosen[j] = f"{chosen[j]}, {words}" if j in chosen else words
-    figure = new_figure(10.4, 3.7)
+    figure = new_figure(10.4, 3.9)
     for axes, (j, words) in zip(
         figure.subplots(1, len(chosen), squeeze=False).flat, chosen.items(), strict=True
     ):
         _press(axes, first, last, j)
         axes.set_title(f"Press {last.comparison.presses[j].press}: {words}")
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -176,4 +195,3 @@ def _press(axes: Axes, first: Rung, last: Rung, press: int) -> None:
     axes.plot(1e3 * last.fit.at.predicted_m[rows], force[rows], color=ORANGE, lw=1.6, label="after")
     axes.set_xlabel("displacement, mm")
     axes.set_ylabel("force, N")
-    axes.legend(fontsize=8, loc="upper left")

@@ -54,7 +54,8 @@ CAPTIONS = {
     ),
     "parameters": (
         "The map's parameters with their 95 % intervals, step by step; dashed: the truth, where it "
-        "is known. The grey intervals are those that a fit without the effect would report."
+        "is known. Grey: 1.96 standard errors of the models before. Blue: the intervals of the "
+        "table below."
     ),
     "presses": "Single presses: readings, and the model before and after.",
     "confusion": (

@@ -1,5 +1,6 @@
 """One look for all figures, safe for colour-blind eyes, without global state."""
 
+from collections.abc import Iterable
 from io import BytesIO
 from typing import Any
 
@@ -59,3 +60,26 @@ def panel_grid(axes: Axes) -> None:
     """Give a plot a faint grid behind its data."""
     axes.grid(color="#e3e6ea", linewidth=0.8)
     axes.set_axisbelow(True)
+
+
+def plain_log_ticks(axes: Axes) -> None:
+    """Write 20, 50, 100 on a logarithmic axis, not powers; within a decade also some between."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    low, high = axes.get_ylim()
+    steps = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0) if high < 10 * low else (1.0, 2.0, 5.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=steps))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
+    """Name once, under all panels, what is drawn in any of them: it can hide no curve there."""
+    named = {
+        label: handle
+        for panel in axes
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        named.values(), named.keys(), loc="outside lower center", ncols=len(named), fontsize=9
+    )

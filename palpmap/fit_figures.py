@@ -4,7 +4,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from palpmap.figure_style import BLUE, GREEN, GREY, ORANGE, PINK, SKY, new_figure, panel_grid
+from palpmap.figure_style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PINK,
+    SKY,
+    legend_below,
+    new_figure,
+    panel_grid,
+    plain_log_ticks,
+)
 from palpmap.finding import Finding, matched
 
 MARKS = {"load": "o", "hold": "s", "unload": "^"}
@@ -50,13 +61,14 @@ def draw_curves(f: Finding) -> Figure:
         (int(np.flatnonzero(f.scan.press_ids == worst)[0]), "largest misfit"),
     ):
         chosen[j] = f"{chosen[j]}, {words}" if j in chosen else words
-    figure = new_figure(10.4, 3.7)
+    figure = new_figure(10.4, 3.9)
     for axes, (j, words) in zip(
         figure.subplots(1, len(chosen), squeeze=False).flat, chosen.items(), strict=True
     ):
         _curve(axes, f, j)
         x, y = 1e3 * (f.scan.contact_points[j] + f.origin_m)[:2]
         axes.set_title(f"Press {f.scan.press_ids[j]}: {words}\nat x {x:.0f}, y {y:.0f} mm")
+    legend_below(figure, figure.axes)
     return figure
 
 
@@ -74,7 +86,7 @@ def draw_convergence(f: Finding) -> Figure | None:
         ("position and radius, mm", 1e3, [n for n in free if n.endswith("_m")]),
     )
     panels = [kind for kind in kinds if kind[2]]
-    figure = new_figure(10.4, 3.9)
+    figure = new_figure(10.4, 4.6)
     grid = figure.subplots(1, 1 + len(panels))
     for axes, (label, scale, names) in zip(np.atleast_1d(grid)[1:], panels, strict=True):
         _paths(axes, f, names, scale, true)
@@ -85,6 +97,7 @@ def draw_convergence(f: Finding) -> Figure | None:
     noise = 1e6 * f.comparison.expected_rms_m
     error.axhline(noise, color=GREY, ls="--", lw=1.2)
     error.text(steps[-1], noise, "noise alone ", ha="right", va="bottom", color=GREY, fontsize=9)
+    plain_log_ticks(error)
     error.set_title("Error of the displacement (rms), µm")
     for axes in np.atleast_1d(grid):
         axes.set_xlabel("iteration")
@@ -105,7 +118,8 @@ def _paths(axes: Axes, f: Finding, names: list[str], scale: float, true: dict[st
             axes.axhline(scale * (true[name] + shift), color=hue, ls=":", lw=1.6)
     if true:
         axes.plot([], [], ":", color=GREY, label="true")
-    axes.legend(fontsize=8.5)
+    # Below, where it hides no curve
+    axes.legend(fontsize=8.5, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.16))
 
 
 def plain_name(name: str) -> str:
@@ -149,4 +163,3 @@ def _curve(axes: Axes, f: Finding, press: int) -> None:
     )  # fmt: skip
     axes.set_xlabel("displacement, mm")
     axes.set_ylabel("force, N")
-    axes.legend(fontsize=8.5, loc="upper left")

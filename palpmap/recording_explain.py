@@ -113,7 +113,8 @@ def record_explanation(
     painted = _painted(explained, surface)
     now = _log_scan(file, finding, surface.dot_m)
     views = _views(finding, explained)
-    span = _span([*views, *_true_views(finding)])
+    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    span = _span([views[-1], *_true_views(finding)])
     true = {} if finding.truth is None else matched(finding.fit.map, finding.truth)
     names = list(explained.final.fit.values)
     style_parameters(file, names, list(true))

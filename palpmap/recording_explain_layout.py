@@ -13,6 +13,7 @@ MISFIT_MAP = "misfits"  # rms of each press in units of the noise
 MISFIT_BEFORE = "misfits_before"
 ERROR = "error"
 CANDIDATES = "candidates"
+PRESSES = "Each press, mm"  # a tab, as there is nothing in it on the timeline that it opens with
 _DARK = (24, 26, 30)
 
 
@@ -93,13 +94,16 @@ def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.
     return rrb.Vertical(
         rrb.Tabs(*tabs, active_tab=0) if tabs else events,
         rrb.Horizontal(
-            plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um")),
-            *(plot_view(origin, name) for origin, name in plots),
+            plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um"), False),
+            *(plot_view(origin, name, whole=False) for origin, name in plots),
         ),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=CANDIDATES, name="Candidates at this step"),
             rrb.Tabs(
-                rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"), events, active_tab=0
+                rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"),
+                events,
+                plot_view("presses", PRESSES, ("measured_mm", "modelled_mm")),
+                active_tab=0,
             ),
         ),
         row_shares=[2.0, 1.1, 1.5],

@@ -7,6 +7,7 @@ from identify.explain import Explanation
 from identify.rung import Rung
 from palpmap import recording_parts as parts
 from palpmap.explain_words import VERDICTS, interval, readable, verdict_detail
+from palpmap.recording_explain_layout import PRESSES
 
 _SHOWN = 12  # candidates in the table of a rung
 _NOISE = 25.0  # a score that noise hardly gives: the longest bar is not shorter
@@ -40,13 +41,15 @@ def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> 
         "",
         f"**Timelines** (choose below): `{parts.ITERATION}` goes up the ladder, 0 is the model "
         f"that the search started from, each further step has one effect more; "
-        f"`{parts.SIM_TIME}` plays the scan, then the steps, one second each; `{parts.PRESS}` "
-        "shows each press at its largest force.",
+        f"`{parts.SIM_TIME}` has the presses, then the steps, one second each; `{parts.PRESS}` "
+        f"has each press, and all steps at the last. Presses are in the tab *{PRESSES}*, which "
+        f"is empty on `{parts.ITERATION}`.",
         "",
         "**Residual**: measured minus modelled displacement, mean of each press; red gave way "
         "more than modelled, blue less. **Size**: rms over the readings of a press in units of "
         "the noise; dark is noise. Left: the model that the search started from; right: the "
-        "model of the step, on the same scale.",
+        "model of the step, on the same scale. **Found**: coloured on the scale of the last map; "
+        "what is beyond it has the colour of its end.",
         "",
         "| parameter | value | 95 % interval |",
         "|---|---|---|",

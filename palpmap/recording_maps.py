@@ -97,7 +97,7 @@ def picture_bounds(size_m: NDArray[np.float64]) -> tuple[tuple[float, float], tu
     """Ranges of x and y, in mm, that show both pictures of a map with colour bar and captions."""
     width, depth, height = size_m * 1e3
     gap = GAP * width
-    return (-0.5 * gap, width + 3.2 * gap), (-1.2 * gap, depth + height + 2.4 * gap)
+    return (-0.5 * gap, width + 4.2 * gap), (-1.2 * gap, depth + height + 3.0 * gap)
 
 
 def log_map(
@@ -146,7 +146,7 @@ def log_map(
         "from above": (width / 2, -0.6 * gap),
         "from the side": (width / 2, bottom + 0.7 * gap),
     } | {
-        f"{value / 1e3:.3g} kPa": (width + 2.3 * gap, bottom * (1 - share))
+        f"{value / 1e3:.3g} kPa": (width + 2.8 * gap, bottom * (1 - share))
         for share, value in zip((0, 0.5, 1), np.linspace(*range_pa, 3), strict=True)
     }
     log(

@@ -27,7 +27,7 @@ _SEEN = {
 _TIMELINES = (
     f"**Timelines** (choose below): `{parts.SIM_TIME}` plays the scan, then the iterations, one "
     f"second each; `{parts.PRESS}` shows each press at its largest force; `{parts.ITERATION}` "
-    "shows the fit step by step."
+    "shows the fit step by step, where force, travel and presses have no place."
 )
 
 _UNITS = {"_pa": (1e-3, "kPa"), "_m": (1e3, "mm")}

@@ -130,7 +130,10 @@ def draw_tests(f: Finding) -> Figure:
 
 
 def _answers(axes: Axes, c: Comparison) -> None:
-    """Bars of -log10 of each question's adjusted p-value with the line beyond which it fires."""
+    """Bars of -log10 of each question's adjusted p-value with the line beyond which it fires.
+
+    Each bar ends in a dot, as one of no length would look as if it were missing.
+    """
     tests = c.tests[::-1]
     floor = 1e-12
     values = [-np.log10(max(t.p_adjusted, floor)) for t in tests]
@@ -139,9 +142,11 @@ def _answers(axes: Axes, c: Comparison) -> None:
     for row, test in enumerate(tests):
         if test.untestable:
             axes.text(0.1, row, "cannot be tested", va="center", color=GREY, fontsize=9)
+        else:
+            axes.plot(values[row], row, "o", ms=8, color=colors[row], clip_on=False, zorder=3)
     axes.axvline(-np.log10(c.alpha), color="#333a45", lw=1, ls="--")
     axes.set_yticks(range(len(tests)), [SHORT[t.name] for t in tests])
-    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="y", length=0, pad=9)  # room for a dot on the axis
     ticks = [0, 2, 4, 8, 12]
     axes.set_xticks(ticks, ["1", "0.01", "1e-4", "1e-8", "≤ 1e-12"])
     axes.set_xlim(0, 12.3)

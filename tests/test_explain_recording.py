@@ -2,6 +2,7 @@
 
 import json
 import string
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from rerun.chunk import RrdReader
 
 from palpmap import recording_parts as parts
 from palpmap.console import Output
-from palpmap.recording_explain import BEFORE, CANDIDATES, ERROR
-from palpmap.recording_maps import residual_colors
+from palpmap.explain_finding import final_finding
+from palpmap.recording_explain import BEFORE, CANDIDATES, ERROR, record_explanation
+from palpmap.recording_explain_layout import PRESSES
+from palpmap.recording_maps import map_views, residual_colors
 from palpmap.recording_summary import read_summary, scalar_series
 from palpmap.review import run_review as review_run
 
@@ -44,6 +47,63 @@ def painted(chunks, entity, step):
     ((_, packed),) = [r for r in rows(chunks, entity, "Points3D:colors") if r[0] == step]
     value = np.array(packed, np.uint32)
     return np.stack([value >> 24, value >> 16 & 255, value >> 8 & 255], axis=1).astype(np.uint8)
+
+
+def layout_of(path):
+    """(timeline at opening, {name: origin} of all views) of the layout."""
+    reader, timeline, views = RrdReader(path), "", {}
+    for blueprint in reader.blueprints():
+        for chunk in reader.stream(store=blueprint):
+            batch = chunk.to_record_batch()
+            if "TimePanelBlueprint:timeline" in batch.schema.names:
+                timeline = batch.column("TimePanelBlueprint:timeline").to_pylist()[-1][0]
+            if "ViewBlueprint:space_origin" in batch.schema.names:
+                (name,), (origin,) = (
+                    batch.column(f"ViewBlueprint:{column}").to_pylist()[-1]
+                    for column in ("display_name", "space_origin")
+                )
+                views[name] = origin.strip("/")
+    return timeline, views
+
+
+def has_content(chunk):
+    """Whether there is more than the style of a curve."""
+    names = chunk.to_record_batch().schema.names
+    return any(":" in name and not name.startswith("Series") for name in names)
+
+
+@pytest.mark.parametrize("timeline", [None, parts.PRESS])
+def test_on_opening_no_view_is_empty_and_the_presses_have_their_tab(
+    explained_case, chunks, timeline
+):
+    opened, views = layout_of(explained_case.folder / "recording.rrd")
+    filled = {
+        chunk.entity_path.strip("/")
+        for chunk in chunks
+        if has_content(chunk)
+        and (chunk.is_static or (timeline or opened) in chunk.timeline_names)
+    }  # fmt: skip
+    empty = {n for n, o in views.items() if not any(f"{e}/".startswith(f"{o}/") for e in filled)}
+    assert opened == parts.ITERATION
+    assert empty == (set() if timeline else {PRESSES})
+    (text,) = rows(chunks, parts.ABOUT, "TextDocument:text")[-1][1]
+    assert PRESSES in text
+
+
+def test_the_maps_are_coloured_on_the_scale_of_the_last_and_the_true_one(explained_case, tmp_path):
+    case = explained_case
+    finding = final_finding(case.folder, case.problem, case.explained)
+    first, last = case.explained.ladder
+    wild = {name: 30 * value for name, value in first.fit.values.items() if "weight" in name}
+    u = first.fit.model.space.to_scaled(first.fit.map.changed(wild))
+    explained = replace(case.explained, ladder=(replace(first, fit=replace(first.fit, u=u)), last))
+    record_explanation(tmp_path / "r.rrd", finding, explained, case.record, case.problem, {})
+    chunks = list(RrdReader(tmp_path / "r.rrd").stream())
+    box = finding.outline.lower_m, finding.outline.upper_m
+    maps = [map_views(m.modulus, *box).range_pa for m in (last.fit.changed_map, finding.truth)]
+    wanted = [min(low for low, _ in maps), max(high for _, high in maps)]
+    ranges = [r for _, (r,) in rows(chunks, f"{parts.FOUND_MAP}/top", "DepthImage:depth_range")]
+    assert_allclose(ranges, [wanted, wanted])
 
 
 def test_review_finds_the_recording_whole_and_small(explained_case, run_review):

@@ -18,7 +18,7 @@ from palpmap.body_model import smallest_cell_m
 from palpmap.explain_evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
-from palpmap.explain_map_figures import draw_maps
+from palpmap.explain_map_figures import draw_maps, draw_parameters, draw_presses
 from palpmap.explain_report import Told, write_explain_report
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import (
@@ -27,6 +27,7 @@ from palpmap.explain_words import (
     unseen_inclusions,
     verdict_detail,
 )
+from palpmap.figure_style import settle
 from palpmap.next_scan import finer_cells, propose
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -268,9 +269,35 @@ def test_a_foreign_truth_file_is_no_truth(explained_case, tmp_path):
 @pytest.mark.slow
 def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
     explained = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
-    pictures = explain_pictures(told.finding, explained)
+    pictures = explain_pictures(told.finding, explained, told.record)
     assert all(data.startswith(b"\x89PNG") for data in pictures.values())
     assert "parameters" not in pictures
+
+
+def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_errors(told):
+    record = told.record["parameters"]
+    weight = record["inclusion_1.weight_pa"]
+    bent = {**weight, "lower95": weight["value"] - 2000, "upper95": weight["value"] + 9000}
+    shown = {**record, "inclusion_1.weight_pa": bent}
+    figure = draw_parameters(told.finding, told.explained, shown)
+    axes = next(a for a in figure.axes if "weight" in a.get_title())
+    before, after = (np.concatenate(bar.get_segments())[:, 1] for bar in axes.collections)
+    assert_allclose(after, [1e-3 * bent["lower95"], 1e-3 * bent["upper95"]])
+    fit = told.explained.ladder[0].fit
+    name = "inclusion_1.weight_pa"
+    assert_allclose(np.mean(before), 1e-3 * fit.values[name])
+    assert_allclose(np.ptp(before), 2 * 1.96e-3 * fit.std[name])
+
+
+def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told):
+    figure = draw_presses(told.explained)
+    settle(figure)
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(set(names)) == len(names)
+    assert {"measured, load", "before", "after"} <= set(names)
+    panels = [axes.get_window_extent() for axes in figure.axes]
+    assert not any(legend.get_window_extent().overlaps(panel) for panel in panels)
 
 
 def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explained_case):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from contextlib import redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -23,11 +24,13 @@ from models.scan import Scan
 from models.scan_file import write_scan
 from palpmap.comparison import run_compare
 from palpmap.console import Output
-from palpmap.figure_style import png
+from palpmap.figure_style import png, settle
 from palpmap.finding import Finding, Outline, matched, read_truth, study_outline
 from palpmap.finding_files import load_finding
+from palpmap.fit_figures import draw_convergence, draw_curves
 from palpmap.map_figures import cuts, draw_map, draw_uncertainty, sample
 from palpmap.report import parameter_rows, write_report
+from palpmap.residual_figures import draw_tests
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
 from palpmap.summary import summary
@@ -157,6 +160,16 @@ def test_the_report_is_well_formed_and_needs_nothing_from_elsewhere(done):
     assert all(link.startswith("data:image/png;base64,") for link in page.links)
 
 
+def test_on_a_telephone_tables_scroll_in_their_own_box_and_nothing_asks_for_more_width(done):
+    raw = (done[0] / "report.html").read_text(encoding="utf-8")
+    assert raw.count("<table") == raw.count('<div class="wide"><table') > 3
+    style = raw[raw.index("<style>") : raw.index("</style>")]
+    assert ".wide { overflow-x: auto; }" in style
+    assert "img { display: block; width: 100%; height: auto;" in style
+    own = re.sub(r"min\([^)]*100%\)|max-width: \d+px", "", style)
+    assert max(float(px) for px in re.findall(r"([\d.]+)px", own)) < 100
+
+
 def test_the_report_shows_hostile_names_as_text(done):
     raw = (done[0] / "report.html").read_text(encoding="utf-8")
     assert "<script" not in raw
@@ -183,6 +196,28 @@ def test_every_picture_is_a_png_that_is_not_blank(done):
         picture = imread(path)[..., :3]
         assert picture.shape[1] > 500
         assert picture.std() > 0.02, path.name
+
+
+def test_every_question_that_can_be_tested_has_a_dot_at_its_chance(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run"))
+    answers = draw_tests(finding).axes[1]
+    dots = {float(y): float(x) for line in answers.lines[:-1] for x, y in line.get_xydata()}
+    tests = finding.comparison.tests[::-1]
+    chances = {row: t.p_adjusted for row, t in enumerate(tests) if not t.untestable}
+    assert 1.0 in chances.values()  # its bar has no length
+    assert dots == pytest.approx({row: -np.log10(max(p, 1e-12)) for row, p in chances.items()})
+
+
+@pytest.mark.parametrize("draw", [draw_convergence, draw_curves])
+def test_no_legend_lies_on_a_panel(tmp_path, draw):
+    figure = draw(load_finding(make_run(tmp_path / "run")))
+    settle(figure)
+    legends = [axes.get_legend() for axes in figure.axes if axes.get_legend()] + figure.legends
+    assert legends
+    panels = [axes.get_window_extent() for axes in figure.axes]
+    boxes = [legend.get_window_extent() for legend in legends]
+    assert not any(box.overlaps(panel) for box in boxes for panel in panels)
+    assert all(figure.bbox.padded(1).containsy(y) for box in boxes for y in (box.y0, box.y1))
 
 
 def test_structure_fails_the_criterion_and_the_screen_holds_the_summary(tmp_path, capsys):

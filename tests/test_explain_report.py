@@ -280,8 +280,9 @@ def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_
     bent = {**weight, "lower95": weight["value"] - 2000, "upper95": weight["value"] + 9000}
     shown = {**record, "inclusion_1.weight_pa": bent}
     figure = draw_parameters(told.finding, told.explained, shown)
+    assert figure is not None
     axes = next(a for a in figure.axes if "weight" in a.get_title())
-    before, after = (np.concatenate(bar.get_segments())[:, 1] for bar in axes.collections)
+    before, after = (np.asarray(bar.get_paths()[0].vertices)[:, 1] for bar in axes.collections)
     assert_allclose(after, [1e-3 * bent["lower95"], 1e-3 * bent["upper95"]])
     fit = told.explained.ladder[0].fit
     name = "inclusion_1.weight_pa"

@@ -201,7 +201,7 @@ def test_every_picture_is_a_png_that_is_not_blank(done):
 def test_every_question_that_can_be_tested_has_a_dot_at_its_chance(tmp_path):
     finding = load_finding(make_run(tmp_path / "run"))
     answers = draw_tests(finding).axes[1]
-    dots = {float(y): float(x) for line in answers.lines[:-1] for x, y in line.get_xydata()}
+    dots = {y: x for line in answers.lines[:-1] for x, y in np.asarray(line.get_xydata()).tolist()}
     tests = finding.comparison.tests[::-1]
     chances = {row: t.p_adjusted for row, t in enumerate(tests) if not t.untestable}
     assert 1.0 in chances.values()  # its bar has no length

@@ -128,9 +128,8 @@ def test_the_tests_look_at_every_package():
         ("models/a.py", "import scipy.sparse", "models.a, line 1: imports scipy.sparse"),
         ("models/a.py", "def f():\n    import fem", "models.a, line 2: imports fem"),
         ("models/a.py", "from fem import mesh", "models.a, line 1: imports fem"),
-        ("fem/a.py", "from models.scan import Scan", "fem.a, line 1: imports models.scan")(
-            "fem/a.py", "import typer", "fem.a, line 1: imports typer"
-        ),
+        ("fem/a.py", "from models.scan import Scan", "fem.a, line 1: imports models.scan"),
+        ("fem/a.py", "import typer", "fem.a, line 1: imports typer"),
         ("sim/a.py", "import fem", "sim.a, line 1: imports fem"),
         ("sim/soft_body.py", "import fem\nimport identify", "sim.soft_body, line 2: imports ident"),
         ("identify/a.py", "def f():\n    from sim import x", "identify.a, line 2: imports sim"),
@@ -150,9 +149,8 @@ def test_a_forbidden_import_is_found(path, source, breach, tmp_path):
     ("path", "source"),
     [
         ("sim/soft_body.py", "import fem.mesh\nimport mujoco, pinocchio, json"),
-        ("identify/a.py", "from fem import mesh\nfrom models.scan import Scan\nfrom . import b")(
-            "palpmap/a.py", "import sim, identify, rerun, typer"
-        ),
+        ("identify/a.py", "from fem import mesh\nfrom models.scan import Scan\nfrom . import b"),
+        ("palpmap/a.py", "import sim, identify, rerun, typer"),
     ],
 )
 def test_what_is_allowed_is_no_breach(path, source, tmp_path):

@@ -28,24 +28,9 @@ def scaled_truth(size: tuple[float, float, float]) -> "TruthMap":
     return TruthMap(default.background_pa, inclusions)
 
 
-def truth_record(truth: "TruthMap") -> dict[str, Any]:
-    """Return the true map as a JSON record."""
-    return {
-        "background_pa": truth.background_pa,
-        "inclusions": [
-            {
-                "weight_pa": i.weight_pa,
-                **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
-                "radius_m": i.radius_m,
-            }
-            for i in truth.inclusions
-        ],
-    }
-
-
 def true_parameters(truth: "TruthMap") -> dict[str, float]:
     """Return the true map's values by parameter name."""
-    record = truth_record(truth)
+    record = truth.record()
     values = {"background_pa": record["background_pa"]}
     for number, inclusion in enumerate(record["inclusions"], start=1):
         values |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
@@ -55,7 +40,7 @@ def true_parameters(truth: "TruthMap") -> dict[str, float]:
 def write_truth(run: Path, body: "HiddenBody", effects: Sequence[dict[str, Any]]) -> None:
     """Write truth.json: the body with what is hidden in it, and what is hidden."""
     beyond = {"gradient": body.gradient, "poisson_ratio": body.poisson_ratio}
-    said = {"body": truth_record(body.truth)}
+    said = {"body": body.truth.record()}
     if effects:
         said = {"body": said["body"] | beyond, "effects": list(effects)}
     write_record(run / "truth.json", said)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import erf
@@ -102,3 +103,17 @@ class TruthMap:
         for inclusion in self.inclusions:
             modulus += inclusion.added(points_m)
         return modulus
+
+    def record(self) -> dict[str, Any]:
+        """Return the map as a JSON record."""
+        return {
+            "background_pa": self.background_pa,
+            "inclusions": [
+                {
+                    "weight_pa": i.weight_pa,
+                    **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
+                    "radius_m": i.radius_m,
+                }
+                for i in self.inclusions
+            ],
+        }

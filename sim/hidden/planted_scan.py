@@ -80,7 +80,7 @@ def planted_scan(
     scan = record(bench, press(bench, planted), seed, *noise)
     return scan, {
         "effects": records,
-        "body": _map_record(truth),
+        "body": truth.record(),
         "seed": seed,
         "noise": {"displacement_m": noise[0], "force_n": noise[1]},
         **_pressed_record(bench, planted),
@@ -177,17 +177,3 @@ def _map_from(record: Mapping[str, Any]) -> TruthMap:
         for i in record["inclusions"]
     )
     return TruthMap(record["background_pa"], tuple(inclusions))
-
-
-def _map_record(truth: TruthMap) -> dict[str, Any]:
-    return {
-        "background_pa": truth.background_pa,
-        "inclusions": [
-            {
-                "weight_pa": i.weight_pa,
-                **dict(zip(("x_m", "y_m", "z_m"), i.centre_m, strict=True)),
-                "radius_m": i.radius_m,
-            }
-            for i in truth.inclusions
-        ],
-    }

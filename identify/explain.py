@@ -171,7 +171,7 @@ def climb(
         additions.append(Addition(winner.name, rivals, False, beside, now.fit.chi2))
         say(f"refitting with {winner.name}")
         fit = fit_jointly(winner.fit.model, winner.fit.map)
-        fit, lost = _drop(fit, [a.name for a in additions[:-1]], say)
+        fit, lost = without_unneeded(fit, [a.name for a in additions[:-1]], say)
         kept = [a for a in additions if a.name not in lost]
         fit, additions, exchanged = look_again(fit, kept, say)
         dropped.extend([*lost, *exchanged])
@@ -210,12 +210,12 @@ def _beside(rung: Rung, name: str) -> tuple[str, ...]:
     return (MODEL_ERROR,) * (name in imitated or alike)
 
 
-def _drop(
-    fit: JointFit, earlier: Sequence[str], say: Callable[[str], None]
+def without_unneeded(
+    fit: JointFit, names: Sequence[str], say: Callable[[str], None]
 ) -> tuple[JointFit, list[str]]:
-    """Leave out earlier effects that no longer earn their place."""
+    """Leave out those of a fit's effects that do not earn their place; the fit, and their names."""
     lost: list[str] = []
-    for name in earlier:
+    for name in names:
         say(f"testing whether {name} is still needed")
         without = try_fit(
             fit.model.without(name), fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS

@@ -19,12 +19,15 @@ from identify.rivals import MARGIN, Rival, beaten, carried_on, refit
 
 
 def look_again(
-    fit: JointFit, additions: Sequence[Addition], say: Callable[[str], None]
+    fit: JointFit,
+    additions: Sequence[Addition],
+    say: Callable[[str], None],
+    the_last_too: bool = False,
 ) -> tuple[JointFit, list[Addition], dict[str, str]]:
     """Compare each addition but the last with its rivals, beside all others.
 
-    The last was compared beside the present ones, and is compared again only if one is replaced.
-    What the presses by themselves bear out stands as it is.
+    The last was compared beside the present ones, and is compared again only if one is replaced, or
+    if it is said. What the presses by themselves bear out stands as it is.
 
     Returns
     -------
@@ -33,7 +36,7 @@ def look_again(
     additions, exchanged = list(additions), {}
     for index, addition in enumerate(additions):
         is_last = index == len(additions) - 1
-        if addition.borne_out or (is_last and not exchanged):
+        if addition.borne_out or (is_last and not exchanged and not the_last_too):
             continue
         rivals = _beside_the_rest(fit, addition, say)
         winner = rivals[0]

@@ -85,7 +85,7 @@ def explain_study(
 
         problem = pose(study, own, say, lambda step: progress.advance(task))
         explained = climbed(problem, seed, say, on_rung)
-        without = without_suspects(study, own, seed, explained, say)
+        without = without_suspects(problem, own, seed, explained, say)
         progress.update(task, description="done", total=1, completed=1)
     return weighed(explained, without), problem, without
 

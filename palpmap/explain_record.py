@@ -45,7 +45,7 @@ def explain_record(
         "residual": explained.final.comparison.statement,
         "suspect_presses": list(explained.ladder[0].comparison.bad_presses),
         "suspects_left": list(suspects_left(explained, without)),
-        "without_suspects": None if without is None else without_record(without.explained),
+        "without_suspects": None if without is None else without_record(without),
         "explained_share": explained.explained_share,
         "presses_alone": presses_record(problem),
         "unseen_inclusions": _unseen(explained),
@@ -65,15 +65,15 @@ def _stated_lengths(explained: Explanation) -> list[dict[str, Any]]:
     return [asdict(found) for found in mistakes(explained) if found.effect in offered]
 
 
-def without_record(explained: Explanation) -> dict[str, Any]:
-    """Return what the loop finds without the presses that stand out."""
+def without_record(without: WithoutSuspects) -> dict[str, Any]:
+    """Return what is found without the presses that stand out."""
     return {
-        "verdict": explained.verdict,
-        "added": list(explained.added),
-        "ambiguous": [list(group) for group in explained.ambiguous],
-        "chi2_per_dof": explained.final.fit.chi2_per_dof,
-        "parameters": explained.final.fit.values,
-        "residual": explained.final.comparison.statement,
+        "verdict": without.verdict,
+        "added": list(without.added),
+        "ambiguous": [list(group) for group in without.ambiguous],
+        "chi2_per_dof": without.fit.chi2_per_dof,
+        "parameters": without.fit.values,
+        "residual": without.comparison.statement,
     }
 
 

@@ -1,26 +1,57 @@
 """Presses that stand out by themselves, and whether the verdict rests on them.
 
-A slip or a wrong place looks like an effect. Where single presses stand out, the loop runs once
-more without them, and what is only found with them is not offered by name.
+A slip or a wrong place looks like an effect. Where single presses stand out, the answer is put to
+the test without them: its model is fitted anew, and each effect must earn its place again and do
+better than its rivals. If any does not, the loop runs once more without these presses, and what is
+only found with them is not offered by name.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from identify.comparison import Comparison
+from identify.confirmed import confirmed
 from identify.effects.effect import Effect
-from identify.explain import MOST_EFFECTS, Explanation, climb
-from palpmap.problem import Problem, pose
-from palpmap.study import Study
+from identify.explain import MOST_EFFECTS, Explanation, Verdict, climb
+from identify.joint_fit import JointFit
+from palpmap.body_model import build_body_model
+from palpmap.problem import Problem, measurement_model, pose
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class WithoutSuspects:
-    """What the loop finds without the presses (ids) that stand out."""
+    """What is found without the presses (ids) that stand out.
+
+    `found` are the names of all additions and of those that are as good; the others are as in
+    `Explanation`.
+    """
 
     presses: tuple[int, ...]
-    explained: Explanation
+    verdict: Verdict
+    added: tuple[str, ...]
+    ambiguous: tuple[tuple[str, ...], ...]
+    found: frozenset[str]
+    fit: JointFit
+    comparison: Comparison
+
+    @classmethod
+    def of(cls, presses: tuple[int, ...], again: Explanation) -> "WithoutSuspects":
+        """Return what the loop has found without the presses."""
+        final = again.final
+        found = frozenset(name for addition in again.additions for name in addition.group)
+        return cls(
+            presses,
+            again.verdict,
+            again.added,
+            again.ambiguous,
+            found,
+            final.fit,
+            final.comparison,
+        )
 
 
 def climbed(problem: Problem, seed: int, say: Say, on_rung: Callable | None = None) -> Explanation:
@@ -39,18 +70,48 @@ def climbed(problem: Problem, seed: int, say: Say, on_rung: Callable | None = No
 
 
 def without_suspects(
-    study: Study, own: Sequence[Effect], seed: int, explained: Explanation, say: Say
+    problem: Problem, own: Sequence[Effect], seed: int, explained: Explanation, say: Say
 ) -> WithoutSuspects | None:
-    """Run the loop without the presses that stand out; None where none do."""
+    """Return what is found without the presses that stand out; None where none do."""
     presses = explained.ladder[0].comparison.bad_presses
     if not presses or explained.map_error:  # beside a wrong map, many stand out
         return None
     named = ", ".join(map(str, presses))
-    problem = pose(
-        study, own, lambda text: say(f"without presses {named}: {text}"), leave_out=presses
+
+    def tell(text: str) -> None:
+        say(f"without presses {named}: {text}")
+
+    if explained.additions and explained.verdict in ("explained", "ambiguous"):
+        same = _same_answer(problem, explained, presses, tell)
+        if same is not None:
+            return same
+    fresh = pose(problem.study, own, tell, leave_out=presses)
+    return WithoutSuspects.of(presses, climbed(fresh, seed, tell))
+
+
+def _same_answer(
+    problem: Problem, explained: Explanation, presses: tuple[int, ...], say: Say
+) -> WithoutSuspects | None:
+    """Return the answer as it is without these presses; None where it does not hold there."""
+    others = ~np.isin(problem.scan.press, presses)
+    scan = problem.scan.rows(others)
+    say("meshing the body")
+    body = build_body_model(problem.study, scan.used())
+    model = measurement_model(scan, body, problem.fit)
+    same = others[problem.scan.in_contact]
+    again = confirmed(explained, model, scan, same, say)
+    if again is None:
+        return None
+    groups = tuple(a.group for a in again.additions)
+    return WithoutSuspects(
+        presses,
+        "explained" if all(len(group) == 1 for group in groups) else "ambiguous",
+        tuple(group[0] for group in groups if len(group) == 1),
+        tuple(group for group in groups if len(group) > 1),
+        frozenset(name for group in groups for name in group),
+        again.fit,
+        again.comparison,
     )
-    again = climbed(problem, seed, lambda text: say(f"without presses {named}: {text}"))
-    return WithoutSuspects(presses, again)
 
 
 def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:
@@ -61,8 +122,7 @@ def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tu
     """
     if without is None:
         return ()
-    other = without.explained
-    same = (other.verdict, other.added) == (explained.verdict, explained.added)
+    same = (without.verdict, without.added) == (explained.verdict, explained.added)
     if not same or explained.resting_on_suspects:
         return without.presses
     still = explained.final.comparison.bad_presses
@@ -73,8 +133,7 @@ def weighed(explained: Explanation, without: WithoutSuspects | None) -> Explanat
     """Return the explanation with all that rests on the suspect presses marked as such."""
     if without is None:
         return explained
-    found = {name for addition in without.explained.additions for name in addition.group}
-    resting = tuple(name for name in explained.added if name not in found)
+    resting = tuple(name for name in explained.added if name not in without.found)
     if not resting:
         return explained
     verdict = "ambiguous" if explained.verdict == "explained" else explained.verdict

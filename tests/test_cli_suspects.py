@@ -76,18 +76,20 @@ def test_an_effect_that_rests_on_suspect_presses_is_not_offered_by_name(explaine
     explained = explained_case.explained
     (name,) = explained.added
     nothing = replace(explained, additions=(), verdict="nothing_missing")
-    weighed_down = weighed(explained, WithoutSuspects((3, 8), nothing))
+    weighed_down = weighed(explained, WithoutSuspects.of((3, 8), nothing))
     assert weighed_down.verdict == "ambiguous"
     assert weighed_down.added == ()
     assert weighed_down.ambiguous == ((name, SUSPECT_PRESSES),)
-    record = explain_record(weighed_down, explained_case.problem, WithoutSuspects((3, 8), nothing))
+    record = explain_record(
+        weighed_down, explained_case.problem, WithoutSuspects.of((3, 8), nothing)
+    )
     assert record["without_suspects"]["verdict"] == "nothing_missing"
     assert f"{name} or suspect_presses" in verdict_detail(weighed_down)
 
 
 def test_an_effect_that_is_found_without_them_too_keeps_its_place(explained_case):
     explained = explained_case.explained
-    assert weighed(explained, WithoutSuspects((3, 8), explained)) is explained
+    assert weighed(explained, WithoutSuspects.of((3, 8), explained)) is explained
     assert weighed(explained, None) is explained
 
 
@@ -96,9 +98,11 @@ def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_ca
     explained = explained_case.explained
     nothing = replace(explained, additions=(), verdict="nothing_missing")
     assert suspects_left(explained, None) == ()
-    assert suspects_left(explained, WithoutSuspects((3, 8), explained)) == ()
-    assert suspects_left(explained, WithoutSuspects((3, 8), nothing)) == (3, 8)
-    record = explain_record(explained, explained_case.problem, WithoutSuspects((3, 8), explained))
+    assert suspects_left(explained, WithoutSuspects.of((3, 8), explained)) == ()
+    assert suspects_left(explained, WithoutSuspects.of((3, 8), nothing)) == (3, 8)
+    record = explain_record(
+        explained, explained_case.problem, WithoutSuspects.of((3, 8), explained)
+    )
     told = " ".join(doubts({**record, "suspect_presses": [3, 8]}, explained))
     assert "Presses 3, 8 stand out of the map alone, and no more of the last model" in told
     assert "Without them the answer is the same" in told

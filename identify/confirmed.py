@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,20 +13,10 @@ from identify.comparison import Comparison
 from identify.explain import Explanation, without_unneeded
 from identify.joint_fit import JointFit, fit_jointly
 from identify.measurement_model import MeasurementModel
+from identify.rivals import BEATEN_BY
 from identify.rung import whitened_fit
 from identify.second_look import look_again
 from models.scan import Scan
-
-_FAR_BEHIND = 200.0  # in chi-square: `_BEATEN_BY` of `identify.rivals`, whatever the best one did
-
-
-@dataclass(frozen=True)
-class Confirmed:
-    """The fit to the other readings, how its residual is judged, and the additions beside it."""
-
-    fit: JointFit
-    comparison: Comparison
-    additions: tuple[Addition, ...]
 
 
 def confirmed(
@@ -35,32 +25,42 @@ def confirmed(
     scan: Scan,
     same: np.ndarray,
     say: Callable[[str], None],
-) -> Confirmed | None:
+) -> tuple[JointFit, Comparison] | None:
     """Put an answer to the test on some of its readings; None unless all of it holds.
 
-    The residual must be noise again, every effect must earn its place beside the others, and none
-    of its rivals may take it. Those that were far behind on these readings are not tried again.
+    The residual must be noise again, or structured again, every effect must earn its place beside
+    the others, and be told apart from the same rivals. Those that were far behind on these readings
+    are not tried again.
 
     Parameters
     ----------
-    explained : by an addition or more, so that its residual is noise
+    explained : by an addition or more
     model : without effects, of the other readings
     scan : placed, with these readings
     same : (m,) bool, which of the answer's readings they are
+
+    Returns
+    -------
+    the last model fitted to these readings, and how its residual is judged
     """
-    final = explained.final.fit
+    final, additions = explained.final, explained.additions
     say("fitting the answer")
-    fit = fit_jointly(replace(model, effects=final.model.started(final.u).effects), final.map)
+    effects = final.fit.model.started(final.fit.u).effects
+    fit = fit_jointly(replace(model, effects=effects), final.fit.map)
     comparison = compare_residual(whitened_fit(fit, scan))
-    names = [addition.name for addition in explained.additions]
-    if not comparison.is_noise or any(at_bound(fit, name) for name in names):
+    names = [addition.name for addition in additions]
+    alike = comparison.is_noise == final.comparison.is_noise
+    if not alike or any(at_bound(fit, name) for name in names):
         return None
     _, lost = without_unneeded(fit, names, say)
     if lost:
         return None
-    near = [_without_those_far_behind(addition, same) for addition in explained.additions]
-    _, additions, exchanged = look_again(fit, near, say, the_last_too=True)
-    return None if exchanged else Confirmed(fit, comparison, tuple(additions))
+    near = [_without_those_far_behind(addition, same) for addition in additions]
+    _, again, _ = look_again(fit, near, say, the_last_too=True)
+    told_apart = [(a.name, set(a.group)) for a in again] == [
+        (a.name, set(a.group)) for a in additions
+    ]
+    return (fit, comparison) if told_apart else None
 
 
 def _without_those_far_behind(addition: Addition, same: np.ndarray) -> Addition:
@@ -70,5 +70,5 @@ def _without_those_far_behind(addition: Addition, same: np.ndarray) -> Addition:
         return float(np.sum(fit.at.residual[same] ** 2))
 
     best = min(chi2(r.fit) for r in addition.rivals if r.name == addition.name)
-    near = [rival for rival in addition.rivals if chi2(rival.fit) <= best + _FAR_BEHIND]
-    return replace(addition, rivals=tuple(near))
+    near = tuple(rival for rival in addition.rivals if chi2(rival.fit) <= best + BEATEN_BY)
+    return replace(addition, rivals=near)

@@ -25,7 +25,9 @@ _SHORTLIST = 3
 _ENOUGH = 0.5  # in chi-square: a rival whose steps bring less has shown what it can
 # A rival is beaten if it is so far behind, in chi-square, and has done less than half of what the
 # best one did: a true one has come from behind by 130 once the finer model corrected its map.
-_BEATEN_BY, _BEATEN_SHARE = 200.0, 0.5
+BEATEN_BY, _BEATEN_SHARE = 200.0, 0.5
+# Of what the best one did: what going on, a few dozen evaluations of it, has never made up for
+_LAGS_SHARE = 0.2
 _RISE = 1.002  # an addition does not raise the error itself ...
 _EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
 _PROMISED = 0.3  # of the score: a refit that brings less may have begun at the wrong place
@@ -93,14 +95,19 @@ def compare_rivals(
     names: Sequence[str],
 ) -> tuple[Rival, ...]:
     """Refit these effects with the map; best first."""
-    rivals = []
+    fits: dict[str, JointFit] = {}
+    best = np.inf
     for name in names:
         say(f"trying {name}")
-        best = min((rival.chi2 for rival in rivals), default=np.inf)
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name], best)
-        if fit is None or effects[name].doubt(fit.at.values[name], fit.model.readings):
-            continue
+        if fit is not None and not effects[name].doubt(fit.at.values[name], fit.model.readings):
+            fits[name] = fit
+            best = min(best, fit.chi2)
+    rivals = []
+    for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
+        say(f"trying {name} further")
         fit = carried_on(fit, rung.fit, best)
+        best = min(best, fit.chi2)
         # Chi-square also falls where the model's slope, and with it the noise allowed, grows
         if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
@@ -113,16 +120,17 @@ def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> Jo
     return try_fit(model, stiffness, enough=_ENOUGH, **options)
 
 
-def beaten(rival: float, before: float, best: float) -> bool:
+def beaten(rival: float, before: float, best: float, share: float = _BEATEN_SHARE) -> bool:
     """Whether a rival's chi-square is too far behind the best one's, from what it was before."""
-    return rival - best > max(_BEATEN_BY, _BEATEN_SHARE * (before - best))
+    return rival - best > max(BEATEN_BY, share * (before - best))
 
 
 def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
-    if (fit.success and not far) or beaten(fit.chi2, before.chi2, best):
+    lags = beaten(fit.chi2, before.chi2, best, _LAGS_SHARE)
+    if (fit.success and not far) or lags:
         return fit
     return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 

@@ -81,7 +81,8 @@ def without_suspects(
     def tell(text: str) -> None:
         say(f"without presses {named}: {text}")
 
-    if explained.additions and explained.verdict in ("explained", "ambiguous"):
+    accounted_for = not set(presses) & set(explained.final.comparison.bad_presses)
+    if explained.additions and (explained.verdict != "unexplained" or accounted_for):
         same = _same_answer(problem, explained, presses, tell)
         if same is not None:
             return same
@@ -102,16 +103,8 @@ def _same_answer(
     again = confirmed(explained, model, scan, same, say)
     if again is None:
         return None
-    groups = tuple(a.group for a in again.additions)
-    return WithoutSuspects(
-        presses,
-        "explained" if all(len(group) == 1 for group in groups) else "ambiguous",
-        tuple(group[0] for group in groups if len(group) == 1),
-        tuple(group for group in groups if len(group) > 1),
-        frozenset(name for group in groups for name in group),
-        again.fit,
-        again.comparison,
-    )
+    fit, comparison = again
+    return replace(WithoutSuspects.of(presses, explained), fit=fit, comparison=comparison)
 
 
 def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from identify.explain import SUSPECT_PRESSES
 from palpmap.__main__ import app
 from palpmap.explain_record import explain_record
 from palpmap.explain_words import doubts, verdict_detail
-from palpmap.suspects import WithoutSuspects, suspects_left, weighed
+from palpmap.suspects import WithoutSuspects, suspects_left, weighed, without_suspects
 
 SLIPPED = (6, 17)
 
@@ -91,6 +91,24 @@ def test_an_effect_that_is_found_without_them_too_keeps_its_place(explained_case
     explained = explained_case.explained
     assert weighed(explained, WithoutSuspects.of((3, 8), explained)) is explained
     assert weighed(explained, None) is explained
+
+
+def test_an_answer_that_holds_without_suspect_presses_is_not_searched_again(explained_case):
+    explained, said = explained_case.explained, []
+    first = explained.ladder[0]
+    two = tuple(p.press for p in first.comparison.presses)[2:4]
+    presses = tuple(replace(p, bad=p.press in two) for p in first.comparison.presses)
+    comparison = replace(first.comparison, presses=presses)
+    suspected = replace(
+        explained, ladder=(replace(first, comparison=comparison), *explained.ladder[1:])
+    )
+    without = without_suspects(explained_case.problem, (), 0, suspected, said.append)
+    assert without is not None
+    assert (without.verdict, without.added) == ("explained", explained.added)
+    assert without.fit.model.readings.presses == explained.final.fit.model.readings.presses - 2
+    assert without.comparison.is_noise
+    assert all(text.startswith(f"without presses {two[0]}, {two[1]}: ") for text in said)
+    assert not any("scoring" in text for text in said)
 
 
 def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_case):

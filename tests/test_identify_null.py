@@ -19,11 +19,12 @@ from identify.joint_fit import fit_jointly
 from identify.joint_record import estimates
 from identify.score_null import score_null
 
-SEEDS = 100
+SEEDS = 500
 
 
+@cache
 def body():
-    """The coarse mesh alone, which is then the truth as well."""
+    """The coarse mesh alone, which is then the truth as well; it keeps its models elsewhere."""
     return replace(mechanics(), fine=None, ratio=1.0)
 
 
@@ -65,11 +66,13 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
             covered[name].append(own.lower95 <= value <= own.upper95)
     tested = {name: p for name, p in p_values.items() if len(p) == SEEDS}
     assert len(tested) >= 18
-    # 21 effects: the least of so many Kolmogorov-Smirnov chances
+    # The least of 28 Kolmogorov-Smirnov chances, one for each effect
     chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
     assert min(chances.values()) > 0.01 / len(tested), chances
     rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
-    assert min(rates.values()) > 0.87, rates  # 100 draws of 0.95: below in 1 of 1000
+    # 500 draws of 0.95, and the mesh's error counted where there is none
+    assert min(rates.values()) > 0.92, rates
+    assert max(rates.values()) < 0.99, rates
 
 
 @pytest.mark.slow

@@ -28,9 +28,9 @@ def confirmed(
 ) -> tuple[JointFit, Comparison] | None:
     """Put an answer to the test on some of its readings; None unless all of it holds.
 
-    The residual must be noise again, or structured again, every effect must earn its place beside
-    the others, and be told apart from the same rivals. Those that were far behind on these readings
-    are not tried again.
+    The residual must be noise again, or structured again, and every effect must earn its place
+    beside the others. Where it is noise, each must be told apart from the same rivals, too; those
+    that were far behind on these readings are not tried again.
 
     Parameters
     ----------
@@ -55,6 +55,8 @@ def confirmed(
     _, lost = without_unneeded(fit, names, say)
     if lost:
         return None
+    if not comparison.is_noise:
+        return fit, comparison
     near = [_without_those_far_behind(addition, same) for addition in additions]
     _, again, _ = look_again(fit, near, say, the_last_too=True)
     told_apart = [(a.name, set(a.group)) for a in again] == [

@@ -85,10 +85,11 @@ def test_readings_that_contradict_themselves_are_said_to(table, says):
 
 def test_a_height_that_is_only_assumed_refuses_no_travel():
     known = study()
-    guessed = known.body.model_copy(update={"thickness_assumed": True})
-    known = known.model_copy(update={"body": guessed})
+    body = known.body.model_copy(update={"thickness_assumed": True})
+    guessed = known.model_copy(update={"body": body})
     deep = scan(6, travel=SHARE * 0.06)
-    refuse_unfit(place_scan(deep, known), known)
+    assert "less than the body's height" in refused(deep, known)
+    refuse_unfit(place_scan(deep, guessed), guessed)
 
 
 def test_rows_are_counted_as_in_the_file():

@@ -147,7 +147,8 @@ def _named(result: Mapping[str, Any]) -> str:
 def map_errors(result: Mapping[str, Any], answer: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return found and true values of the map: name, found, std, true, inside (the interval).
 
-    The map's first inclusion is compared with the first of the truth, and so on.
+    `unseen_shift` is how far the result says that an unseen effect may have moved it. The map's
+    first inclusion is compared with the first of the truth, and so on.
     """
     body = answer["body"]
     true = {"background_pa": body["background_pa"]}
@@ -160,5 +161,7 @@ def map_errors(result: Mapping[str, Any], answer: Mapping[str, Any]) -> list[dic
             row = {"name": name, "found": found["value"], "std": found.get("std"), "true": value}
             if "lower95" in found:
                 row["inside"] = found["lower95"] <= value <= found["upper95"]
+            if shift := result.get("unseen_shifts", {}).get(name):
+                row["unseen_shift"] = shift["shift"]
             rows.append(row)
     return rows

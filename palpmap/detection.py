@@ -1,10 +1,11 @@
 """`palpmap limits`: what a scan can see of each effect, and the scan that would see more."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from identify.explain import Explanation
 from identify.joint_fit import JointFit, fit_jointly
 from identify.limits import (
     SHARE,
@@ -15,6 +16,7 @@ from identify.limits import (
     that_fit,
 )
 from identify.scan_design import mixed, presses_of, variations
+from identify.unseen_shift import UnseenShift, unseen_shifts
 from palpmap.console import Output
 from palpmap.diagnose import untestable_lines
 from palpmap.next_scan import write_presses
@@ -129,6 +131,28 @@ def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:
     if not (run / program).exists():
         write_presses(plan.design.presses, problem.placement.origin_m, run / program)
     return {"change": plan.design.change, "program": program}
+
+
+def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
+    """Return what could hide in a scan that was explained, as plain data.
+
+    Returns
+    -------
+    `limits` of what the search started from, `detection_limits` (shares of the signal) by effect,
+    and `unseen_shifts`: how far what the last model lacks unseen may have moved its parameters;
+    nothing where something is seen to be missing
+    """
+    first, last = explained.ladder[0].fit, explained.final.fit
+    limits = detection_limits(first, problem.catalogue)
+    shifts: Mapping[str, UnseenShift] = {}
+    if explained.verdict != "unexplained":
+        own = limits if last is first else detection_limits(last, problem.catalogue)
+        shifts = unseen_shifts(own)
+    return {
+        "limits": [limit_record(limit) for limit in limits],
+        "detection_limits": {one.name: one.smallest_share for one in limits if one.smallest_share},
+        "unseen_shifts": {name: asdict(shift) for name, shift in shifts.items()},
+    }
 
 
 def limit_record(limit: Limit, better: Better | None = None) -> dict[str, Any]:

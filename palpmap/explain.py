@@ -6,11 +6,10 @@ from typing import Any
 
 from identify.effects.effect import Effect
 from identify.explain import Explanation
-from identify.limits import detection_limits
 from identify.rung import Rung
 from models.scan_file import read_scan
 from palpmap.console import Output, to_type
-from palpmap.detection import limit_record
+from palpmap.detection import hiding
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
 from palpmap.kept_inputs import keep_inputs
@@ -110,10 +109,7 @@ def write_explanation(
     record["next_presses"] = proposal_records(proposals, problem, run)
     if record["suspects_left"]:
         record["next_presses"].append(repeat_record(record["suspects_left"], problem, run))
-    limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
-    seen = {limit.name: limit.smallest_share for limit in limits}
-    record["detection_limits"] = {name: share for name, share in seen.items() if share}
-    record["limits"] = [limit_record(limit) for limit in limits]
+    record |= hiding(explained, problem)
     write_record(run / "result.json", record)
     version_of(kept, explained.final.fit, run / "study.toml", files)
     write_explain_files(run, problem, explained, record)

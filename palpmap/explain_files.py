@@ -59,7 +59,7 @@ def explain_pictures(
         }
         for number, evidence in enumerate(evidences(explained), start=1):
             pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
-        parameters = draw_parameters(finding, explained, record["parameters"])
+        parameters = draw_parameters(finding, explained, record)
         if parameters is not None:
             pictures["parameters"] = png(parameters)
         cosines = draw_cosines(first.diagnosis)

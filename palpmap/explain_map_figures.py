@@ -25,6 +25,8 @@ from palpmap.finding import Finding, matched
 from palpmap.fit_figures import MARKS, plain_name
 from palpmap.map_figures import Cut, cuts, sample
 
+_PALE = 0.25  # of the colour, for what no interval counts
+
 
 def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     """Draw the map without and with the added effects, and the true one where it is known."""
@@ -111,18 +113,20 @@ def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) ->
 
 
 def draw_parameters(
-    finding: Finding, explained: Explanation, parameters: Mapping[str, Mapping[str, Any]]
+    finding: Finding, explained: Explanation, record: Mapping[str, Any]
 ) -> Figure | None:
     """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
 
-    The last rung's intervals are those of `parameters`, as result.json has them; those of the rungs
-    before are 1.96 standard errors. None where the ladder has one rung, or the whole map was held.
+    The last rung's intervals are those of result.json, pale what an unseen effect may add; those
+    of the rungs before are 1.96 standard errors. None where the whole map was held, or where there
+    is nothing beside the intervals of one rung.
     """
-    rungs = explained.ladder
-    names = [n for n in rungs[-1].fit.map.names if n in rungs[-1].fit.std]
-    if len(rungs) < 2 or not names:
+    rungs, last, parameters = explained.ladder, explained.final, record["parameters"]
+    shifts = record.get("unseen_shifts", {})
+    names = [n for n in last.fit.map.names if n in last.fit.std]
+    if not names or (len(rungs) < 2 and not shifts):
         return None
-    true = {} if finding.truth is None else matched(rungs[-1].fit.map, finding.truth)
+    true = {} if finding.truth is None else matched(last.fit.map, finding.truth)
     columns = min(len(names), 6)
     rows = -(-len(names) // columns)
     figure = new_figure(10.4, 2.5 * rows + 0.3)
@@ -141,9 +145,16 @@ def draw_parameters(
         for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
             axes.vlines(x, below, above, color=hue, lw=1.8)
             axes.plot(x, v, "o", color=hue, ms=5)
+        if name in shifts:
+            further = scale * shifts[name]["shift"]
+            ends = low[-1] - further, high[-1] + further
+            axes.plot(
+                [len(rungs) - 1] * 2, ends, color=BLUE, alpha=_PALE, lw=7, solid_capstyle="butt"
+            )
         if name in true:
             axes.axhline(scale * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
-        axes.set_xticks(at, ["before", *[""] * (len(rungs) - 2), "after"][: len(rungs)])
+        words = ["before", *[""] * (len(rungs) - 2), "after"] if len(rungs) > 1 else ["found"]
+        axes.set_xticks(at, words)
         axes.set_xlim(-0.6, len(rungs) - 0.4)
         axes.set_title(f"{plain_name(name)}\n{'kPa' if name.endswith('_pa') else 'mm'}", size=9)
     return figure

@@ -26,6 +26,7 @@ from palpmap.explain_words import (
     step_evidence,
     step_notes,
     steps_of,
+    unseen_effects,
     verdict_detail,
 )
 from palpmap.finding import Finding
@@ -55,7 +56,8 @@ CAPTIONS = {
     "parameters": (
         "The map's parameters with their 95 % intervals, step by step; dashed: the truth, where it "
         "is known. Grey: 1.96 standard errors of the models before. Blue: the intervals of the "
-        "table below."
+        "table below; pale: how much further an effect that this scan does not show may have moved "
+        "them."
     ),
     "presses": "Single presses: readings, and the model before and after.",
     "confusion": (
@@ -197,6 +199,8 @@ def _map(t: Told) -> str:
             "The true map lies beside the scan and is shown for comparison; nothing was fitted to "
             "it. Off: the distance to the truth in standard errors (s.e.) of that fit."
         )
+    if unseen := unseen_effects(t.record):
+        text += paragraph(unseen)
     if stepped and t.explained.verdict != "explained":
         text += paragraph(
             "'After' is not the truth either: "

@@ -15,7 +15,9 @@ from palpmap.explain_words import (
     stated_lengths,
     step_evidence,
     steps_of,
+    unseen_effects,
     unseen_inclusions,
+    unseen_shift,
     verdict_detail,
     without_suspects,
 )
@@ -61,6 +63,8 @@ def explain_summary(
                 lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
     lines.extend(Text(f"- {says}") for says in presses_sentences(record["presses_alone"]))
     lines.append(_parameter_table(record))
+    if unseen := unseen_effects(record):
+        lines.append(Text(f"- {unseen}"))
     held = [name for name, p in record["parameters"].items() if p["at_bound"]]
     if held:
         lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
@@ -97,15 +101,20 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     from rich import box
     from rich.table import Table
 
+    title = _FITTED.get(record["verdict"], "found")
     table = Table(
-        box=box.SIMPLE, title=_FITTED.get(record["verdict"], "found"), title_justify="left"
+        box=box.SIMPLE, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
     )
     table.add_column("parameter", overflow="fold")
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("std error", justify="right", no_wrap=True)
     table.add_column("95 % interval", justify="right", no_wrap=True)
+    told = bool(record.get("unseen_shifts"))
+    if told:
+        table.add_column("unseen effect", justify="right", no_wrap=True)
     for name, p in record["parameters"].items():
         scale, unit = readable(p["unit"])
         value, error = f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}"
-        table.add_row(name, value, error, interval(p))
+        unseen = [unseen_shift(name, record)] if told else []
+        table.add_row(name, value, error, interval(p), *unseen)
     return table

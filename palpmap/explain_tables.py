@@ -10,7 +10,7 @@ from identify.addition import Addition
 from identify.effects.words import percent
 from identify.explain import Explanation
 from identify.residual_statement import length
-from palpmap.explain_words import CANDIDATES, interval, rung_labels
+from palpmap.explain_words import CANDIDATES, interval, rung_labels, unseen_shift
 from palpmap.finding import Finding, matched
 from palpmap.fit_figures import plain_name
 from palpmap.report import shown
@@ -116,7 +116,7 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
     """Return the parameters before and after, with the truth where it is known."""
     first, last = explained.ladder[0].fit, explained.final.fit
     true = {} if finding.truth is None else matched(last.map, finding.truth)
-    stepped = len(explained.ladder) > 1
+    stepped, shifts = len(explained.ladder) > 1, record.get("unseen_shifts")
     rows = []
     for name, p in record["parameters"].items():
         axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
@@ -128,11 +128,15 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
                        if known else "")  # fmt: skip
         bound = ' <span class="no">at its bound</span>' if p["at_bound"] else ""
         row.append(_with_interval(p) + bound)
+        if shifts:
+            row.append(escape(unseen_shift(name, record, named=True)))
         if true:
             row += _against(name, true, first, last, shift, stepped)
         rows.append(row)
     now = "After" if stepped else "Found"
     head = ["Parameter", *(["Before"] if stepped else []), f"{now}, 95 % interval"]
+    if shifts:
+        head.append("Unseen effect")
     if true:
         head += ["True", *(["Off before"] if stepped else []), "Off after" if stepped else "Off"]
     return table(head, rows, raw=True)

@@ -10,9 +10,12 @@ from identify.discretization import MODEL_ERROR
 from identify.effects import words
 from identify.effects.words import percent
 from identify.explain import WORTHWHILE, Explanation
+from identify.limits import SHARE
 from identify.residual_statement import length
 from palpmap.explain_evidence import added_names, kept
 from palpmap.problem import Problem, named
+
+_NAMED = 3  # of the effects that may have moved the parameters unseen
 
 VERDICTS = {
     "nothing_missing": ("Nothing is seen to be missing.", "green"),
@@ -213,6 +216,22 @@ def unseen_inclusions(record: Mapping[str, Any]) -> str:
     return f"{which} Say inclusions = {count - 1} under [map], or scan closer."
 
 
+def unseen_effects(record: Mapping[str, Any]) -> str:
+    """Say what moves the parameters beyond their intervals and is not seen; or nothing."""
+    shifts = record.get("unseen_shifts", {})
+    if not shifts:
+        return ""
+    errors = {name: record["parameters"][name]["std"] for name in shifts}
+    known = [name for name in shifts if errors[name] > 0]
+    known.sort(key=lambda name: shifts[name]["shift"] / errors[name], reverse=True)
+    effects = list(dict.fromkeys(shifts[name]["effect"] for name in known))[:_NAMED]
+    return (
+        "No interval counts what is too small to be seen. 'Unseen effect' says how far an effect "
+        f"of at most {percent(SHARE)} of the signal that this scan would not show may have moved a "
+        f"parameter (most: {listed(effects)}); `palpmap limits` names the scan that narrows it."
+    )
+
+
 _LENGTHS = {"tip_radius": "the tip's radius", "body_height": "the body's height"}
 
 
@@ -284,6 +303,18 @@ def interval(parameter: Mapping[str, Any]) -> str:
         return "held"
     scale, unit = readable(parameter["unit"])
     return f"{scale * parameter['lower95']:.4g} to {scale * parameter['upper95']:.4g}{unit}"
+
+
+def unseen_shift(name: str, record: Mapping[str, Any], named: bool = False) -> str:
+    """Return how far an unseen effect may have moved a parameter, in words; or nothing.
+
+    `named` says which effect, too.
+    """
+    found = record.get("unseen_shifts", {}).get(name)
+    if found is None:
+        return ""
+    scale, unit = readable(record["parameters"][name]["unit"])
+    return f"± {scale * found['shift']:.2g}{unit}" + (f" ({found['effect']})" if named else "")
 
 
 def steps_of(explained: Explanation) -> Sequence[int]:

@@ -301,7 +301,7 @@ def play(
 
 def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
     """Run the loop of `palpmap explain` on a study, without report and recording."""
-    from identify.limits import detection_limits
+    from palpmap.detection import hiding
     from palpmap.explain import explain_study
     from palpmap.explain_record import explain_record
     from palpmap.next_scan import proposal_records, propose
@@ -309,9 +309,7 @@ def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
 
     found = explain_study(load_study(study), (), seed, Output(quiet=True))
     explained, problem, without = found
-    limits = detection_limits(explained.ladder[0].fit, problem.catalogue)
-    seen = {one.name: one.smallest_share for one in limits if one.smallest_share is not None}
-    record = {**explain_record(explained, problem, without), "detection_limits": seen}
+    record = {**explain_record(explained, problem, without), **hiding(explained, problem)}
     record["next_presses"] = proposal_records(propose(explained, problem), problem, out)
     write_record(out / "result.json", record)
     return record

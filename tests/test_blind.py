@@ -107,6 +107,9 @@ def test_map_errors_pair_found_with_true_values():
     found = result("explained", parameters={"inclusion_1.x_m": {"value": 0.041, "std": 2e-4}})
     (row,) = map_errors(found, answer())
     assert row == {"name": "inclusion_1.x_m", "found": 0.041, "std": 2e-4, "true": 0.04}
+    found["unseen_shifts"] = {"inclusion_1.x_m": {"shift": 2e-3, "effect": "skin_layer"}}
+    (row,) = map_errors(found, answer())
+    assert row["unseen_shift"] == 2e-3
 
 
 def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():

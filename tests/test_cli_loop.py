@@ -208,6 +208,18 @@ def test_explain_says_of_every_effect_how_it_was_judged(explained):
         assert not set(candidate["confused_with"]) - NAMES
 
 
+def test_explain_says_how_far_an_unseen_effect_may_have_moved_what_it_found(explained):
+    record = record_of(explained[0])
+    shifts = record["unseen_shifts"]
+    assert set(shifts) == {name for name, p in record["parameters"].items() if p["std"]}
+    for shift in shifts.values():
+        assert shift["shift"] > 0
+        assert 0 < shift["share"] <= 0.03
+        assert shift["effect"] in NAMES - {"viscoelasticity"}  # which the last model has
+    background = record["parameters"]["background_pa"]
+    assert background["std"] < shifts["background_pa"]["shift"] < 0.2 * background["value"]
+
+
 def test_explain_leaves_a_study_that_has_the_effect(explained):
     _, run = explained
     (entry,) = load_study(run / "study.toml").effects

@@ -4,10 +4,12 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from io import StringIO
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from rich.console import Console
 
 from identify import explain
 from identify.addition import Addition
@@ -20,6 +22,7 @@ from palpmap.explain_files import explain_pictures
 from palpmap.explain_finding import final_finding, truth_beside
 from palpmap.explain_map_figures import draw_maps, draw_parameters, draw_presses
 from palpmap.explain_report import Told, write_explain_report
+from palpmap.explain_summary import explain_summary
 from palpmap.explain_tables import candidate_verdict
 from palpmap.explain_words import (
     _name_notes,
@@ -278,7 +281,7 @@ def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_
     record = told.record["parameters"]
     weight = record["inclusion_1.weight_pa"]
     bent = {**weight, "lower95": weight["value"] - 2000, "upper95": weight["value"] + 9000}
-    shown = {**record, "inclusion_1.weight_pa": bent}
+    shown = {**told.record, "parameters": {**record, "inclusion_1.weight_pa": bent}}
     figure = draw_parameters(told.finding, told.explained, shown)
     assert figure is not None
     axes = next(a for a in figure.axes if "weight" in a.get_title())
@@ -288,6 +291,46 @@ def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_
     name = "inclusion_1.weight_pa"
     assert_allclose(np.mean(before), 1e-3 * fit.values[name])
     assert_allclose(np.ptp(before), 2 * 1.96e-3 * fit.std[name])
+
+
+def with_unseen_effects(told):
+    p = told.record["parameters"]["inclusion_1.weight_pa"]
+    shifts = {
+        "background_pa": {"shift": 0.0, "effect": "breathing", "share": 0.001},
+        "inclusion_1.weight_pa": {"shift": 4 * p["std"], "effect": "rigid_tip", "share": 0.014},
+    }
+    return {**told.record, "unseen_shifts": shifts}
+
+
+def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, tmp_path):
+    record = with_unseen_effects(told)
+    std = record["parameters"]["inclusion_1.weight_pa"]["std"]
+    page = written(replace(told, record=record), tmp_path)
+    assert f"± {4e-3 * std:.2g} kPa (rigid_tip)" in page.text
+    assert "No interval counts what is too small to be seen" in page.text
+    assert "No interval counts" not in written(told, tmp_path).text
+    console = Console(width=80, file=StringIO())
+    for line in explain_summary(record, told.explained, told.problem):
+        console.print(line)
+    screen = console.file.getvalue()  # type: ignore[attr-defined]
+    assert f"± {4e-3 * std:.2g} kPa" in screen
+    assert "(most: rigid_tip and breathing)" in " ".join(screen.split())
+    (row,) = (line for line in screen.splitlines() if "inclusion_1.weight_pa" in line)
+    assert len(row) <= 80
+
+
+def test_the_pale_bar_is_the_interval_and_what_an_unseen_effect_may_add(told):
+    record = with_unseen_effects(told)
+    figure = draw_parameters(told.finding, told.explained, record)
+    assert figure is not None
+    axes = next(a for a in figure.axes if "weight" in a.get_title())
+    (pale,) = (line for line in axes.lines if line.get_alpha())
+    p = record["parameters"]["inclusion_1.weight_pa"]
+    ends = [p["lower95"] - 4 * p["std"], p["upper95"] + 4 * p["std"]]
+    assert_allclose(pale.get_ydata(), 1e-3 * np.array(ends))
+    one = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    assert draw_parameters(told.finding, one, told.record) is None
+    assert draw_parameters(told.finding, one, record) is not None
 
 
 def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told):

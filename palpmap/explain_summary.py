@@ -107,14 +107,13 @@ def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
     )
     table.add_column("parameter", overflow="fold")
     table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("std error", justify="right", no_wrap=True)
     table.add_column("95 % interval", justify="right", no_wrap=True)
     told = bool(record.get("unseen_shifts"))
     if told:
         table.add_column("unseen effect", justify="right", no_wrap=True)
     for name, p in record["parameters"].items():
         scale, unit = readable(p["unit"])
-        value, error = f"{scale * p['value']:.4g}{unit}", f"{scale * p['std']:.2g}{unit}"
+        value = f"{scale * p['value']:.4g}{unit}"
         unseen = [unseen_shift(name, record)] if told else []
-        table.add_row(name, value, error, interval(p), *unseen)
+        table.add_row(name, value, interval(p), *unseen)
     return table

@@ -6,7 +6,14 @@ from typing import Any
 from identify.explain import Explanation
 from identify.rung import Rung
 from palpmap import recording_parts as parts
-from palpmap.explain_words import VERDICTS, interval, readable, verdict_detail
+from palpmap.explain_words import (
+    VERDICTS,
+    interval,
+    readable,
+    unseen_effects,
+    unseen_shift,
+    verdict_detail,
+)
 from palpmap.recording_explain_layout import PRESSES
 
 _SHOWN = 12  # candidates in the table of a rung
@@ -51,12 +58,15 @@ def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> 
         "model of the step, on the same scale. **Found**: coloured on the scale of the last map; "
         "what is beyond it has the colour of its end.",
         "",
-        "| parameter | value | 95 % interval |",
-        "|---|---|---|",
     ]
+    unseen = unseen_effects(record)
+    lines += [unseen, ""] if unseen else []
+    lines += [f"| parameter | value | 95 % interval |{' unseen effect |' if unseen else ''}"]
+    lines += ["|---|---|---|" + ("---|" if unseen else "")]
     for parameter, p in record["parameters"].items():
         scale, unit = readable(p["unit"])
         bound = " (at its bound)" if p["at_bound"] else ""
         value = f"{scale * p['value']:.4g}{unit}{bound}"
-        lines.append(f"| {parameter} | {value} | {interval(p)} |")
+        further = f" {unseen_shift(parameter, record)} |" if unseen else ""
+        lines.append(f"| {parameter} | {value} | {interval(p)} |{further}")
     return "\n".join(lines)

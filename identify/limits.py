@@ -7,26 +7,24 @@ All from the derivatives at the present fit, for this scan or for one that is on
     confused with              effects whose A_perp has a cosine above 0.9 with its own
     bias of the map            (G'G)^-1 G'A a: what the fitted map takes for the effect
 
-Source: the same algebra as the score test, see `identify.score`.
+Where that bias is large, the map's own curvature decides what it absorbs (a ball's edge is seen
+from four times the linear size on): the map is then fitted to the move itself, and |A_perp| is what
+the fit leaves. Source: the same algebra as the score test, see `identify.score`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem import Contacts, PalpationModel
-from fem.contact import PressedSurface
-from identify.body_mechanics import BodyMechanics
 from identify.diagnosis import ALIKE
 from identify.effects.effect import Effect, EffectParameter
-from identify.joint_fit import JointFit
+from identify.joint_fit import JointFit, try_fit
 from identify.measurement_chain import Chain
 from identify.measurement_model import Linearised, MeasurementModel
 from identify.optimize_result import InadmissibleError
-from identify.scan_design import Design, Presses, presses_of, readings_of
 from identify.score import beyond, effect_patterns, fitted_basis
 
 SIGMAS = 5.0
@@ -34,8 +32,10 @@ SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
 _SAMPLE = 12  # candidates of a grid that are looked at
 _NOTHING = 1e-5
 _UNMOVED = 1e-9  # of what the amplitudes together move: beyond rounding, nothing
-_TRIES = 3  # at the amplitude whose own pattern is 5 standard errors long
-_EXACT = 0.05  # of that length
+_TRIES = 4  # at the amplitude whose own pattern is 5 standard errors long
+_EXACT = 0.1  # of that length
+_FAR_MAP = 0.05  # of a scaled unknown: beyond it the map is fitted to an effect, not projected
+_REFIT_EVALUATIONS = 12
 _FAR = 0.5  # of the signal: beyond it, what the linear pattern says is good enough
 
 
@@ -99,7 +99,7 @@ def limits_at(
         if effect.name not in model.has:
             own = _seen(model, at, effect, fitted, normal, signal)
             if isinstance(own, _Seen) and own.share * SIGMAS < _FAR:
-                own = _at_its_size(model, at, effect, own, fitted, normal)
+                own = _at_its_size(model, at, u, effect, own, fitted, normal)
             seen[effect.name] = own
     bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
     slope = model.slope(u)
@@ -187,6 +187,7 @@ def _seen(
 def _at_its_size(
     model: MeasurementModel,
     at: Linearised,
+    u: np.ndarray,
     effect: Effect,
     own: _Seen,
     fitted: np.ndarray,
@@ -200,33 +201,63 @@ def _at_its_size(
     parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
     amplitudes = [parameters[p.name] for p in effect.amplitudes]
     signal = float(np.sqrt(np.mean(at.predicted_m**2)))
+    nulls = np.array([p.null for p in amplitudes], float)
+    typical = np.array([p.typical for p in amplitudes])
+    low, high = (np.array([getattr(p, end) for p in amplitudes]) for end in ("lower", "upper"))
     sizes = SIGMAS * _inward(own.sizes, amplitudes)
-    found = own
+    found, growth, before = own, 1.0, (0.0, 0.0)
     for _ in range(_TRIES):
-        nulls = np.array([p.null for p in amplitudes], float)
-        typical = np.array([p.typical for p in amplitudes])
-        low, high = (np.array([getattr(p, end) for p in amplitudes]) for end in ("lower", "upper"))
         values = np.clip(nulls + sizes * typical, low, high)
         named = dict(zip((p.name for p in amplitudes), values.tolist(), strict=True))
         try:
-            moved = _moved(model, at, effect, {**effect.null, **own.shape, **named})
+            moved_m = _moved(model, at, effect, {**effect.null, **own.shape, **named})
         except InadmissibleError:
             return found
-        left = moved - fitted @ (fitted.T @ moved)
+        moved = at.whitened(moved_m, model.readings.press)
+        left, bias = moved - fitted @ (fitted.T @ moved), normal @ moved
+        linear = bias
+        if np.abs(bias).max(initial=0.0) > _FAR_MAP:
+            left, bias = _absorbed(model, at, u, moved_m) or (left, bias)
         length = float(np.linalg.norm(left))
         if not np.isfinite(length) or length < _NOTHING:
             return found
+        share = float(np.sqrt(np.mean((moved * at.sigma_m) ** 2))) / signal / length
         found = replace(
             own,
-            share=float(np.sqrt(np.mean((moved * at.sigma_m) ** 2))) / signal / length,
+            share=share,
             sizes=(values - nulls) / typical / length,
             basis=left / length,
-            bias=normal @ moved / length,
+            # stated at 3 %: at less than the limit, the derivative is nearer to the truth
+            bias=(linear if share * SIGMAS > SHARE else bias) / length,
         )
-        if abs(length / SIGMAS - 1) < _EXACT or not np.allclose(values, nulls + sizes * typical):
+        largest = not np.allclose(values, nulls + sizes * typical)  # that is possible
+        if abs(length / SIGMAS - 1) < _EXACT or (largest and length < SIGMAS):
             return found
-        sizes = sizes * float(np.clip(SIGMAS / length, 0.25, 4.0))
+        sizes = (values - nulls) / typical
+        now = float(np.log(np.linalg.norm(sizes))), float(np.log(length))
+        if before != (0.0, 0.0) and now[0] != before[0]:
+            growth = float(np.clip((now[1] - before[1]) / (now[0] - before[0]), 0.3, 3.0))
+        before = now
+        sizes = sizes * float(np.clip((SIGMAS / length) ** (1 / growth), 0.25, 4.0))
     return found
+
+
+def _absorbed(
+    model: MeasurementModel, at: Linearised, u: np.ndarray, moved_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Fit all unknowns to the model's own readings, moved by (m,) m; None if that does not end.
+
+    Returns
+    -------
+    what is left (m,), whitened, and how far the unknowns went (k,), scaled
+    """
+    # At the latent forces, as the move is: at forces with noise, much of it would be noise, too
+    force, body = at.latent_force_n, at.body
+    base = model.chain.predict(body.compliance, body.local_modulus, force, at.values)
+    readings = replace(model.readings, force_n=force)
+    model = replace(model.started(u), readings=readings, displacement_m=base + moved_m)
+    fit = try_fit(model, model.map(u), rounds=0, max_evaluations=_REFIT_EVALUATIONS)
+    return None if fit is None else (fit.at.residual, fit.u - u)
 
 
 def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndarray:
@@ -244,7 +275,7 @@ def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndar
 def _moved(
     model: MeasurementModel, at: Linearised, effect: Effect, values: Mapping[str, float]
 ) -> np.ndarray:
-    """Return what an effect of these values moves the whitened readings by, (m,)."""
+    """Return what an effect of these values moves the readings by, (m,) m."""
     own, force = model.chain, at.latent_force_n
     c, e = at.body.compliance, at.body.local_modulus
     base = own.predict(c, e, force, at.values)
@@ -255,102 +286,4 @@ def _moved(
         effects = [*own.effects, effect]
         chain = Chain(own.readings, effects, own.radius_m, own.profile, own.poisson_ratio)
         moved = chain.predict(c, e, force, {**at.values, effect.name: values})
-    return at.whitened(moved - base, own.readings.press)
-
-
-def planned(
-    fit: JointFit, design: Design, further: bool = False
-) -> tuple[MeasurementModel, Linearised]:
-    """Return the model of a planned scan, and its linearisation at a fit's estimate.
-
-    `further` says that it is made after the present one, not in its place.
-    """
-    present = fit.model.readings
-    timed = present.time_s is not None
-    readings = readings_of(design.presses, timed, present if further else None)
-    mechanics = _mechanics(fit, design)
-    model = replace(
-        fit.model,
-        readings=readings,
-        displacement_m=np.zeros(len(readings)),
-        mechanics=mechanics,
-    )
-    model = replace(model, displacement_m=model.linearise(fit.u).predicted_m)
-    # Anew: with noise in both columns the best estimate of the force follows the displacement
-    at = model.linearise(fit.u)
-    return model, replace(at, residual=np.zeros(len(readings)))
-
-
-def that_fit(fit: JointFit, designs: Iterable[Design]) -> tuple[Design, ...]:
-    """Return the designs without the presses whose tip would hang over the body's edge."""
-    surface = PressedSurface(fit.model.mechanics.coarse.mesh)
-    found = []
-    for design in designs:
-        fits = surface.bears(_contacts(fit, design.presses))
-        if fits.all():
-            found.append(design)
-        elif fits.any():
-            left_out = f" (without the {np.sum(~fits)} places too near an edge for the tip)"
-            presses = design.presses.taken(np.flatnonzero(fits))
-            found.append(replace(design, change=design.change + left_out, presses=presses))
-    return tuple(found)
-
-
-def _contacts(fit: JointFit, presses: Presses) -> Contacts:
-    present = fit.model.mechanics.coarse.contacts
-    # A sphere's patch is not its radius
-    scale = present.radius_m / presses_of(fit.model.readings).radius_m
-    return Contacts(
-        presses.point_m,
-        presses.direction,
-        presses.radius_m * float(np.median(scale)),
-        present.profile,
-    )
-
-
-def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
-    """Return the body pressed as a design does; the present presses keep their models."""
-    own, present = fit.model.mechanics, presses_of(fit.model.readings)
-    presses = design.presses
-    same = len(presses) == len(present) and all(
-        np.array_equal(getattr(presses, name), getattr(present, name))
-        for name in ("point_m", "direction", "radius_m")
-    )
-    if same:
-        return own
-    coarse, contacts = own.coarse, _contacts(fit, presses)
-
-    def at_poisson_ratio(nu: float) -> PalpationModel:
-        return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
-
-    other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
-    other = other.corrected(fit.map, fit.at.state)
-    # The meshes err in what is far from the tip, which is the same length under any tip
-    now = fit.at.body.compliance
-    apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
-    error = (own.model_error * now)[apart.argmin(axis=1)]
-    return replace(other, model_error=error / other.evaluate(fit.map, fit.at.state).compliance)
-
-
-@dataclass(frozen=True)
-class Improvement:
-    """A planned scan, and how much smaller an effect it would see; ratio below 1 is better."""
-
-    design: Design
-    limits: tuple[Limit, ...]
-
-
-def improvements(
-    fit: JointFit,
-    catalogue: Sequence[Effect],
-    designs: Sequence[Design],
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Improvement, ...]:
-    """Return the limits of planned scans, in the order of the designs."""
-    found = []
-    for design in designs:
-        if progress:
-            progress(f"planning a scan {design.change}")
-        model, at = planned(fit, design)
-        found.append(Improvement(design, limits_at(model, at, fit.u, catalogue)))
-    return tuple(found)
+    return moved - base

@@ -23,8 +23,8 @@ from itertools import permutations
 import numpy as np
 
 from identify.joint_fit import JointFit
-from identify.limits import planned
 from identify.optimize_result import InadmissibleError
+from identify.planned_scan import planned
 from identify.scan_design import Design
 
 NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt

@@ -9,12 +9,10 @@ from identify.explain import Explanation
 from identify.joint_fit import JointFit, fit_jointly
 from identify.limits import (
     SHARE,
-    Improvement,
     Limit,
     detection_limits,
-    improvements,
-    that_fit,
 )
+from identify.planned_scan import Improvement, improvements, that_fit
 from identify.scan_design import mixed, presses_of, variations
 from identify.unseen_shift import UnseenShift, unseen_shifts
 from palpmap.console import Output

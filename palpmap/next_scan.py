@@ -9,8 +9,8 @@ import numpy as np
 
 from identify.discretization import MODEL_ERROR
 from identify.explain import Explanation
-from identify.limits import that_fit
 from identify.next_presses import Proposal, next_presses
+from identify.planned_scan import that_fit
 from identify.scan_design import Presses, presses_of, variations
 from palpmap.body_model import cell_size_m, smallest_cell_m
 from palpmap.problem import Problem, Say, named

@@ -12,7 +12,8 @@ from identify.body_mechanics import BodyMechanics
 from identify.effects.catalogue import CATALOGUE
 from identify.held_out import folds
 from identify.joint_fit import fit_jointly
-from identify.limits import detection_limits, improvements, planned, that_fit
+from identify.limits import detection_limits
+from identify.planned_scan import improvements, planned, that_fit
 from identify.readings import Readings
 from identify.scan_design import BETWEEN_SCANS_S, presses_of, readings_of, variations
 

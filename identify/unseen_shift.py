@@ -3,9 +3,10 @@
 No interval counts this: an interval is of the noise, under the model as it stands. Per parameter,
 over the effects of a catalogue that the model does not have,
 
-    max |(G'G)^-1 G'A a|,    a at the effect's detection limit, or at 3 % of the signal if less,
+    max |bias|,    of the effect at its detection limit, or at 3 % of the signal if that is less,
 
-to first order and for one effect at a time (see `identify.limits`).
+for one effect at a time. Below the limit the bias is to first order, at it the map is fitted where
+the effect takes it far (see `identify.limits`).
 """
 
 from __future__ import annotations

@@ -217,7 +217,7 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
         )
     notes = [
         "E0, w, z: how far the map's background, first inclusion's weight and depth move if an "
-        f"effect of {100 * SHARE:.0f} % of the signal is ignored (to first order).",
+        f"effect of {100 * SHARE:.0f} % of the signal is ignored (in proportion).",
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
         *(
             [f"mixed: the scan {mixed_scan['change']} ({mixed_scan['program']})."]

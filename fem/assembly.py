@@ -208,17 +208,21 @@ class Stiffness:
         return data
 
     def energies(
-        self, displacement: np.ndarray, close_cells: np.ndarray | None = None
+        self, displacement: np.ndarray, close_cells: np.ndarray | None = None, spare: int = 0
     ) -> np.ndarray:
-        """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q).
+        """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q + spare).
 
         Parameters
         ----------
         displacement : (j, n, 3) m
         close_cells : (c,) that have samples of their own, see `values` and `close_energies`
+        spare : columns of zeros at the end, for the caller
         """
         by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
-        out = np.empty((len(self.volumes), self.samples, len(displacement)))
+        count = len(self.volumes) * self.samples
+        whole = np.empty((count + spare, len(displacement)))
+        whole[count:] = 0.0
+        out = whole[:count].reshape(-1, self.samples, len(displacement))
         weights = self.volumes[:, None] * self.rule[1]
         kernels.energies(out, by_node, self.mesh.cells, self.gradients, self._derivatives, weights,
                          *self._lame)  # fmt: skip
@@ -228,7 +232,7 @@ class Stiffness:
             for j, field in enumerate(displacement):
                 dilatation = np.einsum("eia,eia->e", self.mean_gradients, field[self.mesh.cells])
                 out[:, :, j] += self.mean_lame * weights * dilatation[:, None] ** 2
-        return out.reshape(-1, len(displacement)).T
+        return whole.T
 
     def close_energies(self, displacement: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return what `energies` does for the samples that some cells have of their own, (j, c, s).

@@ -42,13 +42,15 @@ _GROUP = 16  # presses whose near fields are solved together
 class Material(NamedTuple):
     """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
 
-    `close` has the modulus samples that count in the cells around the tips.
+    `close` has the modulus samples that count in the cells around the tips, `local` (j,) the
+    modulus at the contact points.
     """
 
     modulus: np.ndarray
     fibres: Fibres | None
     skin: Skin | None
     close: QuadraticModulus
+    local: np.ndarray
 
 
 class NearFields(NamedTuple):
@@ -152,9 +154,15 @@ class PalpationModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled, (p, 3) m: in every cell, then in those around the tips."""
+        """Where the modulus is sampled, (p, 3) m.
+
+        In every cell; then in those around the tips, where there are near fields; last at the contact
+        points, which only a skin asks for.
+        """
         corners = self.mesh.nodes[self.mesh.cells[self.close_cells, :4]]
-        return np.vstack([self.stiffness.points_m, close_points_m(corners)])
+        return np.vstack(
+            [self.stiffness.points_m, close_points_m(corners), self.contacts.points_m]
+        )
 
     def evaluate(
         self,
@@ -186,8 +194,9 @@ class PalpationModel:
             direction, strength = checked_fibres(fibres, len(modulus))
             fibres = Fibres(direction, np.asarray(strength)[:split])
         skin = None if skin is None else Skin(*skin)
-        modulus, close = modulus[:split], modulus[split:].reshape(-1, len(CLOSE_SAMPLES))
-        material = Material(modulus, fibres, skin, QuadraticModulus(close))
+        modulus, close, local = np.split(modulus, [split, len(modulus) - len(self.contacts)])
+        close = QuadraticModulus(close.reshape(-1, len(CLOSE_SAMPLES)))
+        material = Material(modulus, fibres, skin, close, local)
         support = self.support
         if support_compliance is not None:
             normal, tangential = support_compliance
@@ -215,8 +224,7 @@ class PalpationModel:
             asked = (support.normal, support.tangential)
             compliance += first_order_rest(asked, springs, response.support_sensitivity)
         if skin is not None:
-            near = body.skinned.near(skin).value
-            compliance += near / body.skinned.local_modulus(modulus)
+            compliance += body.skinned.near(skin).value / local
         for array in (compliance, field, amplitude):
             array.setflags(write=False)
         return response

@@ -69,27 +69,30 @@ class Response:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
-        result = stiffness.energies(nodal, self.model.close_cells)
+        presses = len(nodal)
+        spare = 0 if self.model.enrichments else presses  # else they come behind the close samples
+        result = stiffness.energies(nodal, self.model.close_cells, spare)
         by_press = nodal
         if self.model.enrichments:  # by press in memory, as they are read and added to
             result, by_press = np.ascontiguousarray(result), np.ascontiguousarray(nodal)
-        by_cell = result.reshape(len(nodal), -1, stiffness.samples)
         for j, part in enumerate(self.model.enrichments):
             nodes = stiffness.mesh.cells[part.cells]
-            add_energies(by_cell[j], part.cells, nodes, by_press[j], self.amplitude[j],
+            by_cell = result[j].reshape(-1, stiffness.samples)
+            add_energies(by_cell, part.cells, nodes, by_press[j], self.amplitude[j],
                          part.coupling, part.energy)  # fmt: skip
         np.negative(result, out=result)
-        skin = self._material.skin
+        skin, own = self._material.skin, len(stiffness.points_m)
+        by_local = np.zeros((presses, presses))
         if skin is not None:
             skinned = self._body.skinned
-            samples, near = skinned.near_sensitivity(skin, self._material.modulus)
-            np.add.at(result, (np.arange(len(result))[:, None], samples), near)
+            np.fill_diagonal(by_local, -skinned.near(skin).value / self._material.local**2)
             for j, field in enumerate(nodal):
-                result[j] -= skin.stretch_m * skinned.membrane.energies(field)
+                result[j, :own] -= skin.stretch_m * skinned.membrane.energies(field)
         if not self.model.enrichments:
+            result[:, own:] = by_local
             return result
         close = self._material.close.by_asked(self._close_energies(nodal, by_press))
-        return np.hstack([result, -close.reshape(len(nodal), -1)])
+        return np.hstack([result, -close.reshape(presses, -1), by_local])
 
     def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
         """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s).
@@ -133,9 +136,7 @@ class Response:
         return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
 
     def _by_skin(self, skin: Skin) -> np.ndarray:
-        skinned = self._body.skinned
-        near = skinned.near(skin)
-        local = skinned.local_modulus(self._material.modulus)
+        near, local = self._body.skinned.near(skin), self._material.local
         stretch = self._stretch_energies * (skin.factor >= 1)
         by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
         return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
@@ -171,7 +172,7 @@ class Response:
         ----------
         weight : (p,) at the model's `points_m`, or one number
         """
-        count = len(self._material.modulus)  # fibres have no samples of the near fields' own
+        count = len(self._material.modulus)  # fibres have samples in the cells only
         weight = np.broadcast_to(np.asarray(weight, float), len(self.model.points_m))[:count]
         return np.array([weight @ products for products in self._plane_products(plane)])
 

@@ -28,6 +28,7 @@ from sim.hidden_body import HiddenBody
 
 DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
+SKINNED = 10 / 7  # times as many cells a side: what a skin does is felt within a tip's radius
 PATCHES = 12  # across a tip, where its pressure is solved for
 UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
@@ -214,6 +215,8 @@ def _model(
     points = np.column_stack([presses[:, :2], top])
     contacts = Contacts(points, np.array([0.0, 0.0, -1.0]), presses[:, 2], profile)
     share = COARSENING if converged else UNCONVERGED
+    if body.skin_thickness_m:
+        divisions = tuple(round(SKINNED * count) for count in divisions)
     coarser = [max(round(share * count), 1) for count in divisions]
     coarse = PalpationModel(_layered(body, coarser), body.poisson_ratio, contacts)
     if not converged:

@@ -154,8 +154,8 @@ def test_a_skinned_phantom_is_felt_as_by_an_independent_solver(phantom):
     skin = body["skin_layer"]["thickness_m"], body["skin_layer"]["modulus_factor"]
     field = modulus(body, phantom.points_m)
     error = phantom.evaluate(field, skin=skin).compliance / exact[::5] - 1
-    assert np.sqrt(np.mean(error**2)) < 0.005
-    assert abs(error).max() < 0.01
+    assert np.sqrt(np.mean(error**2)) < 0.003
+    assert abs(error).max() < 0.005
     # The skin itself is 9 %
     assert (phantom.evaluate(field).compliance > 1.05 * exact[::5]).all()
 

@@ -156,13 +156,11 @@ class PalpationModel:
     def points_m(self) -> np.ndarray:
         """Where the modulus is sampled, (p, 3) m.
 
-        In every cell; then in those around the tips, where there are near fields; last at the contact
-        points, which only a skin asks for.
+        In every cell; then in those around the tips, where there are near fields; last at the
+        contact points, which only a skin asks for.
         """
         corners = self.mesh.nodes[self.mesh.cells[self.close_cells, :4]]
-        return np.vstack(
-            [self.stiffness.points_m, close_points_m(corners), self.contacts.points_m]
-        )
+        return np.vstack([self.stiffness.points_m, close_points_m(corners), self.contacts.points_m])
 
     def evaluate(
         self,

@@ -14,8 +14,8 @@ the fit leaves. Source: the same algebra as the score test, see `identify.score`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
 _SAMPLE = 12  # candidates of a grid that are looked at
 _NOTHING = 1e-5
 _UNMOVED = 1e-9  # of what the amplitudes together move: beyond rounding, nothing
-_TRIES = 4  # at the amplitude whose own pattern is 5 standard errors long
+_TRIES = 8  # at the amplitude whose own pattern is 5 standard errors long
 _EXACT = 0.1  # of that length
 _FAR_MAP = 0.1  # of a scaled unknown: beyond it the map is fitted to an effect, not projected
 _STEPS, _LONGEST = 4, 0.5  # of such a fit
@@ -47,7 +47,9 @@ class Limit:
     ----------
     name : of the effect
     smallest_share : of the signal's rms that 5 standard errors are; None where nothing is seen
-    sizes : amplitudes at that size, by parameter, in their units
+    largest_share : that the effect can have at all, where even that is not seen; else None
+    shape : values of its other parameters, for which this holds: such as a skin's thickness
+    sizes : amplitudes at that size, or else at the largest, by parameter, in their units
     visible : share of the pattern that the map leaves
     confused_with : effects that look the same to this scan
     map_bias : by parameter, in its unit, what ignoring the effect at 3 % of the signal does
@@ -61,11 +63,17 @@ class Limit:
     confused_with: tuple[str, ...]
     map_bias: Mapping[str, float]
     untestable: str | None = None
+    largest_share: float | None = None
+    shape: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """The pattern of an effect at one candidate of its shape, in one direction."""
+    """The pattern of an effect at one candidate of its shape, in one direction.
+
+    `most` is the share of the signal that is possible at all, where that is too little to be seen,
+    `length` how many standard errors that would be.
+    """
 
     shape: Mapping[str, float]
     share: float  # of the signal at one standard error
@@ -73,6 +81,8 @@ class _Seen:
     visible: float
     basis: np.ndarray
     bias: np.ndarray
+    most: float | None = None
+    length: float = 0.0
 
 
 def detection_limits(
@@ -97,10 +107,15 @@ def limits_at(
     seen: dict[str, _Seen | str] = {}
     for effect in catalogue:
         if effect.name not in model.has:
-            own = _seen(model, at, effect, fitted, normal, signal)
-            if isinstance(own, _Seen) and own.share * SIGMAS < _FAR:
-                own = _at_its_size(model, at, u, effect, own, fitted, normal)
-            seen[effect.name] = own
+            found = _seen(model, at, effect, fitted, normal, signal)
+            if not isinstance(found, str):
+                found = _middle(
+                    _at_its_size(model, at, u, effect, one, fitted, normal)
+                    if one.share * SIGMAS < _FAR
+                    else one
+                    for one in found
+                )
+            seen[effect.name] = found
     bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
     slope = model.slope(u)
     limits = []
@@ -120,18 +135,33 @@ def limits_at(
         typical = [
             p.typical for p in effect.bounded(model.readings, at.state) if p.null is not None
         ]
-        sizes = SIGMAS * own.sizes * typical
+        sizes, reason = SIGMAS * own.sizes * typical, None
+        if own.most is not None:
+            sizes *= own.length / SIGMAS
+            reason = (
+                f"the largest that is possible, {100 * own.most:.2g} % of the signal, would be "
+                f"only {own.length:.2g} standard errors in this scan"
+            )
         limits.append(
             Limit(
                 effect.name,
-                SIGMAS * own.share if np.isfinite(own.share) else None,
+                SIGMAS * own.share if np.isfinite(own.share) and reason is None else None,
                 dict(zip((p.name for p in effect.amplitudes), sizes.tolist(), strict=True)),
                 own.visible,
                 tuple(name for cosine, name in sorted(alike, reverse=True) if cosine > ALIKE),
                 dict(zip(model.names, (factor * own.bias * slope).tolist(), strict=True)),
+                reason,
+                own.most,
+                dict(own.shape),
             )
         )
     return tuple(limits)
+
+
+def _middle(candidates: Iterable[_Seen]) -> _Seen:
+    """Return the middle one by what is seen of it, those that are never seen last."""
+    ranked = sorted(candidates, key=lambda s: np.inf if s.most is not None else s.share)
+    return ranked[len(ranked) // 2]
 
 
 def _seen(
@@ -141,8 +171,12 @@ def _seen(
     fitted: np.ndarray,
     normal: np.ndarray,
     signal: float,
-) -> _Seen | str:
-    """Return the typical candidate's pattern, or why there is none."""
+) -> list[_Seen] | str:
+    """Return the typical candidate's pattern, or why there is none.
+
+    Of an effect whose law bends (`Effect.levels`), that of each shape: at no size of theirs the
+    derivative at the null tells which is typical.
+    """
     chain = model.chain
     reason = effect.untestable(model.readings) or effect.redundant(chain.profile, chain.nonlinear)
     if reason is not None:
@@ -180,8 +214,12 @@ def _seen(
     if not candidates:
         return "the scan does not show it at all"
     candidates.sort(key=lambda s: s.share)
-    middle = candidates[len(candidates) // 2]
-    return middle if np.isfinite(middle.share) else "the stiffness map absorbs it entirely"
+    chosen = [candidates[len(candidates) // 2]]
+    if effect.levels(at.state):
+        by_shape = {tuple(s.shape.items()): s for s in reversed(candidates)}
+        chosen = list(by_shape.values())
+    chosen = [s for s in chosen if np.isfinite(s.share)]
+    return chosen or "the stiffness map absorbs it entirely"
 
 
 def _at_its_size(
@@ -231,7 +269,9 @@ def _at_its_size(
             bias=(linear if share * SIGMAS > SHARE else bias) / length,
         )
         largest = not np.allclose(values, nulls + sizes * typical)  # that is possible
-        if abs(length / SIGMAS - 1) < _EXACT or (largest and length < SIGMAS):
+        if largest and length < SIGMAS:
+            return replace(found, most=share * length, length=length)
+        if abs(length / SIGMAS - 1) < _EXACT or (length < SIGMAS and share * length > _FAR):
             return found
         sizes = (values - nulls) / typical
         now = float(np.log(np.linalg.norm(sizes))), float(np.log(length))

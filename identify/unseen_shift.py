@@ -3,7 +3,8 @@
 No interval counts this: an interval is of the noise, under the model as it stands. Per parameter,
 over the effects of a catalogue that the model does not have,
 
-    max |bias|,    of the effect at its detection limit, or at 3 % of the signal if that is less,
+    max |bias|,    of the effect at its detection limit (or at its largest possible size, where that
+                   is not seen), or at 3 % of the signal if that is less,
 
 for one effect at a time. Below the limit the bias is to first order, at it the map is fitted where
 the effect takes it far (see `identify.limits`).
@@ -42,9 +43,10 @@ def unseen_shifts(limits: Sequence[Limit]) -> Mapping[str, UnseenShift]:
     """
     found: dict[str, UnseenShift] = {}
     for limit in limits:
-        if limit.smallest_share is None:
+        unseen_up_to = limit.smallest_share or limit.largest_share
+        if unseen_up_to is None:
             continue
-        share = min(limit.smallest_share, SHARE)
+        share = min(unseen_up_to, SHARE)
         for name, bias in limit.map_bias.items():
             shift = abs(bias) * share / SHARE
             if name not in found or shift > found[name].shift:

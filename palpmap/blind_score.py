@@ -128,6 +128,8 @@ def _single(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
         if limit is not None and effect["size"] < limit:
             size = f"{100 * effect['size']:.2g} % of the signal, below {100 * limit:.2g} %"
             return "honest", compliance, f"{name} has {size}, which it says it cannot see."
+        if name in result.get("never_seen", ()):
+            return "honest", compliance, f"It says that it cannot see {name} at any size."
         return "missed", False, f"It saw nothing of {name}."
     if verdict in ("unexplained", "ambiguous") and not added:
         return "honest", False, f"It did not name {name}, and says that something is missing."

@@ -137,8 +137,9 @@ def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
     Returns
     -------
     `limits` of what the search started from, `detection_limits` (shares of the signal) by effect,
-    and `unseen_shifts`: how far what the last model lacks unseen may have moved its parameters;
-    nothing where something is seen to be missing
+    `never_seen`, the effects that the scan would not show at any size, and `unseen_shifts`: how
+    far what the last model lacks unseen may have moved its parameters; nothing where something is
+    seen to be missing
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     limits = detection_limits(first, problem.catalogue)
@@ -149,6 +150,7 @@ def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
     return {
         "limits": [limit_record(limit) for limit in limits],
         "detection_limits": {one.name: one.smallest_share for one in limits if one.smallest_share},
+        "never_seen": [one.name for one in limits if not one.smallest_share],
         "unseen_shifts": {name: asdict(shift) for name, shift in shifts.items()},
     }
 
@@ -159,6 +161,8 @@ def limit_record(limit: Limit, better: Better | None = None) -> dict[str, Any]:
     return {
         "name": limit.name,
         "smallest_share": limit.smallest_share,
+        "largest_share": limit.largest_share,
+        "shape": dict(limit.shape),
         "sizes": dict(limit.sizes),
         "visible": limit.visible,
         "confused_with": list(limit.confused_with),

@@ -216,7 +216,8 @@ def _model(
     contacts = Contacts(points, np.array([0.0, 0.0, -1.0]), presses[:, 2], profile)
     share = COARSENING if converged else UNCONVERGED
     if body.skin_thickness_m:
-        divisions = tuple(round(SKINNED * count) for count in divisions)
+        x, y, z = (round(SKINNED * count) for count in divisions)
+        divisions = (x, y, z)
     coarser = [max(round(share * count), 1) for count in divisions]
     coarse = PalpationModel(_layered(body, coarser), body.poisson_ratio, contacts)
     if not converged:

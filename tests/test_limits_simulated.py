@@ -23,7 +23,8 @@ TESTED = (
     "viscoelasticity", "force_bias", "force_drift", "force_saturation", "contact_offset",
     "sensitivity_drift", "displacement_drift",
     "preconditioning", "hysteresis", "side_gradient", "body_shift", "finite_strain",
-    "strain_stiffening",
+    "strain_stiffening", "skin_layer", "extra_inclusion", "anisotropy", "base_sliding",
+    "mesh_error", "breathing",
 )  # fmt: skip
 
 
@@ -48,7 +49,7 @@ def problem(tmp_path_factory):
 @pytest.fixture(scope="module")
 def limits(problem):
     posed, fit = problem
-    return {one.name: one.smallest_share for one in detection_limits(fit, posed.catalogue)}
+    return {one.name: one for one in detection_limits(fit, posed.catalogue)}
 
 
 def refitted(problem, scan):
@@ -58,18 +59,37 @@ def refitted(problem, scan):
     return fit_jointly(model, fit.map, rounds=0)
 
 
+def score(problem, name, size, seed, shape):
+    """Standard errors that a planted effect is scored at, and the size that it has.
+
+    The same noise with and without it, so that the difference is the effect's alone.
+    """
+    effect = next(effect for effect in CATALOGUE if effect.name == name)
+    hidden, truth = planted_scan(name, size, seed, (RADIUS_M,), values=dict(shape))
+    plain, _ = planted_scan(None, seed=seed, radii=(RADIUS_M,))
+    found, none = refitted(problem, hidden), refitted(problem, plain)
+    beyond = score_effect(found, effect, fitted_basis(found.at), 0).beyond
+    score = np.linalg.norm(beyond.T @ (found.at.residual - none.at.residual))
+    return float(score), truth["effects"][0]["size"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TESTED)
 def test_an_effect_of_the_size_printed_scores_five_standard_errors(problem, limits, name):
-    """The same noise with and without it, so that the difference is the effect's alone."""
-    effect = next(effect for effect in CATALOGUE if effect.name == name)
-    scores = []
-    for draw in range(DRAWS):
-        seed = SEED + 100 * draw
-        hidden, _ = planted_scan(name, limits[name], seed, (RADIUS_M,))
-        plain, _ = planted_scan(None, seed=seed, radii=(RADIUS_M,))
-        found, none = refitted(problem, hidden), refitted(problem, plain)
-        beyond = score_effect(found, effect, fitted_basis(found.at), 0).beyond
-        scores.append(np.linalg.norm(beyond.T @ (found.at.residual - none.at.residual)))
+    own = limits[name]
+    scores = [
+        score(problem, name, own.smallest_share, SEED + 100 * draw, own.shape)[0]
+        for draw in range(DRAWS)
+    ]
     ratio = float(np.exp(np.mean(np.log(scores)))) / SIGMAS
     assert 1 / 1.5 < ratio < 1.5
+
+
+@pytest.mark.slow
+def test_the_largest_effect_that_is_possible_is_not_seen_where_the_limits_say_so(problem, limits):
+    own = limits["rigid_tip"]
+    assert own.smallest_share is None
+    assert "the largest that is possible" in own.untestable
+    found, reached = score(problem, "rigid_tip", 0.03, SEED, {})
+    assert reached < own.largest_share  # a tip held upright: the effect's bounds leave some room
+    assert found < SIGMAS

@@ -1,4 +1,4 @@
-"""What the README says can be done as it says: its examples run, its commands and files exist."""
+"""What README and docs say can be done as they say: examples run, commands and files exist."""
 
 import contextlib
 import importlib.util
@@ -23,18 +23,36 @@ from palpmap.__main__ import app
 from palpmap.check import check_study
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {
+    page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8")
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+README = PAGES["README.md"]
 
 
-def blocks(language: str) -> list[str]:
+def blocks(language: str, page: str = "README.md") -> list[str]:
     """Contents of the code blocks of one language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGES[page], re.MULTILINE | re.DOTALL)
 
 
 def command_lines(language: str) -> list[str]:
-    """Lines that call palpmap in the blocks of one language."""
-    lines = [line for block in blocks(language) for line in block.splitlines()]
+    """Lines that call palpmap in the blocks of one language, on all pages."""
+    lines = [
+        line for page in PAGES for block in blocks(language, page) for line in block.split("\n")
+    ]
     return [line for line in lines if line.startswith("palpmap ")]
+
+
+def on_all_pages(pattern: str) -> list[tuple[str, str]]:
+    """Page and match of a pattern with one group, everywhere in README and docs."""
+    return [(page, found) for page, text in PAGES.items() for found in re.findall(pattern, text)]
+
+
+def anchors(page: str) -> set[str]:
+    """What a link can lead to on a page: its headings, written as GitHub writes them in links."""
+    text = re.sub(r"^```.*?^```$", "", PAGES[page], flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def help_of(*words: str) -> str:
@@ -62,20 +80,31 @@ def test_the_shell_blocks_run_one_after_the_other(tmp_path):
     assert "closed, 4 of 4 presses" in done.stdout
     assert '"passed": true' in done.stdout
     assert "warm_up keeps to all" in done.stdout
-    table = blocks_after("A run folder stands for itself")
+    table = blocks_after("A run folder stands for itself", "docs/files.md")
     for name in ("scan.csv", "study.toml", "recording.rrd", "run.json", "truth.json"):
         assert f"`{name}`" in table
         assert (tmp_path / "runs" / "small" / name).is_file()
 
 
-def blocks_after(sentence: str) -> str:
-    """The part of the README from a sentence to the next heading."""
-    assert sentence in README
-    return README.split(sentence)[1].split("\n## ")[0]
+def blocks_after(sentence: str, page: str = "README.md") -> str:
+    """The part of a page from a sentence to the next heading."""
+    assert sentence in PAGES[page]
+    return PAGES[page].split(sentence)[1].split("\n## ")[0]
+
+
+def test_every_block_that_can_be_run_is_run_by_a_test():
+    found = {
+        (page, kind)
+        for page, kind in on_all_pages(r"(?m)^```(\w+)$")
+        if kind in ("sh", "python", "toml", "csv")
+    }
+    assert found == {("README.md", kind) for kind in ("sh", "python", "toml", "csv")} | {
+        ("docs/own_effect.md", "python")
+    }
 
 
 def test_the_python_block_prints_the_numbers_that_it_says():
-    code = blocks("python")[-1]
+    (code,) = blocks("python")
     promised = re.findall(r"m/N: (\[.*\])", code)
     said = io.StringIO()
     names: dict = {}
@@ -90,7 +119,8 @@ def test_the_python_block_prints_the_numbers_that_it_says():
 
 
 def test_the_effect_of_ones_own_passes_the_checks(tmp_path):
-    (tmp_path / "cable_drag.py").write_text(blocks("python")[0], encoding="utf-8")
+    (code,) = blocks("python", "docs/own_effect.md")
+    (tmp_path / "cable_drag.py").write_text(code, encoding="utf-8")
     done = CliRunner().invoke(app, ["check-effect", str(tmp_path / "cable_drag.py"), "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["effect"] == "cable_drag"
@@ -121,7 +151,7 @@ def test_every_command_and_option_exists_and_no_command_is_left_out():
     known = set(re.findall(r"^  ([\w-]+)  ", help_of().split("Commands:")[1], re.MULTILINE))
     table = set(re.findall(r"^\| `palpmap ([\w-]+)` \|", README, re.MULTILINE))
     assert table == known
-    mentioned = set(re.findall(r"`palpmap\s+([a-z-]+)", README))
+    mentioned = {command for _, command in on_all_pages(r"`palpmap\s+([a-z-]+)")}
     assert mentioned <= known
     lines = command_lines("sh") + command_lines("console")
     assert len(lines) > 5
@@ -140,20 +170,30 @@ def test_options_in_the_table_of_commands_exist():
 
 def test_every_target_of_make_exists():
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    mentioned = re.findall(r"`make (\w+)`", README)
+    mentioned = [target for _, target in on_all_pages(r"`make (\w+)`")]
     assert {"demo", "test", "bench"} <= set(mentioned) <= set(targets)
 
 
-def test_every_link_and_picture_leads_to_a_file():
-    links = re.findall(r"\]\(([^)]+)\)", README)
-    inside = [link for link in links if "://" not in link]
-    assert len(inside) > 10
-    assert [link for link in inside if not (ROOT / link.split("#")[0]).exists()] == []
+def test_every_link_and_picture_leads_to_a_file_and_a_heading():
+    inside = [(page, link) for page, link in on_all_pages(r"\]\(([^)]+)\)") if "://" not in link]
+    assert len(inside) > 30
+    for page, link in inside:
+        path, _, heading = link.partition("#")
+        target = (ROOT / page).parent / path if path else ROOT / page
+        assert target.exists(), f"{page}: {link}"
+        if heading:
+            name = target.resolve().relative_to(ROOT.resolve()).as_posix()
+            assert heading in anchors(name), f"{page}: {link}"
+
+
+def test_every_page_of_the_docs_is_reached_from_the_readme():
+    linked = {link.split("#")[0] for link in re.findall(r"\]\(([^)]+)\)", README)}
+    assert set(PAGES) - {"README.md"} <= linked
 
 
 def test_pictures_are_small():
-    for picture in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README):
-        assert (ROOT / picture).stat().st_size < 400_000, picture
+    for page, picture in on_all_pages(r"!\[[^\]]*\]\(([^)]+)\)"):
+        assert ((ROOT / page).parent / picture).stat().st_size < 400_000, picture
 
 
 def test_the_benchmarks_find_their_place_and_have_left_a_table(monkeypatch):
@@ -174,5 +214,6 @@ def test_the_benchmarks_find_their_place_and_have_left_a_table(monkeypatch):
 
 
 def test_nothing_is_left_to_be_filled_in():
-    prose = re.sub(r"^```.*?^```$", "", README, flags=re.MULTILINE | re.DOTALL)
-    assert re.findall(r"\b(?:TODO|TBD|FIXME|[A-Z]+_[A-Z_]+)\b", prose) == []
+    for page, text in PAGES.items():
+        prose = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+        assert re.findall(r"\b(?:TODO|TBD|FIXME|[A-Z]+_[A-Z_]+)\b", prose) == [], page

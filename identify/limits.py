@@ -139,8 +139,8 @@ def limits_at(
         if own.most is not None:
             sizes *= own.length / SIGMAS
             reason = (
-                f"the largest that is possible, {100 * own.most:.2g} % of the signal, would be "
-                f"only {own.length:.2g} standard errors in this scan"
+                f"even the largest that is possible, {100 * own.most:.2g} % of the signal, would "
+                f"be only {own.length:.2g} standard errors in this scan"
             )
         limits.append(
             Limit(

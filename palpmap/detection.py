@@ -217,7 +217,7 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
             *(shown(bias[name]) if name in bias else "" for name, shown in shifts.values()),
             *([hint] if scans else []),
             *([percent(limit["in_mixed_scan"])] if mixed_scan else []),
-            ", ".join(limit["confused_with"][:2]),
+            "\n".join(limit["confused_with"][:2]),
         )
     notes = [
         "E0, w, z: how far the map's background, first inclusion's weight and depth move if an "
@@ -229,4 +229,4 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
             else []
         ),
     ]
-    return table, *notes, *untestable_lines(record["limits"])
+    return table, *notes, *untestable_lines(record["limits"], "Not seen at any size")

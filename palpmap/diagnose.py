@@ -104,7 +104,9 @@ def diagnosis_table(record: dict[str, Any], rung: Rung) -> tuple["RenderableType
     return tuple(lines)
 
 
-def untestable_lines(candidates: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+def untestable_lines(
+    candidates: Sequence[Mapping[str, Any]], start: str = "Cannot be tested"
+) -> tuple[str, ...]:
     """Return a sentence for each reason why effects cannot be tested on a scan.
 
     Examples
@@ -116,7 +118,7 @@ def untestable_lines(candidates: Sequence[Mapping[str, Any]]) -> tuple[str, ...]
     for candidate in candidates:
         if candidate["untestable"]:
             names.setdefault(candidate["untestable"], []).append(candidate["name"])
-    return tuple(f"Cannot be tested, as {why}: {', '.join(n)}." for why, n in names.items())
+    return tuple(f"{start}, as {why}: {', '.join(n)}." for why, n in names.items())
 
 
 def best_evidence(record: dict[str, Any], diagnosis: Diagnosis) -> str:

@@ -47,10 +47,10 @@ def draw_ladder(explained: Explanation) -> Figure:
         highest = 1e6 * np.array([float(value or 0) for value in high])
         axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="error at forces left out")
         apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
-    for x, value, top, rung in zip(at, rms, np.maximum(rms, apart), rungs, strict=True):
+    for x, value, rung in zip(at, rms, rungs, strict=True):  # beside the dot: the error falls
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {rung.fit.chi2_per_dof:.3g}", (x, top), (0, 12),
-            textcoords="offset points", ha="center", fontsize=10, color=BLACK,
+            f"{value:.3g} µm\nχ²/dof {rung.fit.chi2_per_dof:.3g}", (x, value), (10, 4),
+            textcoords="offset points", ha="left", va="bottom", fontsize=10, color=BLUE,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise

@@ -44,7 +44,8 @@ class Inclusion:
     radius_m : standard deviation of the Gaussian, m
     ball_share : 0 a Gaussian, 1 a ball of even stiffness with a sharp edge, between them a ball
         with a blurred one; the value at the centre and the integral stay
-    stretch, angle_rad : it is longer by this share in the horizontal direction at this angle to x
+    stretch, angle_rad : it is longer by this share than wide and high, in the horizontal direction
+        at this angle to x; its volume is that of the round one
     """
 
     weight_pa: float = 30000.0
@@ -60,7 +61,7 @@ class Inclusion:
         along = away @ [np.cos(self.angle_rad), np.sin(self.angle_rad), 0.0]
         shorter = 1 - (1 + self.stretch) ** -2
         squared = (away**2).sum(axis=1) - shorter * along**2
-        scaled = squared / self.radius_m**2
+        scaled = squared * (1 + self.stretch) ** (2 / 3) / self.radius_m**2
         shape = _spot(np.sqrt(scaled), self.ball_share)
         return self.weight_pa * shape
 

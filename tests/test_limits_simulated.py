@@ -24,7 +24,7 @@ TESTED = (
     "sensitivity_drift", "displacement_drift",
     "preconditioning", "hysteresis", "side_gradient", "body_shift", "finite_strain",
     "strain_stiffening", "skin_layer", "extra_inclusion", "anisotropy", "base_sliding",
-    "mesh_error", "breathing",
+    "mesh_error", "breathing", "inclusion_stretch",
 )  # fmt: skip
 
 

@@ -38,11 +38,12 @@ def test_a_blurred_ball_is_a_ball_folded_with_a_gaussian(share):
     np.testing.assert_allclose(shells.reshape(30, 200).sum(axis=1), found, atol=2.5e-3)
 
 
-def test_a_stretched_spot_is_longer_in_its_direction_alone():
+def test_a_stretched_spot_is_longer_than_wide_and_keeps_its_volume():
     spot = Inclusion(1.0, (0.0, 0.0, 0.0), 0.01, stretch=0.5, angle_rad=np.pi / 6)
-    along = 0.015 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
-    across = 0.010 * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0.0])
-    values = spot.added(np.array([along, across, [0.0, 0.0, 0.010]]))
+    wide = 0.01 / np.cbrt(1.5)  # so that 1.5 wide^3 is 0.01^3
+    along = 1.5 * wide * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    across = wide * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0.0])
+    values = spot.added(np.array([along, across, [0.0, 0.0, wide]]))
     np.testing.assert_allclose(values, np.exp(-0.5), rtol=1e-12)
 
 

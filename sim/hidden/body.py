@@ -63,7 +63,7 @@ class InclusionStretch(HiddenEffect):
     """The map's first inclusion is long, not round."""
 
     name, category = "inclusion_stretch", "structured"
-    law = "radius (1 + stretch) along one horizontal direction"
+    law = "longer by stretch than wide and high, along one horizontal direction; volume kept"
     amplitude, typical, limit = "stretch", 0.5, 3.0
 
     def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:

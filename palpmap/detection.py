@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from identify.explain import Explanation
 from identify.joint_fit import JointFit, fit_jointly
 from identify.limits import (
@@ -103,7 +105,7 @@ def planned_limits(
 
     def helps(limit: Limit) -> bool:
         share = limit.smallest_share
-        return share is not None and share < _BETTER * present.get(limit.name, 0.0)
+        return share is not None and share < _BETTER * present.get(limit.name, np.inf)
 
     found: dict[str, dict[str, Any]] = {}
     single = [p for p in plans if p is not same and p.design.name != all_at_once.name]
@@ -182,7 +184,11 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
     from rich import box
     from rich.table import Table
 
-    seen = [limit for limit in record["limits"] if limit["smallest_share"] is not None]
+    seen = [
+        limit
+        for limit in record["limits"]
+        if limit["smallest_share"] is not None or limit["largest_share"] is not None
+    ]
     mixed_scan = record["mixed_scan"]
     scans = {s["program"]: s["change"] for s in (limit["better_scan"] for limit in seen) if s}
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
@@ -213,7 +219,7 @@ def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType
             hint = f"{percent(better['smallest_share'])} {letters[better['program']]}"
         table.add_row(
             limit["name"],
-            percent(limit["smallest_share"]),
+            percent(limit["smallest_share"]) or "never",
             *(shown(bias[name]) if name in bias else "" for name, shown in shifts.values()),
             *([hint] if scans else []),
             *([percent(limit["in_mixed_scan"])] if mixed_scan else []),

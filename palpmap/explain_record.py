@@ -88,6 +88,10 @@ def rung_record(rung: Rung) -> dict[str, Any]:
         "chi2_per_dof": rung.fit.chi2_per_dof,
         "is_noise": rung.comparison.is_noise,
         "statement": rung.comparison.statement,
+        "parameters": {
+            name: {"value": value, "std": rung.fit.std.get(name, 0.0)}
+            for name, value in rung.fit.values.items()
+        },
     }
 
 

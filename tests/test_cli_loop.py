@@ -350,13 +350,28 @@ def explain_case(case: str, run: Path) -> dict:
     return json.loads((run / "result.json").read_text())
 
 
+def map_errors(rung: dict, truth: dict) -> dict[str, float]:
+    """Errors of the map's parameters, in the standard errors that stand beside them."""
+    body = truth["body"]
+    true = {"background_pa": body["background_pa"]}
+    for number, inclusion in enumerate(body["inclusions"], start=1):
+        true |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
+    found = rung["parameters"]
+    return {n: abs(found[n]["value"] - true[n]) / found[n]["std"] for n in true if n in found}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["case_b", "case_d", "case_e", "case_g", "case_h"])
 def test_the_planted_effect_is_named(case, tmp_path):
-    (hidden,) = json.loads((LAB / case / "truth.json").read_text())["effects"]
+    truth = json.loads((LAB / case / "truth.json").read_text())
+    (hidden,) = truth["effects"]
     record = explain_case(case, tmp_path)
     assert hidden in record["added"]
     assert record["verdict"] == "explained"
+    # Where the map was off by more than three standard errors, it now is so by a fifth at most
+    before, after = (map_errors(rung, truth) for rung in (record["ladder"][0], record["ladder"][-1]))
+    biased = [name for name in before if before[name] > 3]
+    assert sum(after[name] for name in biased) <= sum(before[name] for name in biased) / 5
 
 
 @pytest.mark.slow

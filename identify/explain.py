@@ -25,7 +25,7 @@ from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.measurement_model import MeasurementModel
-from identify.rivals import REFIT_EVALUATIONS, best_rivals
+from identify.rivals import REFIT_EVALUATIONS, Rival, best_rivals
 from identify.rung import Rung, rung_of
 from identify.second_look import look_again, with_exchanged
 from models.scan import Scan
@@ -37,6 +37,10 @@ _IMITATED = 0.05  # visible share of an effect's pattern below which the map imi
 # Of the unexplained chi-square: in 58 blind trials whatever was hidden took a third or more of what
 # was left, and what imitated an unknown effect 16 % or less from its second step on.
 WORTHWHILE = 0.1
+# Of the chi-square explained by what may be the model's own error: the pattern of that error is an
+# estimate, right to a third, and what it lacks is in turn like some other effect.
+_LEFT_OF_ERROR = 0.1
+_BY_COMPLIANCE = 0.9  # of a pattern's square: beyond it, an effect acts on compliances alone
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
@@ -167,7 +171,8 @@ def climb(
         winner = rivals[0]
         if not now.comparison.is_noise and not _worthwhile(now.fit, winner.fit):
             break
-        beside = {rival.name: _beside(now, rival.name) for rival in rivals}
+        left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, additions, winner)
+        beside = {rival.name: _beside(now, rival.name) or left for rival in rivals}
         additions.append(Addition(winner.name, rivals, False, beside, now.fit.chi2))
         say(f"refitting with {winner.name}")
         fit = fit_jointly(winner.fit.model, winner.fit.map)
@@ -208,6 +213,27 @@ def _beside(rung: Rung, name: str) -> tuple[str, ...]:
         return tuple(imitated)
     alike = MODEL_ERROR in rung.diagnosis.confused_with(name)
     return (MODEL_ERROR,) * (name in imitated or alike)
+
+
+def _may_be_left_of_error(
+    ladder: Sequence[Rung], additions: Sequence[Addition], winner: Rival
+) -> bool:
+    """Whether an effect may be what the model's own error, if it was that before, leaves over."""
+    now = ladder[-1]
+    if not any(MODEL_ERROR in addition.group for addition in additions):
+        return False
+    explained, more = ladder[0].fit.chi2 - now.fit.chi2, now.fit.chi2 - winner.chi2
+    return more < _LEFT_OF_ERROR * explained and _acts_by_compliance(now, winner.name)
+
+
+def _acts_by_compliance(rung: Rung, name: str) -> bool:
+    """Whether each press's readings move as by another compliance of the body under it."""
+    at, press = rung.fit.at, rung.fit.model.readings.press
+    by_own = at.whitened(at.by_compliance, press)
+    pattern = rung.diagnosis[name].beyond
+    along = np.array([np.bincount(press, by_own * column) for column in pattern.T])
+    square = np.bincount(press, by_own**2)
+    return bool(np.sum(along**2 / square) >= _BY_COMPLIANCE * np.sum(pattern**2))
 
 
 def without_unneeded(

@@ -369,7 +369,9 @@ def test_the_planted_effect_is_named(case, tmp_path):
     assert hidden in record["added"]
     assert record["verdict"] == "explained"
     # Where the map was off by more than three standard errors, it now is so by a fifth at most
-    before, after = (map_errors(rung, truth) for rung in (record["ladder"][0], record["ladder"][-1]))
+    before, after = (
+        map_errors(rung, truth) for rung in (record["ladder"][0], record["ladder"][-1])
+    )
     biased = [name for name in before if before[name] > 3]
     assert sum(after[name] for name in biased) <= sum(before[name] for name in biased) / 5
 

@@ -19,10 +19,10 @@ act as a membrane: for f < 1 there is D alone.
 Measured on a block with a skin of 1 mm and f = 5 under a tip of 5 mm, nu = 0.49, against an
 independent solver: rms 0.24 %, of which 0.08 % differ from place to place, greatest error 0.4 % (a
 modulus taken 2 mm deeper makes it 0.6 and 1.5 %; a mesh with layers in the skin itself is 3 to 8 %
-too stiff). The smaller nu, the more a
-press stretches the surface under the tip, where the cells are too coarse for the membrane: against
-the layered half-space the skin's effect on a block with cells of two tip radii is right to 1 % of
-itself for nu = 0.49, 6 % for 0.45, 13 % for 0.4 and 24 % for 0.3.
+too stiff). The smaller nu, the more a press stretches the surface under the tip, where the cells
+are too coarse for the membrane: against the layered half-space the skin's effect on a block with
+cells of two tip radii is right to 1 % of itself for nu = 0.49, 6 % for 0.45, 13 % for 0.4 and 24 %
+for 0.3.
 """
 
 from __future__ import annotations

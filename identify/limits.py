@@ -172,10 +172,10 @@ def _seen(
     normal: np.ndarray,
     signal: float,
 ) -> list[_Seen] | str:
-    """Return the typical candidate's pattern, or why there is none.
+    """Return the typical candidate's pattern alone, or why there is none.
 
-    Of an effect whose law bends (`Effect.levels`), that of each shape: at no size of theirs the
-    derivative at the null tells which is typical.
+    Of an effect whose law bends (`Effect.levels`), the pattern that is seen best of each shape:
+    which of them is typical shows only at their own sizes.
     """
     chain = model.chain
     reason = effect.untestable(model.readings) or effect.redundant(chain.profile, chain.nonlinear)

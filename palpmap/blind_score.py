@@ -54,7 +54,7 @@ def score_blind(result: Mapping[str, Any], answer: Mapping[str, Any]) -> BlindSc
     Parameters
     ----------
     result : with `verdict`, `added`, `ambiguous`, and where the loop gives them
-        `detection_limits`, share of the signal by effect
+        `detection_limits`, share of the signal by effect, and `never_seen`, names
     answer : with `effects`, each with `name`, `category`, `size` and optionally `kin`, names that
         come as near as the catalogue has it
     """

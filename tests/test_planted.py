@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from numpy.testing import assert_allclose
 from fem import Contacts, PalpationModel, block_mesh
 from fem.punch_shape import shape_gain
 from models.errors import InputError
+from models.scan_file import read_scan
 from sim.bench import Bench, press, record
 from sim.hidden.amplitude import amplitude_for, size_of
 from sim.hidden.catalogue import HIDDEN, INSIDERS, hidden_effect
@@ -18,6 +21,7 @@ from sim.hidden.planted_scan import BETWEEN_SCANS_S, further_scan, planted_scan
 from sim.hidden_body import HiddenBody
 from sim.press_program import PressProgram, grid_program
 from sim.soft_body import block_compliance
+from sim.truth_map import Inclusion, TruthMap
 
 COARSE = (5, 5, 3)
 TWO_RADII = (0.004, 0.007)
@@ -48,6 +52,30 @@ def test_a_press_ramps_holds_and_unloads_at_its_own_pace(bench):
     expected = peak * np.concatenate([np.arange(1, 9) / 8, np.ones(8), np.arange(5, -1, -1) / 6])
     assert_allclose(force[j], expected, atol=1e-12 * peak)
     assert (np.diff(bench.time_s[:, bench.sampled].ravel()) > 0).all()
+
+
+def test_a_hidden_skin_is_felt_as_by_an_independent_solver():
+    folder = Path(__file__).parent / "data" / "lab" / "case_f"
+    truth = json.loads((folder / "truth.json").read_text())
+    body, chosen = truth["body"], slice(None, None, 5)
+    (ball,) = body["inclusions"]
+    centre = (ball["x_m"], ball["y_m"], ball["z_m"])
+    inside = TruthMap(
+        body["background_pa"], (Inclusion(ball["weight_pa"], centre, ball["radius_m"]),)
+    )
+    skin = body["skin_layer"]
+    hidden = HiddenBody(
+        truth=inside,
+        skin_thickness_m=skin["thickness_m"],
+        skin_factor=skin["modulus_factor"],
+    )
+    scan = read_scan(folder / "scan.csv")
+    _, first = np.unique(scan.press, return_index=True)
+    points = scan.point_m[first][chosen, :2]
+    found = block_compliance(hidden, points, np.full(len(points), 0.005))
+    error = found / np.array(truth["compliance_m_per_n"])[chosen] - 1
+    assert np.sqrt(np.mean(error**2)) < 0.004
+    assert abs(error).max() < 0.006
 
 
 def test_without_effects_the_travel_is_compliance_times_force(bench):

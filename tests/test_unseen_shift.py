@@ -11,8 +11,8 @@ from identify.limits import SHARE, Limit, detection_limits
 from identify.unseen_shift import UnseenShift, unseen_shifts
 
 
-def limit(name: str, share: float | None, **bias: float) -> Limit:
-    return Limit(name, share, {}, 0.1, (), bias)
+def limit(name: str, share: float | None, most: float | None = None, **bias: float) -> Limit:
+    return Limit(name, share, {}, 0.1, (), bias, largest_share=most)
 
 
 def test_the_largest_shift_is_that_of_the_limit_or_of_three_percent_if_that_is_less():
@@ -20,12 +20,14 @@ def test_the_largest_shift_is_that_of_the_limit_or_of_three_percent_if_that_is_l
         [
             limit("easily_seen", SHARE / 10, background_pa=-400.0, weight_pa=9000.0),
             limit("hardly_seen", 3 * SHARE, background_pa=-70.0, weight_pa=300.0),
-            limit("never_seen", None),
+            limit("untestable", None),
+            limit("never_seen", None, SHARE / 2, z_m=4e-3),
         ]
     )
     assert found == {
         "background_pa": UnseenShift(70.0, "hardly_seen", SHARE),
         "weight_pa": UnseenShift(900.0, "easily_seen", SHARE / 10),
+        "z_m": UnseenShift(2e-3, "never_seen", SHARE / 2),  # as much of it as there can be
     }
     assert not unseen_shifts([limit("never_seen", None)])
 

@@ -46,7 +46,7 @@ class Trial:
     effects: tuple[str, ...]
     sizes: tuple[float, ...]
     radii: int
-    mixed: bool = False
+    mixed: bool = True
 
 
 def run_blind(
@@ -66,7 +66,7 @@ def run_blind(
     effects : what may be hidden: names of effects, or words of `WORDS`; empty for anything
     size : share of the signal, None to draw 1 to 10 %
     radii : 1 or 2 tip radii
-    mixed : places in random order, two forces
+    mixed : places in random order with two forces, or row by row with one
     """
     trial = draw_trial(seed, effects, size, radii, mixed)
     settings = {"effects": list(effects), "size": size, "radii": radii, "mixed": mixed}
@@ -93,7 +93,7 @@ def draw_trial(
     effects: Sequence[str] = (),
     size: float | None = None,
     radii: int = 1,
-    mixed: bool = False,
+    mixed: bool = True,
 ) -> Trial:
     """Draw what is hidden in a trial.
 

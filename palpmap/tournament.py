@@ -74,11 +74,14 @@ def run_tournament(
     workers : processes, None for one a core
     dask : address of a dask scheduler that plays instead
     """
-    settings = {"effects": list(effects), "size": size, "radii": radii, "seed": seed}
-    if further:
-        settings["further"] = further
-    if mixed:
-        settings["mixed"] = mixed
+    settings = {
+        "effects": list(effects),
+        "size": size,
+        "radii": radii,
+        "mixed": mixed,
+        "further": further,
+        "seed": seed,
+    }
     with RunFolder("tournament", out, seed=seed, settings=settings) as run:
         done = earlier_games(run.path, settings)
         drawn = draw_games(run.path, count, effects, size, radii, seed, further, mixed)
@@ -107,7 +110,7 @@ def draw_games(
     radii: int,
     seed: int,
     further: int = 0,
-    mixed: bool = False,
+    mixed: bool = True,
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
     from sim.hidden.catalogue import INSIDERS, OUTSIDERS

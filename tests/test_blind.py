@@ -272,7 +272,7 @@ def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
 def test_presses_that_explain_proposes_decide_what_was_ambiguous(tmp_path):
     """An offset of 1 % with one tip is not told from a force bias; some 40 presses tell it."""
     trial = tmp_path / "trial"
-    words = ["blind", "--seed", "1000004", "--effects", "contact_offset", "--size", "1"]
+    words = ["blind", "--plain", "--seed", "1000004", "--effects", "contact_offset", "--size", "1"]
     assert RUN.invoke(app, [*words, "--out", str(trial)]).exit_code == 0
     unsure = RUN.invoke(
         app, ["explain", str(trial / "study.toml"), "--out", str(trial / "first"), "--json"]

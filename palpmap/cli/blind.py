@@ -34,11 +34,11 @@ def blind(
     mixed: Annotated[
         bool,
         typer.Option(
-            "--mixed",
-            help="Press the places in random order, every other one three times as hard: as many "
-            "presses show smaller effects.",
+            "--mixed/--plain",
+            help="Press the places in random order, every other one three times as hard, which "
+            "shows smaller effects; or row by row with one force.",
         ),
-    ] = False,
+    ] = True,
     tournament: Annotated[
         int | None,
         typer.Option(

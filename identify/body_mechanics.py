@@ -28,8 +28,9 @@ from identify.shifted_block import Shift, ShiftedBlock
 # Poisson ratios at which models are built; C is interpolated between the nearest three.
 _NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
 _LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
-_KEPT_RATIOS = 12  # of the compliances of other models: those of two maps and their neighbours
-_KEPT_SOLUTIONS = 3  # of the coarse model: fits begin where others have ended
+_KEPT_RATIOS = 32  # of the compliances of other models: those of the last maps
+_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin where others have ended
+_KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 _BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
 
@@ -158,9 +159,11 @@ class BodyMechanics:
         return coarse * self.ratio ** (mesh_error_growth(nu, self.poisson_ratio) - 1)
 
     def _other(self, nu: float) -> PalpationModel:
-        if nu not in self._others:
-            self._others[nu] = self.at_poisson_ratio(nu)
-        return self._others[nu]
+        model = self._others.pop(nu, None) or self.at_poisson_ratio(nu)
+        self._others[nu] = model
+        while len(self._others) > _KEPT_OTHERS:
+            self._others.pop(next(iter(self._others)))
+        return model
 
     def log_shift_factor(
         self,

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from identify.body_state import ChangedMap
+from identify.curvature import expected_residual
 from identify.discretization import MODEL_ERROR, shift_covariance
 from identify.gauss_newton import covariance, minimize_gauss_newton
 from identify.gaussian_map import GaussianMap
@@ -114,6 +115,20 @@ class JointFit:
         pull = np.zeros((len(c), len(self.u)))
         np.add.at(pull, press, at.jacobian * shift[:, None])
         return self.covariance + shift_covariance(self.covariance, pull)
+
+    @cached_property
+    def expected_residual(self) -> np.ndarray:
+        """What noise alone would leave of the residual on average, (m,), as the map is curved.
+
+        Effects are next to linear in their sizes.
+        """
+        free = len(self.model.space.free)
+
+        def residual(u: np.ndarray) -> np.ndarray:
+            return self.model.linearise(np.concatenate([u, self.u[free:]])).residual
+
+        spread = self.covariance[:free, :free]
+        return expected_residual(residual, self.u[:free], self.at.residual, spread)
 
     @property
     def std(self) -> dict[str, float]:

@@ -5,6 +5,7 @@ amplitudes at their null, all at the latent force:
 
     A_perp = A - G (G'G)^-1 G'A        S = r' A_perp (A_perp'A_perp)^-1 A_perp' r ~ chi2_q
 
+What the curvature of the map leaves in r on average is taken off first (`identify.curvature`).
 Shape parameters are searched on a grid and the search is paid for (`score_null`). What an effect
 shares with the fitted map, nobody can see: `visible` is what the projection leaves of it.
 Source: Rao's score test; Neyman's C(alpha) for the projection.
@@ -202,7 +203,8 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
     one_sided = sign != 0
     if visible.max() < _VISIBLE:
         return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
-    t = np.einsum("gmq,m->gq", basis, fit.at.residual)
+    residual = fit.at.residual - fit.expected_residual
+    t = np.einsum("gmq,m->gq", basis, residual)
     signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
     best = int(np.argmax(signed))
     null = score_null(
@@ -211,7 +213,7 @@ def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 
         np.random.default_rng(seed),
         float(signed[best]),
     )
-    sizes, *_ = np.linalg.lstsq(left[best], fit.at.residual, rcond=1e-10)
+    sizes, *_ = np.linalg.lstsq(left[best], residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left[best].T @ left[best])))
     if one_sided and signed[best] < 0:
         sizes = np.zeros_like(sizes)

@@ -269,12 +269,15 @@ def play(
     explain : the loop to be judged, that of `palpmap explain` if None
     per_side : presses along each edge
     """
+    from sim.soft_body import forget_models
+
     folder = Path(game.folder)
     folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     line = _begun(game)
     try:
         make_trial(folder, game.trial, per_side)
+        forget_models()  # the search needs the memory
         made = time.perf_counter()
         explain = explain or explain_trial
         result = explain(folder / "study.toml", folder, game.trial.seed)

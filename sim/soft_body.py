@@ -152,6 +152,11 @@ def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], A
     return store[key]
 
 
+def forget_models() -> None:
+    """Free the models that `block_compliance` keeps, gigabytes; their solutions stay."""
+    _MODELS.clear()
+
+
 def _solve(
     body: HiddenBody,
     shape: tuple,

@@ -67,9 +67,8 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
             covered[name].append(own.lower95 <= value <= own.upper95)
     tested = {name: p for name, p in p_values.items() if len(p) == SEEDS}
     assert len(tested) >= 18
-    # The least of 28 Kolmogorov-Smirnov chances, one for each effect
     chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
-    assert min(chances.values()) > 0.01 / len(tested), chances
+    assert min(chances.values()) > 0.01, chances
     rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
     # The mesh's error is counted, where there is none
     assert min(rates.values()) > 0.92, rates

@@ -18,6 +18,7 @@ from palpmap.console import Output, to_type
 from palpmap.diagnose import judged
 from palpmap.explain_record import parameters_of, rung_record
 from palpmap.explain_words import interval, readable
+from palpmap.presses_words import counted, left_out_sentences
 from palpmap.problem import Problem, catalogue_with, own_effects, pose
 from palpmap.study import Study, load_study
 from palpmap.study_versions import (
@@ -81,6 +82,7 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
         "after": rung_record(after),
         "parameters": found,
         "earns_its_place": earns,
+        **counted(problem),
     }
     sentence = effect.evidence(fit.at.values[name], problem.model.readings)
     output.result(
@@ -88,6 +90,7 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
         *_change_table(before, after, problem, found),
         sentence,
         *([] if earns else [f"{name} does not earn its place: chi-square hardly falls."]),
+        *left_out_sentences(record),
         f"Next version: {target}",
         f"Next: {to_type('diagnose', target)}",
     )

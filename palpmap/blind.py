@@ -11,7 +11,7 @@ from models.errors import InputError
 from models.scan_file import write_scan
 from palpmap.console import Output, to_type
 from palpmap.run_folder import RunFolder
-from palpmap.sealed import seal
+from palpmap.sealed import FOLDER, seal
 from palpmap.study import About, Body, Map, Noise, Probe, Study, write_study
 
 if TYPE_CHECKING:
@@ -68,6 +68,11 @@ def run_blind(
     radii : 1 or 2 tip radii
     mixed : places in random order with two forces, or row by row with one
     """
+    if out is not None and (out / FOLDER).exists():
+        raise InputError(
+            f"{out}: holds a blind trial already, with its answer and perhaps results; choose "
+            "another --out"
+        )
     trial = draw_trial(seed, effects, size, radii, mixed)
     settings = {"effects": list(effects), "size": size, "radii": radii, "mixed": mixed}
     with (
@@ -162,6 +167,8 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
     from sim.hidden.catalogue import hidden_effect
     from sim.hidden.planted_scan import planted_scan
 
+    for stale in (*folder.glob("study_*.toml"), *folder.glob("scan_*.csv")):
+        stale.unlink()  # further presses of a trial that was begun here and stopped
     radii = RADII_M[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
     scan, truth = planted_scan(

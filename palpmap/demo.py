@@ -17,14 +17,15 @@ from palpmap.run_folder import RunFolder
 from palpmap.scan import (
     DEFAULT_FORCE_N,
     PAPER_FORCE_N,
+    PRESSES_PER_SIDE,
     build_laboratory,
+    default_study,
+    grid_plan_of,
     make_scan,
     scan_record,
     scan_table,
 )
 from palpmap.summary import summary
-
-PRESSES_PER_SIDE = 9
 
 #: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
 TOLERANCES = {
@@ -64,9 +65,9 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             progress.update(task, total=total or 1, completed=total or 1)
 
         with stage("solving the body"):
-            laboratory = build_laboratory(
-                run.path, None, force_n, PRESSES_PER_SIDE, seed, paper_force=paper_force
-            )
+            known = default_study()
+            plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
+            laboratory = build_laboratory(run.path, known, plan, seed, paper_force=paper_force)
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)
         study = laboratory.study

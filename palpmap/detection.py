@@ -20,6 +20,7 @@ from identify.unseen_shift import UnseenShift, unseen_shifts
 from palpmap.console import Output
 from palpmap.diagnose import untestable_lines
 from palpmap.next_scan import write_presses
+from palpmap.presses_words import counted, left_out_sentences
 from palpmap.problem import Problem, Say, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
@@ -74,9 +75,14 @@ def run_limits(
         record = {
             "limits": [limit_record(limit, better) for limit in limits],
             "mixed_scan": better.mixed,
+            **counted(problem),
         }
         write_record(run / "limits.json", record)
-        output.result({**record, "run": str(run.path)}, *limits_table(record, fit))
+        output.result(
+            {**record, "run": str(run.path)},
+            *limits_table(record, fit),
+            *left_out_sentences(record),
+        )
     return True
 
 
@@ -128,8 +134,7 @@ def planned_limits(
 def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:
     """Return a planned scan as plain data, its program in the run folder."""
     program = f"scan_{plan.design.name}.csv"
-    if not (run / program).exists():
-        write_presses(plan.design.presses, problem.placement.origin_m, run / program)
+    write_presses(plan.design.presses, problem.placement.origin_m, run / program)
     return {"change": plan.design.change, "program": program}
 
 

@@ -10,6 +10,7 @@ from identify.residual_statement import length
 from identify.rung import Rung, rung_of
 from palpmap.console import Output
 from palpmap.explain_record import evidence, parameters_of, rung_record, score_record
+from palpmap.presses_words import counted, left_out_sentences
 from palpmap.problem import Problem, named, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
@@ -48,7 +49,11 @@ def run_diagnose(
             progress.update(task, description="done", total=1, completed=1)
         record = diagnosis_record(rung, problem)
         write_record(run / "diagnosis.json", record)
-        output.result({**record, "run": str(run.path)}, *diagnosis_table(record, rung))
+        output.result(
+            {**record, "run": str(run.path)},
+            *diagnosis_table(record, rung),
+            *left_out_sentences(record),
+        )
     return rung.comparison.is_noise and not rung.diagnosis.significant
 
 
@@ -63,6 +68,7 @@ def diagnosis_record(rung: Rung, problem: Problem) -> dict[str, Any]:
     diagnosis = rung.diagnosis
     return {
         **rung_record(rung),
+        **counted(problem),
         "parameters": parameters_of(rung, problem),
         "candidates": [
             {

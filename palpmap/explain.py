@@ -12,8 +12,8 @@ from palpmap.console import Output, to_type
 from palpmap.detection import hiding
 from palpmap.explain_record import explain_record
 from palpmap.explain_summary import explain_summary, rung_line
-from palpmap.kept_inputs import keep_inputs
-from palpmap.next_scan import next_lines, proposal_records, propose, repeat_record
+from palpmap.kept_inputs import keep_inputs, refuse_own_folder
+from palpmap.next_scan import REPEAT, next_lines, proposal_records, propose, repeat_record
 from palpmap.problem import Problem, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import Study, load_study
@@ -45,6 +45,7 @@ def run_explain(
         Whether the scan is explained, or nothing is missing.
     """
     known = load_study(study)
+    refuse_own_folder(study, out)
     own = own_effects(known, effects)
     inputs = [study, known.scan, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
@@ -104,6 +105,8 @@ def write_explanation(
     """
     from palpmap.explain_files import write_explain_files
 
+    for stale in (*run.glob("next_scan_*.csv"), run / REPEAT):  # of an earlier command there
+        stale.unlink(missing_ok=True)
     record = explain_record(explained, problem, without)
     proposals = propose(explained, problem)
     record["next_presses"] = proposal_records(proposals, problem, run)

@@ -14,7 +14,7 @@ from identify.stated_geometry import mistakes
 from identify.unseen_inclusions import unseen_inclusions
 from palpmap.map_fit import AXES
 from palpmap.next_scan import finer_cells
-from palpmap.presses_words import presses_record
+from palpmap.presses_words import counted, presses_record
 from palpmap.problem import Problem, named
 from palpmap.suspects import WithoutSuspects, suspects_left
 
@@ -47,6 +47,7 @@ def explain_record(
         "suspects_left": list(suspects_left(explained, without)),
         "without_suspects": None if without is None else without_record(without),
         "explained_share": explained.explained_share,
+        **counted(problem),
         "presses_alone": presses_record(problem),
         "unseen_inclusions": _unseen(explained),
         "stated_lengths": _stated_lengths(explained),

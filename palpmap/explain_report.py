@@ -113,7 +113,7 @@ def _sections(t: Told) -> Iterable[str]:
     yield _verdict(t)
     if t.explained.verdict == "unexplained":  # what is left is then the finding
         yield _left(t)
-    alone = presses_sentences(t.record["presses_alone"])
+    alone = presses_sentences(t.record)
     if alone:
         yield section("The presses by themselves", listing(alone))
     yield section("Where the error was", t.picture("residuals"))

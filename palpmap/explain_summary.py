@@ -61,7 +61,7 @@ def explain_summary(
             if set(names) & set(explained.final.fit.model.has):
                 titles = " and ".join(named(problem.catalogue, name).title for name in names)
                 lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
-    lines.extend(Text(f"- {says}") for says in presses_sentences(record["presses_alone"]))
+    lines.extend(Text(f"- {says}") for says in presses_sentences(record))
     lines.append(_parameter_table(record))
     if unseen := unseen_effects(record):
         lines.append(Text(f"- {unseen}"))

@@ -19,7 +19,7 @@ from palpmap.console import Output, to_type
 from palpmap.finding import Finding
 from palpmap.finding_files import build_finding, write_finding
 from palpmap.fit_figures import near_largest_force
-from palpmap.kept_inputs import keep_inputs
+from palpmap.kept_inputs import keep_inputs, refuse_own_folder
 from palpmap.map_fit import fit_study
 from palpmap.placement import Placement, place_scan
 from palpmap.problem import fit_effects, own_effects
@@ -63,6 +63,7 @@ def run_fit(
     source = study
     known = load_study(source)
     if inclusions is not None:
+        refuse_own_folder(source, out)
         known = known.model_copy(
             update={"map": known.map.model_copy(update={"inclusions": inclusions})}
         )

@@ -24,9 +24,9 @@ def run_join(*, scans: Sequence[Path], out: Path, pause_s: float | None, output:
     _refuse_twice(scans)
     if out.exists():
         raise InputError(f"{out}: is already there and is not overwritten; choose another --out")
-    joined, left_out = join_scans(
-        [read_scan(path) for path in scans], list(map(str, scans)), pause_s
-    )
+    # What looks like another unit is asked about where the joined scan is read with its study
+    tables = [read_scan(path, units_checked=True) for path in scans]
+    joined, left_out = join_scans(tables, list(map(str, scans)), pause_s)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_scan(joined, out)
     presses = len(joined.press_ids)

@@ -3,9 +3,25 @@
 import shutil
 from pathlib import Path
 
+from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import write_scan
 from palpmap.study import Study, write_study
+
+
+def refuse_own_folder(study: Path, out: Path | None) -> None:
+    """Refuse a run folder whose study.toml is the study itself, and would be replaced.
+
+    Raises
+    ------
+    InputError
+        Naming the folder.
+    """
+    if out is not None and (out / "study.toml").resolve() == study.resolve():
+        raise InputError(
+            f"{out}: is the folder of {study} itself, which would be replaced by the study with "
+            "what was found; choose another --out"
+        )
 
 
 def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
@@ -16,7 +32,13 @@ def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
     if body.file is not None:
         copy = (run / body.file.name).resolve()
         if copy != body.file.resolve():
-            shutil.copyfile(body.file, copy)
+            try:
+                shutil.copyfile(body.file, copy)
+            except OSError as error:
+                raise InputError(
+                    f"{body.file}, key body.file: cannot be read ({error.strerror}), expected a "
+                    "surface; check the path"
+                ) from error
         body = body.model_copy(update={"file": copy})
     kept = study.model_copy(update={"study": about, "body": body})
     write_study(kept, run / "study.toml")

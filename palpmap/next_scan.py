@@ -1,4 +1,4 @@
-"""Scans that the diagnosis proposes, as programs that `palpmap scan --program` runs."""
+"""Scans that the diagnosis proposes, as press programs (docs/files.md)."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -23,6 +23,7 @@ COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", 
 REPEAT = "repeat_presses.csv"
 FINER = 2 / 3
 _MOST = 3
+_HOLD_S, _UNLOAD_S = 0.1, 1.0
 _IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
 
 
@@ -133,12 +134,16 @@ def next_lines(record: Mapping[str, Any], run: Path) -> tuple["RenderableType", 
 
 
 def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:
-    """Write presses as a program, in the scan's frame."""
+    """Write presses as a program, in the scan's frame.
+
+    Where the scan has no rows of holding or unloading, the press still has to do so.
+    """
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for j in range(len(presses)):
             x, y = presses.point_m[j, :2] + origin_m[:2]
             numbers = (x, y, presses.radius_m[j], presses.force_n[j], presses.ramp_s[j],
-                       presses.hold_s[j], presses.unload_s[j], presses.pause_s[j])  # fmt: skip
+                       presses.hold_s[j] or _HOLD_S, presses.unload_s[j] or _UNLOAD_S,
+                       presses.pause_s[j])  # fmt: skip
             writer.writerow([f"{number:.6g}" for number in numbers])

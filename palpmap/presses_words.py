@@ -15,8 +15,6 @@ def presses_record(problem: Problem) -> dict[str, Any] | None:
         return None
     largest = problem.model.readings.largest_force_n
     return {
-        "presses": problem.model.readings.presses,
-        "presses_left_out": problem.left_out,
         "effects": list(law.names),
         "values": {name: dict(law.found.values[name]) for name in law.names},
         "as_good": {name: [other for other, _ in law.rivals(name)] for name in law.names},
@@ -38,16 +36,32 @@ def _record(fit: PressWiseFit, largest_n: float) -> dict[str, float]:
     }
 
 
-def presses_sentences(found: Mapping[str, Any] | None) -> list[str]:
-    """Return what the record says, in sentences; none where the presses were not asked."""
+def counted(problem: Problem) -> dict[str, int]:
+    """Return how many presses were used and how many were too many, as plain data."""
+    return {
+        "presses_used": problem.model.readings.presses,
+        "presses_left_out": problem.left_out,
+    }
+
+
+def left_out_sentences(record: Mapping[str, Any]) -> list[str]:
+    """Say of a record with `counted` in it how many presses were used, if not all were.
+
+    >>> left_out_sentences({"presses_used": 200, "presses_left_out": 100})
+    ['200 of 300 presses, evenly spread, were used: time and memory grow with their number.']
+    """
+    used, left = record["presses_used"], record["presses_left_out"]
+    why = "time and memory grow with their number"
+    says = f"{used} of {used + left} presses, evenly spread, were used: {why}."
+    return [says] if left else []
+
+
+def presses_sentences(record: Mapping[str, Any]) -> list[str]:
+    """Return what result.json says of the presses, in sentences; none where there is nothing."""
+    says, found = left_out_sentences(record), record["presses_alone"]
     if found is None:
-        return []
-    says = []
-    before, after, count = found["before"], found["after"], found["presses"]
-    if found["presses_left_out"]:
-        says.append(
-            f"{count} of {count + found['presses_left_out']} presses, evenly spread, were used."
-        )
+        return says
+    before, after = found["before"], found["after"]
     alone = "The presses by themselves, each with a compliance of its own and no map: "
     if found["effects"]:
         says.append(

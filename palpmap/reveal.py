@@ -74,6 +74,10 @@ def stated(answer: str) -> dict[str, Any]:
     if not names:
         raise InputError("found an empty answer, expected names of effects, none or unexplained")
     words = {"none": "nothing_missing", "unexplained": "unexplained"}
+    if len(names) > 1 and any(name in words for name in names):
+        raise InputError(
+            f"--answer: found '{answer}', expected names of effects, or none or unexplained alone"
+        )
     if names[0] in words:
         return {"verdict": words[names[0]], "added": [], "ambiguous": []}
     from palpmap.study import EFFECTS

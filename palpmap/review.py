@@ -63,8 +63,8 @@ def find_recording(run: Path) -> Path:
     recording = run / RECORDING
     if not recording.is_file():
         raise InputError(
-            f"there is no {RECORDING} in {run}; give a folder that 'palpmap demo', 'scan' or 'fit' "
-            "wrote with --out"
+            f"there is no {RECORDING} in {run}; give a folder that 'palpmap demo', 'scan', 'fit' "
+            "or 'explain' wrote with --out and, in the case of 'explain', to its end"
         )
     return recording
 

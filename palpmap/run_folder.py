@@ -67,7 +67,7 @@ class RunFolder:
     ------
     InputError
         If `out` is a file, or a folder with other things in it, or cannot be written, or another
-        command is writing into it.
+        command is writing into it; or if an input cannot be read.
     """
 
     def __init__(
@@ -80,7 +80,9 @@ class RunFolder:
         inputs: Sequence[str | os.PathLike[str]] = (),
     ):
         self.path = _default_folder(command) if out is None else Path(out)
-        _earlier_runs(self.path)  # refuses what is no run folder before anything is made
+        # What is no run folder and what cannot be read is refused before anything is made
+        _earlier_runs(self.path)
+        hashes = {str(path): _hash_of(path) for path in inputs}
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -96,11 +98,17 @@ class RunFolder:
             "outcome": "running",
             "seed": seed,
             "settings": dict(settings or {}),
-            "inputs": {str(path): sha256(path) for path in inputs},
+            "inputs": hashes,
             "versions": versions(),
         }
         self._entries = [*_earlier_runs(self.path), self._entry]
-        self._save()
+        try:
+            self._save()
+        except OSError as error:
+            raise InputError(
+                f"{self.path}: the run folder cannot be written to ({error.strerror}); make it "
+                "writable or choose another with --out"
+            ) from error
 
     def __enter__(self) -> "RunFolder":
         """Return the folder itself."""
@@ -192,6 +200,15 @@ def sha256(path: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of a file as hexadecimal text."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _hash_of(path: str | os.PathLike[str]) -> str:
+    try:
+        return sha256(path)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}), expected a file; check the path"
+        ) from error
 
 
 def versions() -> dict[str, str]:

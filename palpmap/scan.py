@@ -1,7 +1,7 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sim.truth_map import TruthMap
 
 DEFAULT_FORCE_N = 0.3
+PRESSES_PER_SIDE = 9
 PAPER_FORCE_N = 3.0
 MARGIN_SHARE = 1 / 8  # of the body's edges, from the rim to the first presses: 12 of 96 mm
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
@@ -69,7 +70,7 @@ def run_scan_command(
     study: Path | None,
     force: float | None,
     paper_force: bool,
-    presses_per_side: int,
+    presses_per_side: int | None,
     out: Path | None,
     seed: int,
     output: Output,
@@ -80,7 +81,8 @@ def run_scan_command(
 
     Parameters
     ----------
-    program : file of presses (`sim.press_program`) in place of a grid with one force
+    presses_per_side : of the grid, None for `PRESSES_PER_SIDE`
+    program : file of presses (`sim.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
 
     Returns
@@ -92,12 +94,18 @@ def run_scan_command(
 
     from sim.press_program import read_program
 
-    force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
-    settings = {"force_n": force_n, "presses_per_side": presses_per_side}
-    known = None if study is None else load_study(study)
+    known = default_study() if study is None else load_study(study)
+    settings: dict[str, Any] = {}
+    if program is None:
+        force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
+        per_side = presses_per_side or PRESSES_PER_SIDE
+        plan = grid_plan_of(known, force_n, per_side)
+        settings |= {"force_n": force_n, "presses_per_side": per_side}
+    else:
+        plan = program_plan_of(known, read_program(program, seed))
+    if plant:
+        settings["plant"] = [list(one) for one in plant]
     inputs = [path for path in (study, program) if path is not None]
-    presses = None if program is None else read_program(program, seed)
-    count = presses_per_side**2 if presses is None else len(presses)
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
         output.progress() as progress,
@@ -105,14 +113,12 @@ def run_scan_command(
             run / "recording.rrd",
             "virtual scan",
             seed=seed,
-            planned_presses=count,
+            planned_presses=len(plan),
             parts=SCAN_PARTS,
         ) as recording,
     ):
-        task = progress.add_task("meshing and solving the body", total=count)
-        laboratory = build_laboratory(
-            run.path, known, force_n, presses_per_side, seed, presses, plant, paper_force
-        )
+        task = progress.add_task("meshing and solving the body", total=len(plan))
+        laboratory = build_laboratory(run.path, known, plan, seed, plant, paper_force)
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -126,45 +132,64 @@ def run_scan_command(
     return record["kept"]
 
 
-def build_laboratory(
-    run: Path,
-    study: Study | None,
-    force_n: float,
-    presses_per_side: int,
-    seed: int,
-    program: "PressProgram | None" = None,
-    plant: Sequence[tuple[str, float]] = (),
-    paper_force: bool = False,
-) -> Laboratory:
-    """Plan the scan and solve the body; write study.toml and truth.json into the run folder.
-
-    Parameters
-    ----------
-    program, plant : see `run_scan_command`
-    paper_force : the presses may go as deep as the body is high
+def grid_plan_of(study: Study, force_n: float, per_side: int) -> "ScanPlan":
+    """Plan a grid of presses on a study's block, row by row.
 
     Raises
     ------
     InputError
         A study whose body or tip the laboratory does not have.
     """
+    from sim.scan_plan import ScanPlan
+
+    size = _block_of(study)
+    points = _grid(size, per_side)
+    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    return ScanPlan(
+        points, down, force_n=force_n, tip_radius_m=study.probe.radius_m, body_size_m=size
+    )
+
+
+def program_plan_of(study: Study, program: "PressProgram") -> "ScanPlan":
+    """Plan the presses of a program, which is in the study's frame, on the study's block.
+
+    Raises
+    ------
+    InputError
+        A study whose body or tip the laboratory does not have, presses beside the block, or tips
+        of several radii.
+    """
+    from sim.scan_plan import program_plan
+
+    size = _block_of(study)
+    x, y, _ = study.body.origin_m
+    return program_plan(replace(program, x_m=program.x_m - x, y_m=program.y_m - y), size)
+
+
+def build_laboratory(
+    run: Path,
+    study: Study,
+    plan: "ScanPlan",
+    seed: int,
+    plant: Sequence[tuple[str, float]] = (),
+    paper_force: bool = False,
+) -> Laboratory:
+    """Solve the body of a planned scan; write study.toml and truth.json into the run folder.
+
+    Parameters
+    ----------
+    plant : see `run_scan_command`
+    paper_force : the presses may go as deep as the body is high
+    """
     from sim.hidden.on_robot import plant_on_robot
     from sim.hidden_body import HiddenBody
-    from sim.scan_plan import program_plan
     from sim.settings import ScanSettings
     from sim.soft_body import SoftBody
 
     share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
     settings = ScanSettings(seed=seed, deepest_share=share)
-    study = study or default_study()
-    _refuse_unknown(study)
-    size = study.body.size_m
-    assert size is not None  # a block has one
+    size = _block_of(study)
     truth = scaled_truth(size)
-    if program is None:
-        plan = _grid_plan(size, presses_per_side, force_n, study.probe.radius_m)
-    else:
-        plan = program_plan(program, size)
     hidden = plant_on_robot(
         plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth)
     )
@@ -240,7 +265,8 @@ def default_study() -> Study:
     )
 
 
-def _refuse_unknown(study: Study) -> None:
+def _block_of(study: Study) -> tuple[float, float, float]:
+    """Edges of a study's block, if it is one that the laboratory has, with a tip that it has."""
     if study.body.size_m is None:
         raise InputError(
             'the laboratory presses on blocks; the study has body.shape = "surface": give a study '
@@ -257,16 +283,7 @@ def _refuse_unknown(study: Study) -> None:
             'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '
             'probe.tip = "flat" to scan'
         )
-
-
-def _grid_plan(
-    size: tuple[float, float, float], per_side: int, force_n: float, radius_m: float
-) -> "ScanPlan":
-    from sim.scan_plan import ScanPlan
-
-    points = _grid(size, per_side)
-    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
-    return ScanPlan(points, down, force_n=force_n, tip_radius_m=radius_m, body_size_m=size)
+    return study.body.size_m
 
 
 def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:

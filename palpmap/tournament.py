@@ -145,12 +145,18 @@ def earlier_games(run: Path, settings: dict[str, Any]) -> dict[int, dict[str, An
     """
     path = run / FILE
     head = run / "settings.json"
+    usual = {"mixed": False, "further": 0}  # of tournaments whose settings do not say
     if head.is_file():
-        before = json.loads(head.read_text(encoding="utf-8"))
-        if before != settings:
+        try:
+            before = {**usual, **json.loads(head.read_text(encoding="utf-8"))}
+        except ValueError as error:
+            raise InputError(
+                f"{head}: found text that is not JSON ({error}); choose another --out"
+            ) from error
+        if before != {**usual, **settings}:
             raise InputError(
                 f"{run}: the tournament there was begun with {before}, now asked for with "
-                f"{settings}; take the same settings or another --out"
+                f"{settings}; take the same settings (mixed: not --plain) or another --out"
             )
     else:
         head.write_text(json.dumps(settings) + "\n", encoding="utf-8")

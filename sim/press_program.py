@@ -28,6 +28,7 @@ from models.errors import InputError
 
 NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
 OPTIONAL = ("unload_s", "pause_s")
+PLACE = ("x_m", "y_m")
 UNLOAD_S = 1.0
 USUAL_RADIUS_M = 0.005
 PAUSE_S = (0.05, 0.95)
@@ -66,8 +67,8 @@ class PressProgram:
                     f"The press program's {field.name} has shape {array.shape}; expected "
                     f"{shape[0]} finite numbers, one a press."
                 )
-            low = 0.0 if field.name in ("x_m", "y_m", "pause_s") else np.nextafter(0, 1)
-            if (array < low).any():
+            low = 0.0 if field.name == "pause_s" else np.nextafter(0, 1)
+            if field.name not in PLACE and (array < low).any():
                 j = int((array < low).argmax())
                 raise InputError(
                     f"Press {j} of the program: {field.name} is {array[j]:g}; it has to be "
@@ -218,10 +219,11 @@ def _number(path: Path, row: int, name: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         value = float("nan")
-    positive = name not in ("x_m", "y_m", "pause_s")
-    if not np.isfinite(value) or value < 0 or (positive and value == 0):
+    positive = name not in (*PLACE, "pause_s")
+    if not np.isfinite(value) or (name not in PLACE and value < 0) or (positive and value == 0):
+        kind = "positive " if positive else "" if name in PLACE else "not negative "
         raise InputError(
             f"{path}, row {row}, column {name}: found '{cell.strip()}', expected a "
-            f"{'positive ' if positive else ''}number in SI units"
+            f"{kind}number in SI units"
         )
     return value

@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
-from palpmap.scan import build_laboratory
+from palpmap.scan import grid_plan_of
 from palpmap.study import Study, load_study, write_study
 
 CASE_A = Path(__file__).parent / "data" / "lab" / "case_a"
@@ -95,9 +95,9 @@ def test_a_slanted_press_on_a_sliding_base_is_refused_with_what_to_do(three_pres
 
 
 @pytest.mark.parametrize("body", [ELASTIC, {"support": "base-sliding"}, {"held_sides": ["x0"]}])
-def test_the_laboratory_refuses_a_support_that_it_does_not_have(body, tmp_path):
+def test_the_laboratory_refuses_a_support_that_it_does_not_have(body):
     with pytest.raises(InputError, match="bonded at its base and free elsewhere"):
-        build_laboratory(tmp_path, study_with(**body), 0.3, 2, 0)
+        grid_plan_of(study_with(**body), 0.3, 2)
 
 
 def test_finer_cells_come_closer_to_what_a_fine_mesh_answers(three_presses):

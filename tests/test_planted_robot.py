@@ -16,7 +16,7 @@ from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.finding import read_truth
 from palpmap.recording_maps import map_views
-from palpmap.scan import build_laboratory
+from palpmap.scan import build_laboratory, default_study, grid_plan_of
 from palpmap.scan_scene import draw_scene
 from palpmap.scan_truth import true_parameters
 from sim.hidden.on_robot import plant_on_robot, program_of
@@ -201,7 +201,8 @@ def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
 
 def test_the_recordings_truth_is_the_body_that_is_pressed(tmp_path):
     plant = [("extra_inclusion", 0.05), ("stiffness_gradient", 0.05)]
-    laboratory = build_laboratory(tmp_path, None, 0.2, 2, 0, plant=plant)
+    known = default_study()
+    laboratory = build_laboratory(tmp_path, known, grid_plan_of(known, 0.2, 2), 0, plant)
     recording = MagicMock()
     draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     views, parameters = recording.truth.call_args.args

@@ -36,15 +36,23 @@ def scan(
     ] = None,
     paper_force: PaperForce = False,
     presses_per_side: Annotated[
-        int, typer.Option("--presses-per-side", min=2, max=50, help="Presses along x and along y.")
-    ] = 9,
+        int | None,
+        typer.Option(
+            "--presses-per-side",
+            min=2,
+            max=50,
+            help="Presses along x and along y.",
+            show_default="9",
+        ),
+    ] = None,
     program: Annotated[
         Path | None,
         typer.Option(
             "--program",
             metavar="FILE",
-            help="CSV of presses in place of the grid: x_m, y_m, radius_m, force_n, ramp_s, hold_s "
-            "and optionally unload_s, pause_s; one radius, as the arm carries one tip.",
+            help="CSV of presses in place of the grid, in the study's frame: x_m, y_m, radius_m, "
+            "force_n, ramp_s, hold_s and optionally unload_s, pause_s; one radius, as the arm "
+            "carries one tip.",
             show_default="a grid",
         ),
     ] = None,
@@ -71,6 +79,8 @@ def scan(
     """
     if program is not None and (force is not None or paper_force):
         raise typer.BadParameter("a program has its own forces: give --program or a force")
+    if program is not None and presses_per_side is not None:
+        raise typer.BadParameter("a program has its own places: give --program or a grid")
     if force is not None and paper_force:
         raise typer.BadParameter("give --force or --paper-force, not both")
     from palpmap.scan import run_scan_command

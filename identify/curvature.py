@@ -21,6 +21,7 @@ import numpy as np
 from identify.optimize_result import InadmissibleError
 
 _STRAIGHT = 0.02  # largest coordinate of a standard deviation below which nothing bends
+_HELD = 1e-9  # from a bound
 _FURTHEST = 0.5  # the same beyond which nothing is known of the other side: it counts as this far
 
 
@@ -29,6 +30,7 @@ def expected_residual(
     u: np.ndarray,
     here: np.ndarray,
     covariance: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
     """Mean of a fit's residual (m,) under noise alone, up to its part along what was fitted.
 
@@ -38,22 +40,28 @@ def expected_residual(
     u : (k,) the estimate, in coordinates of order one
     here : (m,) the residual there
     covariance : (k, k) of the estimate
+    bounds : (k,) each; what is at one does not move, and nothing moves beyond one
 
     Examples
     --------
     Of y = u^2 with a variance of 0.04: the second derivative of y - u^2 is -2.
 
-    >>> expected_residual(lambda u: 1 - u**2, np.ones(1), np.zeros(1), np.array([[0.04]])).round(6)
+    >>> here, no = np.zeros(1), np.full(1, np.inf)
+    >>> expected_residual(lambda u: 1 - u**2, np.ones(1), here, np.full((1, 1), 0.04), (-no, no))
     array([-0.04])
     """
     total = np.zeros_like(here)
-    variances, directions = np.linalg.eigh(covariance)
-    steps = np.sqrt(np.maximum(variances, 0.0)) * directions
-    for step in steps.T:
-        reach = float(np.abs(step).max())
+    room = np.minimum(u - bounds[0], bounds[1] - u)
+    moves = room > _HELD
+    variances, directions = np.linalg.eigh(covariance[np.ix_(moves, moves)])
+    for size, direction in zip(np.sqrt(np.maximum(variances, 0.0)), directions.T, strict=True):
+        step = np.zeros_like(u)
+        step[moves] = size * direction
+        reach = float(np.abs(step).max(initial=0.0))
         if reach < _STRAIGHT:
             continue
-        step = step * min(1.0, _FURTHEST / reach)
+        step *= min(1.0, _FURTHEST / reach)
+        step *= min(1.0, float((room[moves] / np.maximum(np.abs(step[moves]), 1e-300)).min()))
         try:
             total += residual(u + step) + residual(u - step) - 2 * here
         except InadmissibleError:

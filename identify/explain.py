@@ -14,7 +14,7 @@ compared with their rivals again. The verdict follows from what remains.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,7 +25,7 @@ from identify.effects.effect import Effect
 from identify.gaussian_map import GaussianMap
 from identify.joint_fit import JointFit, fit_jointly, try_fit
 from identify.measurement_model import MeasurementModel
-from identify.rivals import REFIT_EVALUATIONS, Rival, best_rivals
+from identify.rivals import REFIT_EVALUATIONS, Rival, best_rivals, doubted
 from identify.rung import Rung, rung_of
 from identify.second_look import look_again, with_exchanged
 from models.scan import Scan
@@ -83,11 +83,8 @@ class Explanation:
         Where the remainder is structured, an effect is only offered if the effects together took
         nearly all of what was unexplained, or the presses by themselves bear it out.
         """
-        sure = tuple(
-            a
-            for a in self.additions
-            if len(a.group) == 1 and a.name not in (*self.resting_on_suspects, *self.at_bound)
-        )
+        unsure = (*self.resting_on_suspects, *self.at_bound, *self.doubted)
+        sure = tuple(a for a in self.additions if len(a.group) == 1 and a.name not in unsure)
         main = self.explained_share >= _MAIN_PART and not self.map_error
         if self.verdict == "unexplained" and not main:
             sure = tuple(a for a in sure if a.borne_out)
@@ -97,6 +94,11 @@ class Explanation:
     def at_bound(self) -> tuple[str, ...]:
         """Effects of the last model that would be larger if that were possible: not found."""
         return tuple(name for name in self.final.fit.model.has if at_bound(self.final.fit, name))
+
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """Effects of the last model whose values are not to be believed."""
+        return tuple(name for name in self.final.fit.model.has if doubted(self.final.fit, name))
 
     @property
     def traces(self) -> tuple[str, ...]:
@@ -178,14 +180,16 @@ def climb(
         fit = fit_jointly(winner.fit.model, winner.fit.map)
         fit, lost = without_unneeded(fit, [a.name for a in additions[:-1]], say)
         kept = [a for a in additions if a.name not in lost]
-        fit, additions, exchanged = look_again(fit, kept, say)
+        # Beside what has lost its place, the last one may have beaten rivals that do as well now
+        fit, additions, exchanged = look_again(fit, kept, say, the_last_too=bool(lost))
         dropped.extend([*lost, *exchanged])
         for number, rung in enumerate(ladder):
             if exchanged.keys() & set(rung.fit.model.has):  # the steps lead to the last model
                 ladder[number] = judged(with_exchanged(rung.fit, exchanged, fit))
         ladder.append(judged(fit))
     verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled)
-    return Explanation(verdict, tuple(ladder), tuple(additions), tuple(dropped))
+    gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.model.has)
+    return Explanation(verdict, tuple(ladder), tuple(additions), gone)
 
 
 def _share(before: JointFit, after: JointFit) -> float:
@@ -247,7 +251,7 @@ def without_unneeded(
             fit.model.without(name), fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS
         )
         if without is not None and without.bic < fit.bic:
-            fit = replace(without)
+            fit = without
             lost.append(name)
     return (fit_jointly(fit.model, fit.map) if lost else fit), lost
 
@@ -275,11 +279,6 @@ def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition], settled: boo
         return "unexplained"
     if not additions:
         return "nothing_missing"
-    if any(at_bound(last.fit, a.name) for a in additions):
+    if any(at_bound(last.fit, a.name) or doubted(last.fit, a.name) for a in additions):
         return "unexplained"
     return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
-
-
-def chi2_scatter(fit: JointFit) -> float:
-    """One standard deviation of chi-square per degree of freedom, if only noise is left."""
-    return float(np.sqrt(2 / fit.dof))

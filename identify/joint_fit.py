@@ -118,17 +118,14 @@ class JointFit:
 
     @cached_property
     def expected_residual(self) -> np.ndarray:
-        """What noise alone would leave of the residual on average, (m,), as the map is curved.
-
-        Effects are next to linear in their sizes.
-        """
-        free = len(self.model.space.free)
-
-        def residual(u: np.ndarray) -> np.ndarray:
-            return self.model.linearise(np.concatenate([u, self.u[free:]])).residual
-
-        spread = self.covariance[:free, :free]
-        return expected_residual(residual, self.u[:free], self.at.residual, spread)
+        """What noise alone would leave of the residual on average, (m,), see `curvature`."""
+        return expected_residual(
+            lambda u: self.model.linearise(u).residual,
+            self.u,
+            self.at.residual,
+            self.covariance,
+            self.model.bounds,
+        )
 
     @property
     def std(self) -> dict[str, float]:

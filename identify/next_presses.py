@@ -128,14 +128,15 @@ class _Planned:
         views = {name: planned(fit, design, further=True) for name, fit in rivals}
         now = {name: fit.at for name, fit in rivals}
         self.press = next(iter(views.values()))[0].readings.press
-        self.present = len(next(iter(now.values())).sigma_m)
+        made = rivals[0][1].model.readings.press
+        self.present = len(made)
         self.ordered: list[tuple[Pair, np.ndarray, np.ndarray]] = []
         for truth, model in permutations(now, 2):
             here, there = now[model], views[model][1]
             apart = np.concatenate(
                 [
-                    (now[truth].predicted_m - here.predicted_m) / here.sigma_m,
-                    (views[truth][1].predicted_m - there.predicted_m) / there.sigma_m,
+                    here.whitened(now[truth].predicted_m - here.predicted_m, made),
+                    there.whitened(views[truth][1].predicted_m - there.predicted_m, self.press),
                 ]
             )
             derivatives = np.vstack([here.jacobian, there.jacobian])

@@ -100,16 +100,17 @@ def compare_rivals(
     for name in names:
         say(f"trying {name}")
         fit = fit_with(rung.fit, effects[name], rung.diagnosis[name], best)
-        if fit is not None and not effects[name].doubt(fit.at.values[name], fit.model.readings):
+        if fit is not None and not doubted(fit, name):
             fits[name] = fit
             best = min(best, fit.chi2)
     rivals = []
     for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
         say(f"trying {name} further")
         fit = carried_on(fit, rung.fit, best)
+        if doubted(fit, name):  # now
+            continue
         best = min(best, fit.chi2)
-        # Chi-square also falls where the model's slope, and with it the noise allowed, grows
-        if fit.rms_m <= _RISE * rung.fit.rms_m or borne_out(rung.fit, fit) >= _EXPECTED:
+        if in_earnest(rung.fit, fit):
             rivals.append(Rival(name, fit.chi2, fit.bic, fit))
     return tuple(sorted(rivals, key=lambda rival: rival.criterion))
 
@@ -133,6 +134,20 @@ def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     if (fit.success and not far) or lags:
         return fit
     return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
+
+
+def doubted(fit: JointFit, name: str) -> bool:
+    """Whether an effect of a fit has ended at values that are not to be believed."""
+    (part,) = (part for part in fit.model.effects if part.effect.name == name)
+    return part.effect.doubt(fit.at.values[name], fit.model.readings) is not None
+
+
+def in_earnest(before: JointFit, after: JointFit) -> bool:
+    """Whether the error itself falls, or most of the fall of chi-square is borne out.
+
+    Chi-square also falls where the model's slope, and with it the noise allowed, grows.
+    """
+    return after.rms_m <= _RISE * before.rms_m or borne_out(before, after) >= _EXPECTED
 
 
 def borne_out(before: JointFit, after: JointFit) -> float:

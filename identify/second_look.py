@@ -15,7 +15,7 @@ from dataclasses import replace
 from identify.addition import Addition
 from identify.joint_fit import JointFit, fit_jointly
 from identify.measurement_model import MeasurementModel
-from identify.rivals import MARGIN, Rival, beaten, carried_on, refit
+from identify.rivals import MARGIN, Rival, beaten, carried_on, doubted, in_earnest, refit
 
 
 def look_again(
@@ -53,11 +53,14 @@ def look_again(
 def with_exchanged(fit: JointFit, exchanged: Mapping[str, str], now: JointFit) -> JointFit:
     """Refit an earlier model with what has replaced its effects since."""
     parts = {part.effect.name: part for part in now.model.started(now.u).effects}
-    effects = (
-        parts[exchanged[own.effect.name]] if own.effect.name in exchanged else own
-        for own in fit.model.effects
-    )  # fmt: skip
-    return fit_jointly(replace(fit.model, effects=tuple(effects)), fit.map)
+    effects = {  # by name: what replaces one may have been there beside it
+        own.effect.name: own
+        for own in (
+            parts[exchanged[own.effect.name]] if own.effect.name in exchanged else own
+            for own in fit.model.effects
+        )
+    }
+    return fit_jointly(replace(fit.model, effects=tuple(effects.values())), fit.map)
 
 
 def _beside_the_rest(
@@ -71,8 +74,10 @@ def _beside_the_rest(
             continue
         say(f"trying {rival.name} in place of {addition.name}")
         own = refit(_exchanged(fit, addition.name, rival), rival.fit.map, rounds=0)
-        if own is not None:
-            own = carried_on(own, rival.fit, fit.chi2)
+        if own is None:
+            continue
+        own = carried_on(own, rival.fit, fit.chi2)
+        if not doubted(own, rival.name) and (own.chi2 > fit.chi2 or in_earnest(fit, own)):
             found.append(Rival(rival.name, own.chi2, own.bic, own))
     return tuple(sorted(found, key=lambda rival: rival.criterion))
 

@@ -21,7 +21,7 @@ from palpmap.console import Output
 from palpmap.diagnose import untestable_lines
 from palpmap.next_scan import write_presses
 from palpmap.presses_words import counted, left_out_sentences
-from palpmap.problem import Problem, Say, own_effects, pose
+from palpmap.problem import Problem, Say, named, own_effects, pose
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study import load_study
 
@@ -144,21 +144,31 @@ def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
     Returns
     -------
     `limits` of what the search started from, `detection_limits` (shares of the signal) by effect,
-    `never_seen`, the effects that the scan would not show at any size, and `unseen_shifts`: how
-    far what the last model lacks unseen may have moved its parameters; nothing where something is
-    seen to be missing
+    `never_seen`, the effects that the scan would not show at any size, `unseen_shifts`: how
+    far what the last model lacks unseen may have moved its parameters, and `not_counted`, effects
+    of which the scan cannot say so; nothing of both where something is seen to be missing
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     limits = detection_limits(first, problem.catalogue)
     shifts: Mapping[str, UnseenShift] = {}
+    blind: list[str] = []
     if explained.verdict != "unexplained":
         own = limits if last is first else detection_limits(last, problem.catalogue)
         shifts = unseen_shifts(own)
+        chain = last.model.chain
+        blind = [
+            limit.name
+            for limit in own
+            if not (limit.smallest_share or limit.largest_share)
+            and named(problem.catalogue, limit.name).redundant(chain.profile, chain.nonlinear)
+            is None
+        ]
     return {
         "limits": [limit_record(limit) for limit in limits],
         "detection_limits": {one.name: one.smallest_share for one in limits if one.smallest_share},
         "never_seen": [one.name for one in limits if not one.smallest_share],
         "unseen_shifts": {name: asdict(shift) for name, shift in shifts.items()},
+        "not_counted": blind,
     }
 
 

@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
-from identify.diagnosis import Diagnosis
+from identify.diagnosis import CandidateVerdict, Diagnosis
 from identify.effects.effect import Effect
-from identify.explain import Explanation
+from identify.explain import SUSPECT_PRESSES, Explanation
 from identify.joint_intervals import joint_intervals
 from identify.rivals import refit_chance
 from identify.rung import Rung
@@ -104,8 +104,7 @@ def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -
     verdict = rung.diagnosis.verdict(name)
     confused = [other for other in rung.diagnosis.confused_with(name)]
     if group is not None:
-        verdict = "supported" if len(group) == 1 else "indistinguishable"
-        confused = [other for other in group if other != name]
+        verdict, confused = _in_group(name, group, explained)
     elif verdict == "supported":
         # It scores while something else is missing, but does not win: no support of its own
         verdict = "not_seen" if explained.verdict != "unexplained" else "supported"
@@ -120,6 +119,20 @@ def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -
         "confused_with": confused,
         "evidence": evidence(effect, score, problem, explained.final),
     }
+
+
+def _in_group(
+    name: str, group: tuple[str, ...], explained: Explanation
+) -> tuple[CandidateVerdict, list[str]]:
+    """Verdict on an effect that was added or is as good as one that was, and what it looks like."""
+    others = [other for other in group if other != name]
+    if others or name in explained.added:
+        return ("indistinguishable" if others else "supported"), others
+    if name in explained.resting_on_suspects:
+        return "indistinguishable", [SUSPECT_PRESSES]
+    if name in (*explained.at_bound, *explained.doubted):
+        return "not_seen", []
+    return "supported", []  # a help; what is offered by name stands under `added`
 
 
 def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:

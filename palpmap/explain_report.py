@@ -20,8 +20,8 @@ from palpmap.explain_tables import (
     rival_table,
 )
 from palpmap.explain_words import (
-    VERDICTS,
     doubts,
+    headline,
     limits_of_method,
     step_evidence,
     step_notes,
@@ -153,7 +153,7 @@ def _verdict(t: Told) -> str:
         & set(t.explained.added)
     )
     text += listing(doubts(t.record, t.explained))
-    return section(VERDICTS[t.explained.verdict][0], text, "verdict" if sure else "verdict not")
+    return section(headline(t.explained), text, "verdict" if sure else "verdict not")
 
 
 def _left(t: Told) -> str:

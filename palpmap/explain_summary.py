@@ -9,6 +9,7 @@ from identify.rung import Rung
 from palpmap.explain_evidence import added_names
 from palpmap.explain_words import (
     VERDICTS,
+    headline,
     interval,
     readable,
     rung_labels,
@@ -52,7 +53,7 @@ def explain_summary(
     """Return the explanation as rich renderables that fit one screen."""
     from rich.text import Text
 
-    sentence, style = VERDICTS[explained.verdict]
+    sentence, style = headline(explained), VERDICTS[explained.verdict][1]
     lines: list[RenderableType] = [_ladder_table(explained)]
     lines.append(Text(f"{sentence} {verdict_detail(explained)}".strip(), style=f"bold {style}"))
     if explained.verdict != "unexplained" or explained.added:

@@ -17,7 +17,7 @@ from palpmap.problem import Problem, named
 
 _NAMED = 3  # of the effects that may have moved the parameters unseen
 
-VERDICTS = {
+VERDICTS = {  # but see `headline`
     "nothing_missing": ("Nothing is seen to be missing.", "green"),
     "explained": ("Explained.", "green"),
     "ambiguous": ("Ambiguous: this scan cannot tell these effects apart.", "yellow"),
@@ -33,6 +33,15 @@ CANDIDATES = {
 }
 
 
+def headline(explained: Explanation) -> str:
+    """Return the verdict as a sentence."""
+    if explained.verdict == "unexplained" and explained.final.comparison.is_noise:
+        if explained.at_bound or explained.doubted:
+            return "Unexplained: what would explain the scan is not to be believed."
+        return "Unexplained: more is seen to be missing than could be found."
+    return VERDICTS[explained.verdict][0]
+
+
 def verdict_detail(explained: Explanation) -> str:
     """Return the verdict's own sentence: which effects, or what is left."""
     sure = listed(explained.added)
@@ -40,7 +49,8 @@ def verdict_detail(explained: Explanation) -> str:
         if explained.traces:
             return (
                 f"The residual is noise, with a trace of {' or '.join(explained.traces)} that is "
-                "too weak to be told from chance and from what the model itself is off by."
+                "too weak to be told from chance, does not pay for its parameters, or may be what "
+                "the model itself is off by."
             )
         return "The residual is noise, and no effect of the catalogue is seen in it."
     if explained.verdict == "explained":
@@ -88,6 +98,11 @@ def _help(explained: Explanation) -> str:
         return (
             f"With {listed(helpers)} the error falls, but only with more of {listed(bound)} than "
             "can be: at the bound of what is possible it is a help, not the answer. "
+        )
+    if doubted := [name for name in helpers if name in explained.doubted]:
+        return (
+            f"With {listed(helpers)} the error falls, but {listed(doubted)} only at values that "
+            "are not to be believed: a help, not the answer. "
         )
     text = f"{listed(helpers)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
@@ -144,10 +159,10 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         return [f"{name} lost its place later: beside what was added after it, it is not needed."]
     if len(addition.group) > len(addition.equals):
         return [
-            f"{listed(addition.group)} cannot be told apart: what the map leaves of "
-            f"{listed([n for n in addition.group if n != MODEL_ERROR])} is so little that a slight "
-            "error of the model, or another form of the map, looks the same. Do not take a name, "
-            "or its numbers, for found: scan with tips of two radii, or rule it out by itself."
+            f"{listed(addition.group)} cannot be told apart: beyond what the map takes up, a "
+            "slight error of the model, or another form of the map, looks the same as "
+            f"{listed([n for n in addition.group if n != MODEL_ERROR])}. Do not take a name, or "
+            f"its numbers, for found: {_way_out(explained)}."
         ]
     if len(addition.group) > 1:
         others = " or ".join(other for other in addition.group if other != name)
@@ -157,12 +172,35 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         ]
     if addition.borne_out and name in explained.added and explained.verdict == "unexplained":
         return [f"The presses by themselves call for {name}, whatever the map."]
+    if name in explained.resting_on_suspects:
+        return [
+            f"{name} is only found, or only told from its rivals, with presses that stand out by "
+            "themselves, so it is not offered as the missing effect."
+        ]
+    if name in explained.at_bound:
+        return [
+            f"{name} is at the bound of what is possible, so it is not offered as the missing "
+            "effect."
+        ]
+    if name in explained.doubted:
+        values = explained.final.fit.at.values[name]
+        model = explained.final.fit.model
+        (part,) = (part for part in model.effects if part.effect.name == name)
+        why = part.effect.doubt(values, model.readings)
+        return [f"{name} is not offered as the missing effect: {why}."]
     if name not in explained.added:
         return [
             f"{name} lowers chi-square but leaves structure, so it is not offered as the missing "
             "effect."
         ]
     return []
+
+
+def _way_out(explained: Explanation) -> str:
+    """Say how to tell an effect from an error of the model."""
+    radii = explained.final.fit.model.readings.radius_m
+    one = radii.max() <= 1.01 * radii.min()
+    return ("scan with tips of two radii, or " if one else "") + "rule it out by itself"
 
 
 def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
@@ -229,7 +267,14 @@ def unseen_effects(record: Mapping[str, Any]) -> str:
         "No interval counts what is too small to be seen. 'Unseen effect' says how far an effect "
         f"of at most {percent(SHARE)} of the signal that this scan would not show may have moved a "
         f"parameter (most: {listed(effects)}); `palpmap limits` names the scan that narrows it."
+        + _not_counted(record)
     )
+
+
+def _not_counted(record: Mapping[str, Any]) -> str:
+    """Name the effects of which the scan cannot even say how far they may have moved the map."""
+    names = record.get("not_counted", ())
+    return f" Not counted, as this scan shows nothing of them: {listed(names)}." if names else ""
 
 
 _LENGTHS = {"tip_radius": "the tip's radius", "body_height": "the body's height"}
@@ -258,9 +303,13 @@ def without_suspects(record: Mapping[str, Any]) -> str:
     if other["verdict"] == "nothing_missing":
         return "Without them nothing is seen to be missing."
     names = [*other["added"], *(" or ".join(group) for group in other["ambiguous"])]
+    alike = other["verdict"] == record["verdict"]
     if other["verdict"] == "unexplained":
-        return "Without them, too, something is left unexplained."
-    same = names == [*record["added"], *(" or ".join(group) for group in record["ambiguous"])]
+        return f"Without them{', too,' if alike else ''} something is left unexplained."
+    same = alike and names == [
+        *record["added"],
+        *(" or ".join(group) for group in record["ambiguous"]),
+    ]
     return f"Without them the answer is {'the same' if same else listed(names)}."
 
 

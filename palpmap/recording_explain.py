@@ -21,7 +21,7 @@ from palpmap import __version__
 from palpmap import recording_parts as parts
 from palpmap import recording_style as style
 from palpmap.explain_figures import press_rms
-from palpmap.explain_words import VERDICTS, rung_labels, step_evidence, verdict_detail
+from palpmap.explain_words import headline, rung_labels, step_evidence, verdict_detail
 from palpmap.finding import Finding, matched
 from palpmap.fit import deepest_rows
 from palpmap.problem import Problem
@@ -311,7 +311,7 @@ def _log_events(log: Log, explained: Explanation, problem: Problem, number: int)
     log(parts.EVENTS, rr.TextLog(rung.comparison.statement, level=level))
     if rung is explained.final:
         sure = explained.verdict in ("nothing_missing", "explained")
-        text = f"{VERDICTS[explained.verdict][0]} {verdict_detail(explained)}"
+        text = f"{headline(explained)} {verdict_detail(explained)}"
         log(parts.EVENTS, rr.TextLog(text, level="INFO" if sure else "WARN"))
 
 

@@ -7,7 +7,7 @@ from identify.explain import Explanation
 from identify.rung import Rung
 from palpmap import recording_parts as parts
 from palpmap.explain_words import (
-    VERDICTS,
+    headline,
     interval,
     readable,
     unseen_effects,
@@ -44,7 +44,7 @@ def about_text(name: str, explained: Explanation, record: Mapping[str, Any]) -> 
     lines = [
         f"### {name}",
         "",
-        f"**{VERDICTS[explained.verdict][0]}** {verdict_detail(explained)}",
+        f"**{headline(explained)}** {verdict_detail(explained)}",
         "",
         f"**Timelines** (choose below): `{parts.ITERATION}` goes up the ladder, 0 is the model "
         f"that the search started from, each further step has one effect more; "

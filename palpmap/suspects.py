@@ -16,6 +16,8 @@ from identify.confirmed import confirmed
 from identify.effects.effect import Effect
 from identify.explain import MOST_EFFECTS, Explanation, Verdict, climb
 from identify.joint_fit import JointFit
+from identify.optimize_result import InadmissibleError
+from models.errors import InputError
 from palpmap.body_model import build_body_model
 from palpmap.problem import Problem, measurement_model, pose
 
@@ -30,7 +32,7 @@ _ELSEWHERE = 0.5
 class WithoutSuspects:
     """What is found without the presses (ids) that stand out.
 
-    `found` are the names of all additions and of those that are as good; the others are as in
+    `found` are the names of the additions that are told from their rivals; the others are as in
     `Explanation`.
     """
 
@@ -46,7 +48,7 @@ class WithoutSuspects:
     def of(cls, presses: tuple[int, ...], again: Explanation) -> "WithoutSuspects":
         """Return what the loop has found without the presses."""
         final = again.final
-        found = frozenset(name for addition in again.additions for name in addition.group)
+        found = frozenset(a.name for a in again.additions if len(a.group) == 1)
         return cls(
             presses,
             again.verdict,
@@ -76,7 +78,10 @@ def climbed(problem: Problem, seed: int, say: Say, on_rung: Callable | None = No
 def without_suspects(
     problem: Problem, own: Sequence[Effect], seed: int, explained: Explanation, say: Say
 ) -> WithoutSuspects | None:
-    """Return what is found without the presses that stand out; None where none do."""
+    """Return what is found without the presses that stand out.
+
+    None where none do, or where too little is left without them to say.
+    """
     presses = explained.ladder[0].comparison.bad_presses
     if not presses or explained.map_error:  # beside a wrong map, many stand out
         return None
@@ -85,12 +90,15 @@ def without_suspects(
     def tell(text: str) -> None:
         say(f"without presses {named}: {text}")
 
-    if explained.additions:
-        same = _same_answer(problem, explained, presses, tell)
-        if same is not None:
-            return same
-    fresh = pose(problem.study, own, tell, leave_out=presses)
-    return WithoutSuspects.of(presses, climbed(fresh, seed, tell))
+    try:
+        if explained.additions:
+            same = _same_answer(problem, explained, presses, tell)
+            if same is not None:
+                return same
+        fresh = pose(problem.study, own, tell, leave_out=presses)
+        return WithoutSuspects.of(presses, climbed(fresh, seed, tell))
+    except (InputError, InadmissibleError):
+        return None
 
 
 def _same_answer(
@@ -119,12 +127,12 @@ def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tu
     Many presses beside an edge stand out of a map alone where the body lies elsewhere. Once the
     effect is in the model they do no more, and without them it is found as well.
     """
+    still = explained.final.comparison.bad_presses
     if without is None:
-        return ()
+        return tuple(p for p in explained.ladder[0].comparison.bad_presses if p in still)
     same = (without.verdict, without.added) == (explained.verdict, explained.added)
     if not same or explained.resting_on_suspects:
         return without.presses
-    still = explained.final.comparison.bad_presses
     return tuple(press for press in without.presses if press in still)
 
 

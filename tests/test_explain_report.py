@@ -106,7 +106,8 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert propose(explained, told.problem) == ()
     text = " ".join(_name_notes(explained, "tool_compliance"))
     assert "tool_compliance and mesh_error cannot be told apart" in text
-    assert "what the map leaves of tool_compliance is so little" in text
+    assert "looks the same as tool_compliance" in text
+    assert "scan with tips of two radii" in text
     body = told.problem.study.body
     assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(explained, body))
     finest = body.model_copy(update={"cell_size_m": smallest_cell_m(body)})

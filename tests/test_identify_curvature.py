@@ -12,6 +12,8 @@ from identify.joint_fit import fit_jointly
 from identify.optimize_result import InadmissibleError
 from identify.score import fitted_basis
 
+ANYWHERE = (np.full(2, -np.inf), np.full(2, np.inf))
+
 
 def test_the_mean_residual_of_a_decay_is_that_of_many_noises():
     """Cook, Tsai, Wei: of y = a exp(-b t), against the mean over pairs of noises +e and -e."""
@@ -36,7 +38,7 @@ def test_the_mean_residual_of_a_decay_is_that_of_many_noises():
     mean = np.mean([(left(e) + left(-e)) / 2 for e in noises], axis=0)
     jac = slope(true)
     predicted = expected_residual(
-        lambda p: -prediction(p), true, -prediction(true), np.linalg.inv(jac.T @ jac)
+        lambda p: -prediction(p), true, -prediction(true), np.linalg.inv(jac.T @ jac), ANYWHERE
     )
     basis = np.linalg.qr(jac)[0]
     predicted = predicted - basis @ (basis.T @ predicted)
@@ -70,7 +72,7 @@ def test_a_map_leaves_what_its_curvature_says():
     assert found == pytest.approx(expected, abs=3 * error)
 
 
-def test_what_is_straight_or_impossible_costs_nothing_and_says_nothing():
+def test_what_is_straight_impossible_or_at_a_bound_says_nothing():
     asked = []
 
     def residual(u):
@@ -79,12 +81,15 @@ def test_what_is_straight_or_impossible_costs_nothing_and_says_nothing():
             raise InadmissibleError("no body")
         return -np.exp(u)
 
-    here = -np.exp(np.ones(2))
-    tight = np.diag([1e-5, 1e-5])
-    assert not expected_residual(residual, np.ones(2), here, tight).any()
+    def expected(variances, bounds=ANYWHERE):
+        here = -np.exp(np.ones(2))
+        return expected_residual(residual, np.ones(2), here, np.diag(variances), bounds)
+
+    assert not expected([1e-5, 1e-5]).any()
     assert not asked
-    wide = np.diag([1.0, 1e-5])
-    assert not expected_residual(residual, np.ones(2), here, wide).any()
-    open_ = np.diag([1e-5, 1e20])  # as far as half a unit, and no further
-    found = expected_residual(residual, np.ones(2), here, open_)
-    assert found[1] == pytest.approx(-np.e * (np.cosh(0.5) - 1))
+    assert not expected([1.0, 1e-5]).any()
+    # A coordinate that is left open counts as known to half a unit
+    assert expected([1e-5, 1e20])[1] == pytest.approx(-np.e * (np.cosh(0.5) - 1))
+    assert not expected([1e-5, 1.0], (np.array([-9.0, 1.0]), np.full(2, 9.0))).any()
+    near = expected([1e-5, 1.0], (np.array([-9.0, 0.9]), np.full(2, 9.0)))
+    assert near[1] == pytest.approx(-np.e * (np.cosh(0.1) - 1))

@@ -102,13 +102,28 @@ def decorrelated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarra
 
     Exact: along own it is 1/sqrt(1 + |own|^2), across it 1.
     """
+    return _scaled_along(x, own, press, -0.5)
+
+
+def correlated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Undo `decorrelated`.
+
+    >>> x, own, press = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 2.0]), np.array([0, 0, 1])
+    >>> correlated(decorrelated(x, own, press), own, press).round(9)
+    array([1., 2., 3.])
+    """
+    return _scaled_along(x, own, press, 0.5)
+
+
+def _scaled_along(x: np.ndarray, own: np.ndarray, press: np.ndarray, power: float) -> np.ndarray:
+    """Multiply the part of x along own, press by press, by (1 + |own|^2)^power."""
     square = np.bincount(press, own**2)
     if not square.any():
         return x
-    shrink = (1 - 1 / np.sqrt(1 + square)) / np.maximum(square, 1e-300)
+    gain = ((1 + square) ** power - 1) / np.maximum(square, 1e-300)
     wide = x if x.ndim == 2 else x[:, None]
     along = np.column_stack([np.bincount(press, own * column) for column in wide.T])
-    return (wide - own[:, None] * (shrink[:, None] * along)[press]).reshape(x.shape)
+    return (wide + own[:, None] * (gain[:, None] * along)[press]).reshape(x.shape)
 
 
 @dataclass(frozen=True)

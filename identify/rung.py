@@ -11,6 +11,7 @@ from identify.diagnosis import Diagnosis, diagnose
 from identify.effects.effect import Effect
 from identify.held_out import HeldOut, held_out
 from identify.joint_fit import JointFit
+from identify.measurement_model import correlated
 from identify.whitening import Whitened
 from models.scan import Scan
 
@@ -46,6 +47,7 @@ def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:
         residual_m=fit.residual_m,
         sigma_m=fit.at.sigma_m.copy(),
         force_n=fit.at.latent_force_n.copy(),
-        absorbed=fit.at.jacobian.copy(),
+        # The comparison knows the noise alone, not an error of the map (`press_error`)
+        absorbed=correlated(fit.at.jacobian, fit.at.own, fit.model.readings.press).copy(),
         noise_estimated=fit.model.noise.estimated,
     )

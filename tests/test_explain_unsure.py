@@ -13,6 +13,8 @@ from identify.addition import Addition
 from identify.effects.catalogue import effect_named
 from identify.effects.viscoelasticity import Viscoelasticity
 from identify.explain import SUSPECT_PRESSES
+from identify.joint_fit import fit_jointly
+from identify.rung import whitened_fit
 from identify.second_look import with_exchanged
 from models.errors import InputError
 from palpmap import suspects
@@ -162,3 +164,13 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
     explain.climb(case.problem.model, case.problem.start, case.problem.scan,
                   case.problem.catalogue, first=started)  # fmt: skip
     assert asked == [True]
+
+
+def test_what_the_map_s_own_error_absorbs_is_compared_in_units_of_the_noise_alone(explained_case):
+    """Residual and derivatives that `compare` gets are both whitened with the noise alone."""
+    model = explained_case.explained.ladder[0].fit.model
+    rough = fit_jointly(replace(model, press_error=0.05), explained_case.problem.start)
+    whitened = whitened_fit(rough, explained_case.problem.scan)
+    exact = replace(rough.model, press_error=0.0).linearise(rough.u)
+    assert not np.allclose(rough.at.jacobian, whitened.absorbed, rtol=1e-2)
+    np.testing.assert_allclose(whitened.absorbed, exact.jacobian, rtol=1e-9, atol=1e-9)

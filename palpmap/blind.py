@@ -167,8 +167,6 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
     from sim.hidden.catalogue import hidden_effect
     from sim.hidden.planted_scan import planted_scan
 
-    for stale in (*folder.glob("study_*.toml"), *folder.glob("scan_*.csv")):
-        stale.unlink()  # further presses of a trial that was begun here and stopped
     radii = RADII_M[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
     scan, truth = planted_scan(

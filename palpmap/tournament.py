@@ -282,6 +282,9 @@ def play(
     started = time.perf_counter()
     line = _begun(game)
     try:
+        # Further presses of the same trial, begun here before and stopped
+        for stale in (*folder.glob("study_[0-9]*.toml"), *folder.glob("scan_[0-9]*.csv")):
+            stale.unlink()
         make_trial(folder, game.trial, per_side)
         forget_models()  # the search needs the memory
         made = time.perf_counter()

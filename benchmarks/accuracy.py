@@ -18,8 +18,8 @@ from typing import TypeVar
 import numpy as np
 
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
-from fem.response import Response
-from identify.gaussian_map import GaussianMap, Inclusion
+from fem.palpation.response import Response
+from identify.map.gaussian_map import GaussianMap, Inclusion
 from models.scan_file import read_scan
 
 LAB = Path(__file__).parent.parent / "tests" / "data" / "lab"

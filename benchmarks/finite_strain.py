@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from fem import Contacts, PalpationModel, block_mesh
-from fem.assembly import lame
-from fem.contact import contact_weights
-from fem.finite_strain import FiniteStrainModel
-from fem.hyperelastic import Fung, NeoHookean
-from fem.mesh import Mesh
-from fem.tip_shape import DeadPressure, RigidTip
+from fem.contact.contacts import contact_weights
+from fem.finite_strain.hyperelastic import Fung, NeoHookean
+from fem.finite_strain.model import FiniteStrainModel
+from fem.finite_strain.tips import DeadPressure, RigidTip
+from fem.linear.assembly import lame
+from fem.mesh.mesh import Mesh
 
 SIZE_M = (0.096, 0.096, 0.048)
 DIVISIONS = (8, 8, 4)

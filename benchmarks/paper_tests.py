@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.optimizers import OPTIMIZERS
-from palpmap.paper_twin import paper_model, paper_tests, solve_test
+from identify.optimize.optimizers import OPTIMIZERS
+from palpmap.paper.identical_twin import paper_model, paper_tests, solve_test
 
 METHODS = ("bfgs", "gauss-newton")
 

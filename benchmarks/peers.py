@@ -15,13 +15,13 @@ from importlib.metadata import version
 
 import numpy as np
 
-from fem.assembly import lame
-from fem.contact import contact_weights
-from identify.bfgs import minimize_bfgs_residuals
-from identify.forward import Forward
-from identify.optimizers import OPTIMIZERS
-from identify.parameter_space import parameter_space
-from palpmap.paper_twin import (
+from fem.contact.contacts import contact_weights
+from fem.linear.assembly import lame
+from identify.body.forward import Forward
+from identify.map.parameters import parameter_space
+from identify.optimize.bfgs import minimize_bfgs_residuals
+from identify.optimize.optimizers import OPTIMIZERS
+from palpmap.paper.identical_twin import (
     FORCE_N,
     FTOL,
     POISSON_RATIO,

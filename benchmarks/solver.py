@@ -16,9 +16,9 @@ import scipy.sparse as sp
 from memory import peak_mb
 from scipy.sparse.linalg import splu
 
-from fem.assembly import Stiffness
-from fem.block import block_mesh
-from fem.solver import PardisoSolver, Solver, SuperLUSolver
+from fem.linear.assembly import Stiffness
+from fem.mesh.block import block_mesh
+from fem.solve.direct import PardisoSolver, Solver, SuperLUSolver
 
 SIZE_M = (0.096, 0.096, 0.048)
 LAYERS = (4, 6)  # of cells: 6,936 and 22,500 unknowns

@@ -17,31 +17,31 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 import accuracy
-import graded_reference as graded
-import test_fem_assembly as assembly
-import test_fem_finite_strain_calculix as calculix
-import test_fem_half_space as half_space
-import test_fem_hyperelastic as hyperelastic
-import test_fem_manufactured as manufactured
-import test_fem_prony as prony
-import test_fem_tip_surface as tip_surface
-import test_fem_unilateral as unilateral
-import test_validation_cook as cook
 from run import README, machine
 from scipy.integrate import quad
-from test_fem_hayes import HAYES, RATIOS
-from test_fem_skin import lab, modulus
 
 from fem import Contacts, PalpationModel, RefinedModel, Skin, block_mesh
-from fem.assembly import Stiffness, lame
-from fem.contact import contact_weights
-from fem.finite_strain import FiniteStrainModel
-from fem.hayes import punch_factor
-from fem.hyperelastic import NeoHookean, material_point
-from fem.mesh import Mesh, promote_to_tet10
-from fem.prony import respond
-from fem.punch_shape import shape_gain
-from fem.unilateral import press_by, sphere_gap
+from fem.contact.contacts import contact_weights
+from fem.contact.unilateral import press_by, sphere_gap
+from fem.finite_strain.hyperelastic import NeoHookean, material_point
+from fem.finite_strain.model import FiniteStrainModel
+from fem.linear.assembly import Stiffness, lame
+from fem.mesh.mesh import Mesh, promote_to_tet10
+from fem.palpation.rigid_punch import shape_gain
+from fem.reference.hayes import punch_factor
+from fem.reference.prony import respond
+from tests.fem.contact import test_half_space as half_space
+from tests.fem.contact import test_unilateral as unilateral
+from tests.fem.finite_strain import test_calculix as calculix
+from tests.fem.finite_strain import test_hyperelastic as hyperelastic
+from tests.fem.linear import test_assembly as assembly
+from tests.fem.linear import test_manufactured as manufactured
+from tests.fem.palpation.test_skin import lab, modulus
+from tests.fem.reference import graded_reference as graded
+from tests.fem.reference import test_cook as cook
+from tests.fem.reference import test_graded_tip_mesh as tip_surface
+from tests.fem.reference import test_prony as prony
+from tests.fem.reference.test_hayes import HAYES, RATIOS
 
 Row = tuple[str, str, str]  # what, against what, how far apart
 FIRST, LAST = "<!-- validate:table -->", "<!-- /validate:table -->"

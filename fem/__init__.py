@@ -7,19 +7,19 @@ when it presses into the body; a press direction is the unit vector into the bod
 a tip is positive inwards.
 """
 
-from fem.block import block_mesh, paper_mesh
-from fem.contact import Contacts
-from fem.elasticity import Fibres, fibre_weights
+from fem.contact.contacts import Contacts
 from fem.errors import MeshError, SolverError
-from fem.mesh import Mesh, promote_to_tet10
-from fem.mesh_checks import check_mesh
-from fem.palpation import PalpationModel, Response
-from fem.refined import RefinedModel
-from fem.skin import Skin
-from fem.solver import default_solver
-from fem.support import Support
-from fem.surface import Surface, check_surface, read_surface
-from fem.tetrahedralize import tetrahedralize_surface
+from fem.linear.support import Support
+from fem.mesh.block import block_mesh, paper_mesh
+from fem.mesh.checks import check_mesh
+from fem.mesh.mesh import Mesh, promote_to_tet10
+from fem.mesh.surface import Surface, check_surface, read_surface
+from fem.mesh.tetrahedralize import tetrahedralize_surface
+from fem.palpation.fibres import Fibres, fibre_weights
+from fem.palpation.model import PalpationModel, Response
+from fem.palpation.richardson import RefinedModel
+from fem.palpation.skin import Skin
+from fem.solve.direct import default_solver
 
 __all__ = [
     "Contacts",

@@ -128,8 +128,8 @@ def _is_for_the_user(error: ValueError) -> bool:
         return False
     from fem.errors import MeshError, SolverError
 
-    if "identify.optimize_result" in sys.modules:
-        from identify.optimize_result import InadmissibleError
+    if "identify.optimize.result" in sys.modules:
+        from identify.optimize.result import InadmissibleError
 
         if isinstance(error, InadmissibleError):
             return True

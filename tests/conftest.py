@@ -12,20 +12,20 @@ import pytest
 from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
-from identify.effects.catalogue import CATALOGUE
-from identify.explain import Explanation, climb
-from identify.fit import fit_scan
-from identify.gaussian_map import GaussianMap, Inclusion
-from identify.noise import scan_noise
+from identify.catalogue.catalogue import CATALOGUE
+from identify.fit.map_fit import fit_scan
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.measurement.noise import scan_noise
+from identify.select.forward_selection import Explanation, climb
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
-from palpmap.body_model import BodyModel, contacts_of
-from palpmap.explain_files import write_explain_files
-from palpmap.explain_record import explain_record
-from palpmap.placement import place_scan
-from palpmap.problem import Problem, measurement_model
+from palpmap.commands.write_explain_run import write_explain_files
+from palpmap.result.explain_record import explain_record
 from palpmap.run_folder import RunFolder, write_record
-from palpmap.study import load_study
+from palpmap.study.body_model import BodyModel, contacts_of
+from palpmap.study.open_study import Problem, measurement_model
+from palpmap.study.placement import place_scan
+from palpmap.study.study import load_study
 
 # A process between the tests and the command: what a child is charged with as its peak memory
 # starts from that of the process that made it, and pytest is large by then.
@@ -41,8 +41,12 @@ sys.exit(done.returncode)
 
 
 TOGETHER = {
-    "test_pipeline_demo": ("test_pipeline_compare", "test_pipeline_recording"),
-    "test_explain_report": ("test_explain_recording", "test_explain_stop", "test_cli_suspects"),
+    "pipeline/test_demo": ("pipeline/test_compare", "pipeline/test_recording"),
+    "report/test_explain_report": (
+        "report/test_explain_recording",
+        "report/test_explain_stop",
+        "cli/test_suspects",
+    ),
 }
 """Files that share a long run and so one process (xdist's groups fail with newer pytests)."""
 
@@ -53,7 +57,9 @@ def pytest_xdist_make_scheduler(config, log):
     from xdist.scheduler import LoadFileScheduling
 
     leader = {
-        f"tests/{file}.py": f"tests/{name}.py" for name in TOGETHER for file in TOGETHER[name]
+        f"tests/palpmap/{file}.py": f"tests/palpmap/{name}.py"
+        for name in TOGETHER
+        for file in TOGETHER[name]
     }
 
     class Scheduling(LoadFileScheduling):

@@ -16,11 +16,11 @@ from typing import get_args
 import pytest
 from typer.testing import CliRunner
 
-from identify.effects.catalogue import CATALOGUE
-from identify.explain import Verdict
+from identify.catalogue.catalogue import CATALOGUE
+from identify.select.forward_selection import Verdict
 from models.scan_file import read_scan
 from palpmap.__main__ import app
-from palpmap.check import check_study
+from palpmap.commands.check import check_study
 
 ROOT = Path(__file__).parent.parent
 PAGES = {

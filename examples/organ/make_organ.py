@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Contacts, PalpationModel, read_surface, tetrahedralize_surface
-from identify.gaussian_map import GaussianMap, Inclusion
+from identify.map.gaussian_map import GaussianMap, Inclusion
 from models.scan import Scan
 from models.scan_file import write_scan
 

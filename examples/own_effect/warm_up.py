@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.effects.effect import Effect, EffectParameter, WorkedExample
+from identify.effects.base import Effect, EffectParameter, WorkedExample
 
 
 class WarmUp(Effect):

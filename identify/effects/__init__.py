@@ -1,1 +1,1 @@
-"""The catalogue of physical effects that a palpation model may lack, one file an effect."""
+"""What an effect is: its base class, its parameters, the readings that it acts on."""

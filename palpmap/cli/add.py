@@ -22,7 +22,7 @@ def add(
 
     Example: palpmap add study.toml viscoelasticity
     """
-    from palpmap.add import run_add
+    from palpmap.commands.add import run_add
 
     return run_add(
         study=study, name=name, seed=seed, effects=effect or [], output=Output(quiet, json)

@@ -83,7 +83,7 @@ def blind(
     if tournament is None:
         if workers is not None or dask is not None or further:
             raise typer.BadParameter("--further, --workers and --dask go with --tournament")
-        from palpmap.blind import run_blind
+        from palpmap.blind.trial import run_blind
 
         return run_blind(
             effects=names,
@@ -94,7 +94,7 @@ def blind(
             seed=seed,
             output=Output(quiet, json),
         )
-    from palpmap.tournament import run_tournament
+    from palpmap.blind.tournament import run_tournament
 
     return run_tournament(
         count=tournament,

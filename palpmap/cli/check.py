@@ -14,7 +14,7 @@ def check(study: StudyFile, quiet: Quiet = False, json: Json = False) -> None:
 
     Example: palpmap check study.toml
     """
-    from palpmap.check import check_study
+    from palpmap.commands.check import check_study
 
     found = check_study(study)
     output = Output(quiet=quiet, json=json)

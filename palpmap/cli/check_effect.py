@@ -27,10 +27,10 @@ def check_effect(
     """
     from dataclasses import asdict
 
-    from identify.effects import conformance
-    from identify.effects.user_effect import load_effect
-    from identify.planting import NOT_PLANTED, planted_and_found
-    from palpmap.effects_table import findings_table
+    from identify.catalogue.user_effect import load_effect
+    from identify.effects.conformance import kit as conformance
+    from identify.select.plant_and_recover import NOT_PLANTED, planted_and_found
+    from palpmap.commands.effects import findings_table
 
     effect = load_effect(file)
     further = {"planted and found": planted_and_found}

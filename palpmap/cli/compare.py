@@ -24,6 +24,6 @@ def compare(
 
     Example: palpmap compare runs/phantom
     """
-    from palpmap.comparison import run_compare
+    from palpmap.commands.compare import run_compare
 
     return run_compare(source=source, out=out, output=Output(quiet=quiet, json=json))

@@ -17,7 +17,7 @@ def demo(
 
     Example: palpmap demo --out runs/first
     """
-    from palpmap.demo import run_demo
+    from palpmap.commands.demo import run_demo
 
     return run_demo(
         out=out, seed=seed, paper_force=paper_force, output=Output(quiet=quiet, json=json)

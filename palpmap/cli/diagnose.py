@@ -18,7 +18,7 @@ def diagnose(
 
     Example: palpmap diagnose study.toml
     """
-    from palpmap.diagnose import run_diagnose
+    from palpmap.commands.diagnose import run_diagnose
 
     return run_diagnose(
         study=study, out=out, seed=seed, effects=effect or [], output=Output(quiet, json)

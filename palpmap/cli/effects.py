@@ -26,9 +26,9 @@ def effects(
 
     Example: palpmap effects viscoelasticity
     """
-    from identify.effects.catalogue import CATALOGUE, effect_named
-    from identify.effects.user_effect import load_effect
-    from palpmap.effects_table import catalogue_table, effect_page, effect_record
+    from identify.catalogue.catalogue import CATALOGUE, effect_named
+    from identify.catalogue.user_effect import load_effect
+    from palpmap.commands.effects import catalogue_table, effect_page, effect_record
 
     output = Output(quiet=quiet, json=json)
     if name is None:

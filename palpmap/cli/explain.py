@@ -18,7 +18,7 @@ def explain(
 
     Example: palpmap explain study.toml --out runs/why
     """
-    from palpmap.explain import run_explain
+    from palpmap.commands.explain import run_explain
 
     return run_explain(
         study=study, out=out, seed=seed, effects=effect or [], output=Output(quiet, json)

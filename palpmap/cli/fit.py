@@ -37,7 +37,7 @@ def fit(
 
     Example: palpmap fit study.toml --inclusions 1 --out runs/phantom
     """
-    from palpmap.fit import run_fit
+    from palpmap.commands.fit import run_fit
 
     return run_fit(
         study=study,

@@ -18,6 +18,6 @@ def history(
 
     Example: palpmap history study.toml
     """
-    from palpmap.add import run_history
+    from palpmap.commands.add import run_history
 
     return run_history(study=study, undo=undo, output=Output(quiet, json))

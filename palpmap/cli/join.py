@@ -35,6 +35,6 @@ def join(
 
     Example: palpmap join scan.csv further.csv --out both.csv --pause 60
     """
-    from palpmap.join import run_join
+    from palpmap.commands.join import run_join
 
     run_join(scans=scans, out=out, pause_s=pause, output=Output(quiet, json))

@@ -24,7 +24,7 @@ def limits(
 
     Example: palpmap limits study.toml
     """
-    from palpmap.detection import run_limits
+    from palpmap.commands.limits import run_limits
 
     return run_limits(
         study=study, out=out, effects=effect or [], plan=plan, output=Output(quiet, json)

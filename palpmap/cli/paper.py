@@ -32,7 +32,7 @@ def paper(
 
     Example: palpmap paper --optimizer gauss-newton --out runs/paper
     """
-    from palpmap.paper import run_paper
+    from palpmap.paper.command import run_paper
 
     return run_paper(
         optimizer=optimizer.value, tests=test, out=out, output=Output(quiet=quiet, json=json)

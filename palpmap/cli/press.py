@@ -25,6 +25,6 @@ def press(
 
     Example: palpmap press trial trial/explained/next_scan_1.csv
     """
-    from palpmap.blind_further import run_press
+    from palpmap.blind.further_presses import run_press
 
     return run_press(trial=trial, program=program, output=Output(quiet, json))

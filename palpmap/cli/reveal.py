@@ -29,6 +29,6 @@ def reveal(
 
     Example: palpmap reveal trial
     """
-    from palpmap.reveal import run_reveal
+    from palpmap.blind.reveal import run_reveal
 
     return run_reveal(trial=trial, answer=answer, output=Output(quiet, json))

@@ -26,6 +26,6 @@ def review(
     """
     if png and summary:
         raise typer.BadParameter("give --png or --summary, not both")
-    from palpmap.review import run_review
+    from palpmap.commands.review import run_review
 
     return run_review(run=run, png=png, summary=summary, output=Output(quiet=quiet, json=json))

@@ -83,7 +83,7 @@ def scan(
         raise typer.BadParameter("a program has its own places: give --program or a grid")
     if force is not None and paper_force:
         raise typer.BadParameter("give --force or --paper-force, not both")
-    from palpmap.scan import run_scan_command
+    from palpmap.commands.scan import run_scan_command
 
     return run_scan_command(
         study=study,

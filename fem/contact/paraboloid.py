@@ -1,0 +1,88 @@
+"""The body's surface under a tip, as a paraboloid over the tip's plane.
+
+The near field of a press (`fem.near_field.enrichment`) is known on a half-space. It is bent onto
+the body by measuring the depth from the paraboloid
+
+    h(x, y) = c0 + c1 x + c2 y + c3 x^2 + c4 x y + c5 y^2
+
+in the frame of the contact (axis 2 points into the body), so that its rim lies in the body's
+surface. The paraboloid is fitted under the tip and then lifted until no surface there lies above
+it: the exact field has no continuation through the tip. On a plane all coefficients are zero.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from fem.contact.contacts import PressedSurface
+from fem.errors import MeshError
+
+REACH = 1.35  # tip radii within which no surface may lie above the paraboloid
+_STEEPEST = 0.5  # least cosine between the press and the faces that it may touch
+_FLAT = 1e-9  # relative to the tip's radius
+_RADII, _ANGLES = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.2, REACH]), 32
+
+
+def contact_shape(
+    surface: PressedSurface, centre: np.ndarray, frame: np.ndarray, radius: float
+) -> np.ndarray:
+    """Return the coefficients (6,) of the paraboloid under a tip.
+
+    Parameters
+    ----------
+    centre : (3,) contact point, m
+    frame : (3, 3) rows: two tangents and the press direction
+    """
+    angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = (radius * _RADII[:, None, None] * circle).reshape(-1, 2)
+    under = surface.under(centre, frame, points, radius)
+    # Beyond an edge of the body lies nothing that the tip touches
+    size = np.linalg.norm(surface.normals, axis=1)
+    pressed = surface.normals @ frame[2] < -_STEEPEST * size
+    hit = under.hit & pressed[under.face]
+    corners = (surface.corners[pressed].reshape(-1, 3) - centre) @ frame.T
+    near = np.hypot(corners[:, 0], corners[:, 1]) < REACH * radius
+    corners = corners[near & (np.abs(corners[:, 2]) < 0.5 * radius)]
+    points = np.vstack([points[hit], corners[:, :2]])
+    height = np.concatenate([under.depth[hit], corners[:, 2]])
+    if not len(height):
+        raise MeshError(
+            f"the press at {centre} m meets no surface that faces it: its point must lie on the "
+            "body's surface, its direction within 60 degrees of the normal into the body"
+        )
+    if np.abs(height).max() < _FLAT * radius:
+        return np.zeros(6)
+    x, y = points.T / radius
+    terms = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    shape = np.linalg.lstsq(terms, height, rcond=None)[0]
+    shape[0] += (height - terms @ shape).min()
+    return shape / radius ** np.array([0, 1, 1, 2, 2, 2])
+
+
+@numba.njit(cache=True)
+def height(shape, x, y):
+    """Return the paraboloid's depth h below the tip's plane."""
+    return (
+        shape[0] + shape[1] * x + shape[2] * y
+        + shape[3] * x * x + shape[4] * x * y + shape[5] * y * y
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def slope(shape, x, y):
+    """Return dh/dx and dh/dy."""
+    return shape[1] + 2 * shape[3] * x + shape[4] * y, shape[2] + shape[4] * x + 2 * shape[5] * y
+
+
+@numba.njit(cache=True)
+def depth_below(shape, x, y, z, radius):
+    """Depth of a point below the paraboloid; near the tip, where none may be negative, at least 0.
+
+    Further out the field goes on smoothly above the paraboloid.
+    """
+    depth = z - height(shape, x, y)
+    if depth < 0 and x * x + y * y < (REACH * radius) ** 2:
+        return 0.0
+    return depth

@@ -1,0 +1,1 @@
+"""Hyperelastic bodies at finite strain: laws, load stepping, tips."""

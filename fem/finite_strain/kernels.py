@@ -1,0 +1,284 @@
+"""Compiled loops over the cells at finite strain: forces, tangent, and what the adjoint needs.
+
+Total Lagrangian: `gradients` (e, q, i, 3) are those of the shape functions in the unloaded body.
+With `mean_dilatation` the law's volumetric term sees one dilatation a cell, theta = sum_q w_q J_q,
+
+    W_cell = V [sum_q w_q E_q mu/2 g(Q_q) + mean(E) lambda/2 (ln theta)^2],
+
+which is the three-field method of Simo, Taylor & Pister (1985) with constant pressure: volumetric
+terms no longer lock the cell. `E` is that of the sample, lambda and mu are for E = 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from fem.finite_strain.hyperelastic import stiffening
+
+# No finite-math flags: an inverted cell has infinite energy, and must be seen to.
+_FAST = {"contract", "reassoc", "nsz", "arcp"}
+
+
+@numba.njit(inline="always")
+def _kinematics(x, g, nodes, f, h):
+    """Fill F and h = F^-T at one point; return J - 1, accurate for small strain."""
+    for a in range(3):
+        for b in range(3):
+            s = 0.0
+            for i in range(nodes):
+                s += x[i, a] * g[i, b]
+            f[a, b] = s
+    m01 = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+    m02 = f[0, 0] * f[2, 2] - f[0, 2] * f[2, 0]
+    m12 = f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1]
+    det = (
+        f[0, 0] * (f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1])
+        - f[0, 1] * (f[1, 0] * f[2, 2] - f[1, 2] * f[2, 0])
+        + f[0, 2] * (f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0])
+    )
+    growth = f[0, 0] + f[1, 1] + f[2, 2] + m01 + m02 + m12 + det
+    for a in range(3):
+        f[a, a] += 1.0
+    if growth <= -1.0:
+        return growth
+    r = 1.0 / (1.0 + growth)
+    h[0, 0] = r * (f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1])
+    h[0, 1] = r * (f[1, 2] * f[2, 0] - f[1, 0] * f[2, 2])
+    h[0, 2] = r * (f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0])
+    h[1, 0] = r * (f[0, 2] * f[2, 1] - f[0, 1] * f[2, 2])
+    h[1, 1] = r * (f[0, 0] * f[2, 2] - f[0, 2] * f[2, 0])
+    h[1, 2] = r * (f[0, 1] * f[2, 0] - f[0, 0] * f[2, 1])
+    h[2, 0] = r * (f[0, 1] * f[1, 2] - f[0, 2] * f[1, 1])
+    h[2, 1] = r * (f[0, 2] * f[1, 0] - f[0, 0] * f[1, 2])
+    h[2, 2] = r * (f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0])
+    return growth
+
+
+@numba.njit(inline="always")
+def _invariant(f, log_j):
+    """Q = I1 - 3 - 2 ln J, kept from being negative by rounding."""
+    s = 0.0
+    for a in range(3):
+        for b in range(3):
+            s += f[a, b] * f[a, b]
+    return max(s - 3.0 - 2.0 * log_j, 0.0)
+
+
+@numba.njit(cache=True, fastmath=_FAST, nogil=True)
+def internal_force(force, u, cells, gradients, weights, modulus, lam, mu, code, c, mean_dilatation):
+    """Fill the nodal forces (n, 3) N and return the strain energy, J; infinite where J <= 0.
+
+    weights (e, q) are volumes, m^3; u (n, 3) m; modulus (e, q) Pa.
+    """
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    force[:] = 0.0
+    x = np.empty((nodes, 3))
+    r = np.empty((nodes, 3))
+    f = np.empty((3, 3))
+    h = np.empty((points, 3, 3))
+    growth = np.empty(points)
+    p = np.empty((3, 3))
+    energy = 0.0
+    for e in range(cells.shape[0]):
+        for i in range(nodes):
+            for a in range(3):
+                x[i, a] = u[cells[e, i], a]
+                r[i, a] = 0.0
+        volume = 0.0
+        dilated = 0.0
+        stiff = 0.0
+        for q in range(points):
+            growth[q] = _kinematics(x, gradients[e, q], nodes, f, h[q])
+            if growth[q] <= -1.0:
+                return np.inf
+            w = weights[e, q]
+            volume += w
+            dilated += w * growth[q]
+            stiff += w * modulus[e, q]
+            log_j = math.log1p(growth[q])
+            invariant = _invariant(f, log_j)
+            g, g1, _, _ = stiffening(code, c, invariant)
+            scale = w * modulus[e, q]
+            energy += scale * 0.5 * mu * g
+            pressure = 0.0
+            if not mean_dilatation:
+                energy += scale * 0.5 * lam * log_j * log_j
+                pressure = scale * lam * log_j
+            shear = scale * mu * g1
+            for a in range(3):
+                for b in range(3):
+                    p[a, b] = shear * (f[a, b] - h[q, a, b]) + pressure * h[q, a, b]
+            for i in range(nodes):
+                for a in range(3):
+                    r[i, a] += (
+                        p[a, 0] * gradients[e, q, i, 0]
+                        + p[a, 1] * gradients[e, q, i, 1]
+                        + p[a, 2] * gradients[e, q, i, 2]
+                    )
+        if mean_dilatation:
+            log_theta = math.log1p(dilated / volume)
+            energy += stiff * 0.5 * lam * log_theta * log_theta
+            factor = stiff * lam * log_theta / (volume + dilated)
+            for q in range(points):
+                pressure = factor * weights[e, q] * (1.0 + growth[q])
+                for i in range(nodes):
+                    for a in range(3):
+                        r[i, a] += pressure * (
+                            h[q, a, 0] * gradients[e, q, i, 0]
+                            + h[q, a, 1] * gradients[e, q, i, 1]
+                            + h[q, a, 2] * gradients[e, q, i, 2]
+                        )
+        for i in range(nodes):
+            for a in range(3):
+                force[cells[e, i], a] += r[i, a]
+    return energy
+
+
+@numba.njit(cache=True, fastmath=_FAST, nogil=True)
+def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients, weights, modulus,
+            lam, mu, code, c, mean_dilatation):  # fmt: skip
+    """Fill the upper triangle of the tangent stiffness (see `fem.linear.assembly.Stiffness`).
+
+    `free` (e, i) are the cells' nodes numbered among the free ones; J > 0 everywhere is assumed
+    (a state whose energy is finite).
+    """
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    data[:] = 0.0
+    x = np.empty((nodes, 3))
+    f = np.empty((3, 3))
+    h = np.empty((3, 3))
+    growth = np.empty(points)
+    hg = np.empty((points, 3, nodes))  # F^-T g, spatial gradients
+    sg = np.empty((points, 3, nodes))  # (F - F^-T) g
+    sw = np.empty((points, 3, nodes))
+    mean = np.empty((3, nodes))
+    first = np.empty(points)  # factors of the four terms of dP/dF
+    swapped = np.empty(points)
+    direct = np.empty(points)
+    block = np.empty((3, 3))
+    for e in range(cells.shape[0]):
+        for i in range(nodes):
+            for a in range(3):
+                x[i, a] = u[cells[e, i], a]
+        volume = 0.0
+        dilated = 0.0
+        stiff = 0.0
+        for q in range(points):
+            growth[q] = _kinematics(x, gradients[e, q], nodes, f, h)
+            w = weights[e, q]
+            volume += w
+            dilated += w * growth[q]
+            stiff += w * modulus[e, q]
+            log_j = math.log1p(growth[q])
+            _, g1, g2, _ = stiffening(code, c, _invariant(f, log_j))
+            scale = w * modulus[e, q]
+            first[q] = scale * mu * g1
+            second = scale * 2.0 * mu * g2
+            swapped[q] = first[q] - (0.0 if mean_dilatation else scale * lam * log_j)
+            direct[q] = 0.0 if mean_dilatation else scale * lam
+            for a in range(3):
+                for i in range(nodes):
+                    t = 0.0
+                    s = 0.0
+                    for b in range(3):
+                        t += h[a, b] * gradients[e, q, i, b]
+                        s += f[a, b] * gradients[e, q, i, b]
+                    hg[q, a, i] = t
+                    sg[q, a, i] = s - t
+                    sw[q, a, i] = second * (s - t)
+        bulk = 0.0
+        if mean_dilatation:
+            log_theta = math.log1p(dilated / volume)
+            bulk = stiff * lam * (1.0 - log_theta)
+            mean[:] = 0.0
+            for q in range(points):
+                part = weights[e, q] * (1.0 + growth[q]) / (volume + dilated)
+                direct[q] += stiff * lam * log_theta * part
+                swapped[q] -= stiff * lam * log_theta * part
+                for a in range(3):
+                    for i in range(nodes):
+                        mean[a, i] += part * hg[q, a, i]
+        m = -1
+        for i in range(nodes):
+            for j in range(i, nodes):
+                m += 1
+                pair = pairs[e, m]
+                if pair < 0:
+                    continue
+                if free[e, i] > free[e, j]:
+                    r, k = j, i
+                else:
+                    r, k = i, j
+                trace = 0.0
+                for a in range(3):
+                    for b in range(3):
+                        block[a, b] = bulk * mean[a, r] * mean[b, k] if mean_dilatation else 0.0
+                for q in range(points):
+                    trace += first[q] * (
+                        gradients[e, q, r, 0] * gradients[e, q, k, 0]
+                        + gradients[e, q, r, 1] * gradients[e, q, k, 1]
+                        + gradients[e, q, r, 2] * gradients[e, q, k, 2]
+                    )
+                    for a in range(3):
+                        d = direct[q] * hg[q, a, r]
+                        t = swapped[q] * hg[q, a, k]
+                        s = sw[q, a, r]
+                        for b in range(3):
+                            block[a, b] += d * hg[q, b, k] + t * hg[q, b, r] + s * sg[q, b, k]
+                row = 3 * pair_node[pair]
+                n = pair_rank[pair]
+                for a in range(3):
+                    start = indptr[row + a] + 3 * n - a
+                    for b in range(a if n == 0 else 0, 3):
+                        data[start + b] += block[a, b] + (trace if a == b else 0.0)
+
+
+@numba.njit(cache=True, fastmath=_FAST, nogil=True)
+def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c, mean_dilatation):
+    """Fill z . d(internal force)/dE of every sample (e, q); return z . d(internal force)/dc.
+
+    u (n, 3) is the state, z (n, 3) the adjoint.
+    """
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    x = np.empty((nodes, 3))
+    y = np.empty((nodes, 3))
+    f = np.empty((3, 3))
+    h = np.empty((3, 3))
+    by_coefficient = 0.0
+    for e in range(cells.shape[0]):
+        for i in range(nodes):
+            for a in range(3):
+                x[i, a] = u[cells[e, i], a]
+                y[i, a] = z[cells[e, i], a]
+        volume = 0.0
+        dilated = 0.0
+        change = 0.0
+        for q in range(points):
+            growth = _kinematics(x, gradients[e, q], nodes, f, h)
+            w = weights[e, q]
+            log_j = math.log1p(growth)
+            _, g1, _, dg1 = stiffening(code, c, _invariant(f, log_j))
+            shear = 0.0  # S : grad z
+            dilation = 0.0  # F^-T : grad z
+            for a in range(3):
+                for b in range(3):
+                    s = 0.0
+                    for i in range(nodes):
+                        s += y[i, a] * gradients[e, q, i, b]
+                    shear += (f[a, b] - h[a, b]) * s
+                    dilation += h[a, b] * s
+            out[e, q] = w * mu * g1 * shear
+            by_coefficient += w * modulus[e, q] * mu * dg1 * shear
+            if not mean_dilatation:
+                out[e, q] += w * lam * log_j * dilation
+            volume += w
+            dilated += w * growth
+            change += w * (1.0 + growth) * dilation
+        if mean_dilatation:
+            each = lam * math.log1p(dilated / volume) * change / (volume + dilated)
+            for q in range(points):
+                out[e, q] += weights[e, q] * each
+    return by_coefficient

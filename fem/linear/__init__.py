@@ -1,0 +1,1 @@
+"""Linear elasticity on a mesh: assembly, quadrature, modulus samples, supports."""

@@ -1,0 +1,1 @@
+"""Meshes: blocks, surfaces from files, tetrahedra, and the checks that they pass."""

@@ -1,0 +1,1 @@
+"""Enrichment of the finite elements by the singular field under a tip."""

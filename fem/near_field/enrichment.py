@@ -1,0 +1,318 @@
+"""Near field of a press: exact singular functions join the finite element space.
+
+Under the rim of a tip the pressure and the strain are singular, so that any affordable mesh is
+10-50 % too stiff and refinement helps only like h. The singular part is known, though: it is the
+field v of the same pressure on a half-space (`fem.contact.half_space`), whatever the map of the
+modulus, the supports and the shape of the rest do. So each press j gets the functions
+
+    phi_m = f_m v_j - I_h (f_m v_j)      in the cells around the tip, 0 elsewhere,
+
+with f = 1, x, y, z from the contact point (a modulus that varies under the tip bends v linearly)
+and I_h the interpolation at the nodes. The Galerkin solution in the enriched space is
+
+    K u = B,   K z = k,   (a - k'z) alpha = l - k'u,   u* = u + (phi - z) alpha,
+    C = B'u + (l - k'u)' alpha,
+    k_im = int eps(N_i) : sigma(phi_m),  a_ml = int eps(phi_m) : sigma(phi_l),
+    l_m = int p phi_m . d dA.
+
+The compliance remains a lower bound that rises with each added function; k and a are sums over the
+same modulus samples as K, so that dC/dE follows from the enriched field's energies alone. (Stable
+generalised finite elements: Babuska & Banerjee, Comput. Methods Appl. Mech. Eng. 201, 2012.)
+
+On a curved or tilted surface z is the depth below a paraboloid that follows it (see
+`fem.contact.paraboloid`), strains and loads are those of the field so bent: the space stays a space
+of admissible fields, only less apt the more the surface bends under the tip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import factorial
+
+from fem.contact.contacts import Contacts, PressedSurface, contact_frame, disc_quadrature
+from fem.contact.paraboloid import contact_shape
+from fem.linear.assembly import Stiffness, split_lame
+from fem.linear.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS, by_sample
+from fem.linear.quadrature import monomials
+from fem.mesh.mesh import TET_EDGES, Mesh
+from fem.near_field.cells import exact, interpolant
+from fem.near_field.moments import moments
+from fem.near_field.points import functions
+from fem.near_field.reuse import shared
+
+_REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
+_REACH_CELLS = 1.0  # ... plus this many cell diameters
+
+_CLOSE_CELLS = 0.3  # cells have samples of their own whose distance from the disc is less than this
+_PLACES = monomials(4)  # measured at these points of a cell
+_PLACES = (_PLACES[:, :, None] == np.arange(4)).mean(axis=1)
+
+
+class Close(NamedTuple):
+    """Contributions like those of `Enrichment`, at the `CLOSE_SAMPLES` of each of some cells."""
+
+    cells: np.ndarray
+    coupling: np.ndarray
+    energy: np.ndarray
+
+
+@dataclass(frozen=True)
+class Enrichment:
+    """The enrichment of one press by m functions, for E = 1 at each modulus sample.
+
+    Attributes
+    ----------
+    cells : (c,) cells in which the functions live, but for those that are close to a tip
+    coupling : (m, c, q, nodes, 3) contribution of each modulus sample to k, at each cell's nodes
+    energy : (m, m, c, q) contribution of each modulus sample to a
+    load : (m,) l, the work of the unit load on the functions
+    close : the same for the cells that are close to this tip or another
+    """
+
+    cells: np.ndarray
+    coupling: np.ndarray
+    energy: np.ndarray
+    load: np.ndarray
+    close: Close
+
+
+class Neighbourhood(NamedTuple):
+    """Where the near field of a press lives.
+
+    Attributes
+    ----------
+    frame : (3, 3) two tangents and the press direction
+    local : (n, 3) m, the mesh's nodes in that frame, from the contact point
+    cells : (c,) enriched cells
+    shape : (6,) the surface's paraboloid, see `fem.contact.paraboloid`
+    radius : m
+    """
+
+    frame: np.ndarray
+    local: np.ndarray
+    cells: np.ndarray
+    shape: np.ndarray
+    radius: float
+
+
+def neighbourhood(
+    stiffness: Stiffness, surface: PressedSurface, contacts: Contacts, j: int
+) -> Neighbourhood:
+    """Find the cells, the frame and the surface's shape around press j."""
+    mesh = stiffness.mesh
+    radius = float(contacts.radius_m[j])
+    frame = contact_frame(contacts.directions[j])
+    local = (mesh.nodes - contacts.points_m[j]) @ frame.T  # axis 2 is the depth
+    cells = _cells_near(mesh.cells, local, radius)
+    shape = contact_shape(surface, contacts.points_m[j], frame, radius)
+    return Neighbourhood(frame, local, cells, shape, radius)
+
+
+def close_cells(mesh: Mesh, places: Sequence[Neighbourhood]) -> np.ndarray:
+    """Cells (c,), in order, that lie so close to a tip that its field varies in them.
+
+    They have modulus samples of their own, see `fem.linear.modulus_samples`.
+    """
+    close = [place.cells[_lie_close(mesh.cells[place.cells], place)] for place in places]
+    return np.unique(np.concatenate(close))
+
+
+def enrich(
+    stiffness: Stiffness,
+    surface: PressedSurface,
+    contacts: Contacts,
+    weights: np.ndarray,
+    places: Sequence[Neighbourhood],
+    close: np.ndarray,
+) -> list[Enrichment]:
+    """Integrate the enrichments of all presses.
+
+    Parameters
+    ----------
+    surface : of the mesh
+    weights : (j, n, 3) contact weights
+    places : of the presses
+    close : (c,) cells with modulus samples of their own
+    """
+    profile, nu = contacts.profile_code, stiffness.poisson_ratio
+
+    def integrals(cells: list[np.ndarray], degree: int) -> list[tuple[np.ndarray, ...]]:
+        def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+            own = _integrals(stiffness, places[j], cells[j][which], profile, degree)
+            return *_stored(*own[:2]), own[2]
+
+        return over_all(places, stiffness.mesh, cells, of_press, (1, 2, 1))
+
+    near_cells = [place.cells[np.isin(place.cells, close)] for place in places]
+    far_cells = [np.setdiff1d(place.cells, close, assume_unique=True) for place in places]
+    found = []
+    fields = zip(integrals(far_cells, 1), integrals(near_cells, 2), strict=True)
+    for j, ((*own, far_volume), (*its, near_volume)) in enumerate(fields):
+        cells, near = far_cells[j], near_cells[j]
+        if stiffness.mean_lame > 0:
+            # The mean change of volume has the modulus of the cells' ordinary samples
+            more = np.concatenate([far_volume, near_volume], axis=1)
+            coupling, energy = _mean_parts(stiffness, np.concatenate([cells, near]), more)
+            coupling[:, : len(cells)] += own[0]
+            energy[:, :, : len(cells)] += own[1]
+            cells, own = np.concatenate([cells, near]), [coupling, energy]
+        load = _load(surface, contacts, j, places[j], nu, weights[j])
+        found.append(Enrichment(cells, *_stored(*own), load, Close(near, *its)))
+    return found
+
+
+def over_all(
+    places: Sequence[Neighbourhood],
+    mesh: Mesh,
+    cells: Sequence[np.ndarray],
+    compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
+    axes: Sequence[int],
+) -> list[tuple[np.ndarray, ...]]:
+    """Compute integrals over some cells of each press, see `fem.near_field.reuse.shared`."""
+    local = [p.local[mesh.cells[own]] for p, own in zip(places, cells, strict=True)]
+    alike = [b"".join([p.frame.tobytes(), p.shape.tobytes(), bytes(str(p.radius), "ascii")])
+             for p in places]  # fmt: skip
+    radii = np.array([place.radius for place in places])
+    return shared(local, alike, radii, compute, axes)
+
+
+def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Single precision where it counts: half the memory, an error of 1e-7."""
+    return np.ascontiguousarray(coupling, np.float32), np.ascontiguousarray(energy)
+
+
+def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, degree: int):
+    """Contributions of the functions in some cells, by sample of a modulus of that degree.
+
+    Returns
+    -------
+    coupling : (m, c, q, nodes, 3)
+    energy : (m, m, c, q)
+    dilatation : (m, c) mean change of each cell's volume
+    """
+    nu, mesh = stiffness.poisson_ratio, stiffness.mesh
+    field = nodal_fields(place.local, mesh.cells[cells], place.shape, place.radius, nu, profile)
+    field = np.ascontiguousarray(field)  # (m, c, nodes, 3)
+    gradients = stiffness.gradients[cells] @ place.frame.T
+    derivatives = linear_derivatives(mesh.order)
+    # What the interpolant takes off, by the stiffness matrix's own quadrature
+    lam, mu, _ = split_lame(nu)
+    rule = stiffness.rule if degree == 1 else CLOSE_RULE
+    volumes = stiffness.volumes[cells, None] * rule[1]
+    coupling, energy = interpolant(field, derivatives, rule[0], gradients, place.frame, volumes,
+                                   lam, mu)  # fmt: skip
+    if degree == 2:
+        coupling, energy = (
+            np.moveaxis(by_sample(np.moveaxis(coupling, 2, 4)), 4, 2),
+            by_sample(energy),
+        )
+    # The exact functions, from moments to those against the shape functions and modulus samples
+    vertices = place.local[mesh.cells[cells, :4]]
+    strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
+    basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
+    own, cross = exact(_stress(strain, nu), _raised(degree), basis, derivatives, gradients,
+                       place.frame, field)  # fmt: skip
+    coupling += own
+    energy += np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
+    counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
+    often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
+    dilatation = np.einsum("cmsk,k->mc", strain[:, :, :3], often) / stiffness.volumes[cells]
+    mean = stiffness.mean_gradients[cells] @ place.frame.T
+    return coupling, energy, dilatation - np.einsum("mcis,cis->mc", field, mean)
+
+
+def _mean_parts(stiffness: Stiffness, cells, dilatation):
+    """Coupling and energy of each cell's mean change of volume (m, c)."""
+    share = stiffness.mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
+    gradients = stiffness.mean_gradients[cells]
+    coupling = np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
+    return coupling, np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
+
+
+def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
+    """Work (m,) of the unit load on the functions."""
+    frame, local, _, shape, radius = place
+    profile = contacts.profile_code
+    disc, pressure = disc_quadrature(profile)
+    disc = disc * radius
+    depth = surface.under(contacts.points_m[j], frame, disc, radius).depth
+    there = functions(np.column_stack([disc, depth]), shape, radius, nu, profile)
+    touched = np.flatnonzero(weights.any(axis=1))
+    nodal = nodal_fields(local, touched[:, None], shape, radius, nu, profile)[:, :, 0]
+    load = np.einsum("p,pm->m", pressure, there[:, :, 2])
+    return load - np.einsum("mns,ns->m", nodal, weights[touched] @ frame.T)
+
+
+def sample_basis(stiffness: Stiffness) -> np.ndarray:
+    """Matrix (q, 4) that gives each modulus sample's weight in E(x) = sum_q E_q (T lambda)_q."""
+    points = stiffness.rule[0]
+    return np.ones((1, 4)) if len(points) == 1 else np.linalg.inv(points).T
+
+
+def linear_derivatives(order: int) -> np.ndarray:
+    """D of dN_i/dlambda_v = sum_b D_ivb lambda_b, (nodes, 4, 4)."""
+    if order == 1:
+        return np.repeat(np.eye(4)[:, :, None], 4, axis=2)
+    d = np.zeros((10, 4, 4))
+    for v in range(4):
+        d[v, v] = -1
+        d[v, v, v] = 3
+    for m, (i, j) in enumerate(TET_EDGES):
+        d[4 + m, i, j] = d[4 + m, j, i] = 4
+    return d
+
+
+def _raised(degree: int) -> np.ndarray:
+    """Find `monomials(degree)` times lambda_b among `monomials(degree + 1)`, (k, 4)."""
+    number = {tuple(term): k for k, term in enumerate(monomials(degree + 1).tolist())}
+    return np.array(
+        [[number[(*sorted([*term, b]),)] for b in range(4)] for term in monomials(degree).tolist()]
+    )
+
+
+def square(moments: np.ndarray) -> np.ndarray:
+    """Moments times lambda_a lambda_b, (..., 10) -> (..., 4, 4)."""
+    result = np.empty((*moments.shape[:-1], 4, 4))
+    result[..., PRODUCTS[:, 0], PRODUCTS[:, 1]] = moments
+    result[..., PRODUCTS[:, 1], PRODUCTS[:, 0]] = moments
+    return result
+
+
+def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
+    """Stress moments (c, m, k, 3, 3) of strain moments (c, m, 6, k), E = 1."""
+    lam, mu, _ = split_lame(nu)
+    index = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+    tensor = 2 * mu * strain.swapaxes(2, 3)[..., index]
+    trace = lam * strain[:, :, :3].sum(axis=2)
+    tensor[..., range(3), range(3)] += trace[..., None]
+    return tensor
+
+
+def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarray:
+    corners = local[cells[:, :4]]
+    centre = corners.mean(axis=1)
+    diameter = 2 * np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+    # distance from the tip's disc
+    out = np.maximum(np.hypot(centre[:, 0], centre[:, 1]) - radius, 0)
+    distance = np.hypot(out, centre[:, 2])
+    return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
+
+
+def _lie_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
+    """Whether cells (c, nodes) lie so close to the disc that the field varies in them, (c,)."""
+    corners = place.local[cells[:, :4]]
+    diameter = 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
+    points = np.einsum("qv,cvi->cqi", _PLACES, corners)
+    out = np.maximum(np.hypot(points[..., 0], points[..., 1]) - place.radius, 0)
+    return np.hypot(out, points[..., 2]).min(axis=1) < _CLOSE_CELLS * diameter
+
+
+def nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:
+    """Values of the functions at the nodes of cells (c, nodes): (m, c, nodes, 3)."""
+    used, inverse = np.unique(cells, return_inverse=True)
+    values = functions(local[used], shape, radius, nu, profile)
+    return values[inverse.reshape(cells.shape)].transpose(2, 0, 1, 3)

@@ -1,0 +1,210 @@
+"""A press's near-field functions at quadrature points, and sums over batches of such points.
+
+The functions are v, x v, y v, z v with v the half-space's field (`fem.contact.half_space`), z the
+depth below the paraboloid that follows the surface (`fem.contact.paraboloid`); see
+`fem.near_field.enrichment`.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from fem.contact import half_space
+from fem.contact.paraboloid import depth_below, slope
+
+FUNCTIONS = 4  # v times 1, x, y, z
+BATCH = 64  # quadrature points that are evaluated together
+_STRAINS = 6 * FUNCTIONS
+
+
+@numba.njit(cache=True, error_model="numpy")
+def functions(points, shape, radius, nu, profile):
+    """Values of the functions at points (p, 3): (p, m, 3)."""
+    values = np.empty((len(points), FUNCTIONS, 3))
+    for p in range(len(points)):
+        x, y = points[p, 0], points[p, 1]
+        depth = depth_below(shape, x, y, points[p, 2], radius)
+        u_x, u_y, u_z = _field(x, y, depth, radius, nu, profile)
+        for m in range(FUNCTIONS):
+            factor = 1.0 if m == 0 else (x, y, depth)[m - 1] / radius
+            values[p, m, 0] = factor * u_x
+            values[p, m, 1] = factor * u_y
+            values[p, m, 2] = factor * u_z
+    return values
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _field(x, y, z, radius, nu, profile):
+    r = np.sqrt(x * x + y * y)
+    u_z, u_r = half_space.displacement(r, z, radius, nu, profile)
+    scale = u_r / r if r > 0 else 0.0
+    return scale * x, scale * y, u_z
+
+
+@numba.njit(cache=True)
+def batch_of_points(pairs, low, high):
+    """Room for quadrature points, a column each: loops over the points become ones of vectors.
+
+    Places and weight, barycentric coordinates, strains of the functions, their products, and the
+    two sets of monomials.
+    """
+    return (
+        np.empty((4, BATCH)),
+        np.empty((4, BATCH)),
+        np.empty((_STRAINS, BATCH)),
+        np.empty((pairs, BATCH)),
+        np.empty((low, BATCH)),
+        np.empty((high, BATCH)),
+    )
+
+
+@numba.njit(cache=True)
+def put_point(batch, k, position, weight, barycentric):
+    """Take a quadrature point into column k of a batch (see `batch_of_points`)."""
+    place, corners = batch[:2]
+    for i in range(3):
+        place[i, k] = position[i]
+    place[3, k] = weight
+    for a in range(4):
+        corners[a, k] = barycentric[a]
+
+
+@numba.njit(cache=True)
+def add_batch(batch, count, strain, products, shape, radius, nu, profile, lam, mu, projection):
+    """Add the first `count` points of a batch to a cell's moments (k, 6 m) and (pairs, k)."""
+    place, corners, strains, parts, lower, higher = batch
+    _strains(strains, count, place, shape, radius, nu, profile)
+    _monomials(lower, higher, count, place[3], corners)
+    if len(projection) > 0:
+        _project(parts, count, strains, projection)
+    else:
+        _energies(parts, count, strains, lam, mu)
+    _add_products(strain, count, higher, strains)
+    _add_products(products, count, parts, lower)
+
+
+@numba.njit(cache=True, fastmath=True, error_model="numpy")
+def _strains(eps, count, place, shape, radius, nu, profile):
+    """Strains of the functions at points, (6 m, k): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each.
+
+    The points' z becomes their depth below the paraboloid.
+    """
+    radial, potential, field = np.empty(BATCH), np.empty((6, BATCH)), np.empty((11, BATCH))
+    for k in range(count):
+        x, y = place[0, k], place[1, k]
+        place[2, k] = depth_below(shape, x, y, place[2, k], radius)
+        radial[k] = np.sqrt(x * x + y * y)
+    for k in range(count):  # apart, as it holds back the others
+        potential[0, k] = half_space.potential(radial[k], place[2, k], radius, profile)
+    for k in range(count):
+        slopes = half_space.slopes(radial[k], place[2, k], radius, profile)
+        for i in range(5):
+            potential[i + 1, k] = slopes[i]
+    for k in range(count):
+        x, y, z, r = place[0, k], place[1, k], place[2, k], radial[k]
+        u_z, u_r, zz, zr, rz, rr, tt = half_space.field_of(
+            r, z, nu, potential[0, k], potential[1, k], potential[2, k], potential[3, k],
+            potential[4, k], potential[5, k],
+        )  # fmt: skip
+        cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
+        field[0, k], field[1, k], field[2, k] = u_r * cx, u_r * cy, u_z
+        field[3, k] = rr * cx * cx + tt * cy * cy
+        field[4, k] = rr * cy * cy + tt * cx * cx
+        field[5, k], field[6, k] = zz, (rr - tt) * cx * cy
+        field[7, k], field[8, k] = zr * cx, zr * cy
+        field[9, k], field[10, k] = rz * cx, rz * cy
+    for m in range(FUNCTIONS):
+        f_x = 1 / radius if m == 1 else 0.0
+        f_y = 1 / radius if m == 2 else 0.0
+        f_z = 1 / radius if m == 3 else 0.0
+        for k in range(count):
+            f = 1.0 if m == 0 else place[m - 1, k] / radius
+            u_x, u_y, u_z = field[0, k], field[1, k], field[2, k]
+            h_x, h_y = slope(shape, place[0, k], place[1, k])
+            # Derivatives by x and y at constant depth below the paraboloid, and by that depth
+            xz, yz = f * field[9, k] + f_z * u_x, f * field[10, k] + f_z * u_y
+            zz = f * field[5, k] + f_z * u_z
+            eps[6 * m, k] = f * field[3, k] + f_x * u_x - h_x * xz
+            eps[6 * m + 1, k] = f * field[4, k] + f_y * u_y - h_y * yz
+            eps[6 * m + 2, k] = zz
+            eps[6 * m + 3, k] = f * field[6, k] + 0.5 * (
+                f_y * u_x + f_x * u_y - h_y * xz - h_x * yz
+            )
+            eps[6 * m + 4, k] = 0.5 * (f * field[7, k] + f_x * u_z - h_x * zz + xz)
+            eps[6 * m + 5, k] = 0.5 * (f * field[8, k] + f_y * u_z - h_y * zz + yz)
+
+
+@numba.njit(cache=True, fastmath=True)
+def _monomials(lower, higher, count, weight, corners):
+    """Weighted products of the barycentric coordinates, in the order of `monomials`."""
+    degree = 1 if len(lower) == 4 else 2
+    i = j = 0
+    for a in range(4):
+        if degree == 1:
+            for k in range(count):
+                lower[i, k] = weight[k] * corners[a, k]
+            i += 1
+        for b in range(a, 4):
+            if degree == 1:
+                for k in range(count):
+                    higher[j, k] = weight[k] * corners[a, k] * corners[b, k]
+                j += 1
+                continue
+            for k in range(count):
+                lower[i, k] = weight[k] * corners[a, k] * corners[b, k]
+            for d in range(b, 4):
+                for k in range(count):
+                    higher[j, k] = lower[i, k] * corners[d, k]
+                j += 1
+            i += 1
+
+
+@numba.njit(cache=True, fastmath=True)
+def _energies(products, count, eps, lam, mu):
+    """Twice the energy density (pairs, k) of each pair of functions of strains eps (6 m, k)."""
+    pair = 0
+    for m in range(FUNCTIONS):
+        e = eps[6 * m : 6 * m + 6]
+        for n in range(m + 1):
+            o = eps[6 * n : 6 * n + 6]
+            for k in range(count):
+                trace = (e[0, k] + e[1, k] + e[2, k]) * (o[0, k] + o[1, k] + o[2, k])
+                straight = e[0, k] * o[0, k] + e[1, k] * o[1, k] + e[2, k] * o[2, k]
+                shear = e[3, k] * o[3, k] + e[4, k] * o[4, k] + e[5, k] * o[5, k]
+                products[pair, k] = lam * trace + 2 * mu * (straight + 2 * shear)
+            pair += 1
+
+
+@numba.njit(cache=True, fastmath=True)
+def _project(products, count, eps, projection):
+    """Products (pairs, k) of each pair of the projected strains (s, 6) of the functions."""
+    kinds = len(projection)
+    parts = np.zeros((kinds * FUNCTIONS, BATCH))
+    pair = 0
+    for m in range(len(parts)):
+        for i in range(6):
+            for k in range(count):
+                parts[m, k] += projection[m % kinds, i] * eps[6 * (m // kinds) + i, k]
+        for n in range(m + 1):
+            for k in range(count):
+                products[pair, k] = parts[m, k] * parts[n, k]
+            pair += 1
+
+
+@numba.njit(cache=True, fastmath=True)
+def _add_products(sums, count, first, second):
+    """Add to sums (a, b) the products of the rows of (a, k) and (b, k); a and b are even."""
+    for i in range(0, len(first), 2):
+        for j in range(0, len(second), 2):
+            even, right, below, both = 0.0, 0.0, 0.0, 0.0  # four at a time share what is loaded
+            for k in range(count):
+                f, g, s, t = first[i, k], first[i + 1, k], second[j, k], second[j + 1, k]
+                even += f * s
+                right += f * t
+                below += g * s
+                both += g * t
+            sums[i, j] += even
+            sums[i, j + 1] += right
+            sums[i + 1, j] += below
+            sums[i + 1, j + 1] += both

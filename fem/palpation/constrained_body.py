@@ -1,0 +1,91 @@
+"""A body with some surfaces held, solved for its loads: directly, or a large one iteratively."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from functools import cached_property
+
+import numpy as np
+
+from fem.contact.contacts import Contacts
+from fem.errors import SolverError
+from fem.linear.assembly import Stiffness
+from fem.linear.support import Foundation
+from fem.mesh.mesh import Mesh
+from fem.palpation.skin import SkinnedSurface
+from fem.solve.block_matrix import BlockMatrix
+from fem.solve.direct import Pattern, Solver
+from fem.solve.mixed_precision import Preparation, RoughFactors, conjugate_gradients
+from fem.solve.two_grid import NU_LIMIT, TwoGrid
+
+#: Unknowns from which iterations are faster than factors in double precision.
+LARGE = 100_000
+#: Part of the rows up to which loads count as sparse.
+FEW = 0.02
+
+
+class HeldBody:
+    """A body with some surfaces held: its matrix, its loads and the springs under its base."""
+
+    def __init__(
+        self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: np.ndarray, solver: Solver,
+        resting: str, skin: tuple[str, Contacts],
+    ) -> None:  # fmt: skip
+        self.stiffness = Stiffness(mesh, nu, held)
+        self.loads = self.stiffness.restrict(weights)
+        self._solver, self._resting, self._skin = solver, resting, skin
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """The analysed pattern, for any right-hand sides."""
+        return self._solver.analyse(self.stiffness.indptr, self.stiffness.indices)
+
+    @cached_property
+    def loaded_pattern(self) -> Pattern:
+        """The analysed pattern, for the loads: where few rows bear them, that saves a third."""
+        rows = np.flatnonzero(self.loads.any(axis=1))
+        if not len(rows) or len(rows) > FEW * len(self.loads):
+            return self.pattern
+        s = self.stiffness
+        return self._solver.analyse(s.indptr, s.indices, loaded=rows)
+
+    @cached_property
+    def iterative(self) -> list[Preparation]:
+        """Ways to solve without factors in double precision; none where they gain nothing.
+
+        A way that fails is not tried again.
+        """
+        if len(self.loads) < LARGE:
+            return []
+        s = self.stiffness
+        ways: list[Preparation] = []
+        if s.poisson_ratio <= NU_LIMIT:
+            ways.append(TwoGrid(s.mesh.nodes[s.free_nodes], self._solver))
+        if self._solver.single_precision:
+            ways.append(
+                RoughFactors(lambda: self._solver.analyse(s.indptr, s.indices, approximate=True))
+            )
+        return ways
+
+    def solve(self, values: np.ndarray) -> np.ndarray:
+        """Return the displacements (3 f, j) under all loads for values of the matrix."""
+        matrix = None
+        while self.iterative:
+            way = self.iterative[0]
+            if matrix is None:
+                matrix = BlockMatrix.of_upper(self.stiffness.indptr, self.stiffness.indices, values)
+            with suppress(SolverError):  # too rough, or not positive definite in single precision
+                preconditioner = way.prepare(matrix, values)
+                return conjugate_gradients(matrix, preconditioner, self.loads, way.most)
+            del self.iterative[0]
+        return self.loaded_pattern.factorize(values).solve(self.loads)
+
+    @cached_property
+    def foundation(self) -> Foundation:
+        """The springs under the surface that is not held."""
+        return Foundation(self.stiffness, self._resting)
+
+    @cached_property
+    def skinned(self) -> SkinnedSurface:
+        """The surface that may bear a skin."""
+        return SkinnedSurface(self.stiffness, *self._skin)

@@ -1,0 +1,328 @@
+"""Compliance of every press on a body, for any modulus field and support.
+
+One factorisation K = G G' gives all compliances. With y = G^-1 B for the load B of a press and
+Y = G^-1 k for the four functions of its near field (`fem.near_field.enrichment`),
+
+    C = y'y + g'alpha,    (a - Y'Y) alpha = g = l - Y'y,    u = G'^-1 (y - Y alpha),
+
+so that only one right-hand side a press goes through both halves of a solve. The derivatives follow
+from the same fields, see `fem.response`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from fem.contact.contacts import Contacts, PressedSurface, contact_weights
+from fem.errors import SolverError
+from fem.linear.assembly import Stiffness
+from fem.linear.modulus_samples import (
+    CLOSE_SAMPLES,
+    QuadraticModulus,
+    checked_modulus,
+    close_points_m,
+)
+from fem.linear.support import Support, first_order_rest
+from fem.mesh.mesh import Mesh
+from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbourhood
+from fem.near_field.points import FUNCTIONS
+from fem.near_field.sums import couple, scatter
+from fem.palpation.constrained_body import HeldBody
+from fem.palpation.fibres import FibrePlane, Fibres, checked_fibres, plane_of
+from fem.palpation.response import Response
+from fem.palpation.skin import Skin
+from fem.solve.direct import Solver, default_solver
+
+__all__ = ["PalpationModel", "Response"]
+
+_GROUP = 16  # presses whose near fields are solved together
+
+
+class Material(NamedTuple):
+    """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
+
+    `close` has the modulus samples that count in the cells around the tips, `local` (j,) the
+    modulus at the contact points.
+    """
+
+    modulus: np.ndarray
+    fibres: Fibres | None
+    skin: Skin | None
+    close: QuadraticModulus
+    local: np.ndarray
+
+
+class NearFields(NamedTuple):
+    """Near fields of a group of presses for one modulus field.
+
+    Attributes
+    ----------
+    coupling : (3 f, j, m) k of each function
+    energy : (j, m, m) a
+    load : (j, m) l
+    """
+
+    coupling: np.ndarray
+    energy: np.ndarray
+    load: np.ndarray
+
+
+class PalpationModel:
+    """A body on its support, pressed at given contacts; evaluated for any modulus field.
+
+    For one thread at a time: it keeps one factor. Threads side by side need a model each.
+
+    Parameters
+    ----------
+    mesh : four or ten nodes a cell
+    poisson_ratio : of the whole body
+    contacts : the presses
+    fixed_surface : name of the mesh surface that is bonded, where no support is given
+    near_field : add the exact near field of each press (see `fem.near_field`); without it the
+        result is that of the bare mesh, as in the paper. A nodal contact has none.
+    solver : direct solver, default `fem.solve.direct.default_solver()`
+    support : what holds the body, in place of `fixed_surface`
+    skin_surface : name of the surface that bears a skin, where one is evaluated
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        poisson_ratio: float,
+        contacts: Contacts,
+        fixed_surface: str = "base",
+        near_field: bool = True,
+        solver: Solver | None = None,
+        support: Support | None = None,
+        skin_surface: str = "top",
+    ) -> None:
+        self.mesh = mesh
+        self.contacts = contacts
+        self.support = support or Support(fixed_surface)
+        self._skin_surface = skin_surface
+        self._solver = solver or default_solver()
+        self._weights = contact_weights(mesh, contacts)
+        self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
+        self.stiffness = self._bonded.stiffness
+        self._plane: FibrePlane | None = None
+        self.enrichments: list[Enrichment] = []
+        #: cells around the tips, with modulus samples of their own (`fem.linear.modulus_samples`)
+        self.close_cells = np.zeros(0, int)
+        if near_field and contacts.profile != "nodal":
+            surface, presses = PressedSurface(mesh), range(len(contacts))
+            with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
+                places = list(
+                    pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
+                )
+            self.close_cells = close_cells(mesh, places)
+            self.enrichments = enrich(
+                self.stiffness, surface, contacts, self._weights, places, self.close_cells
+            )
+        #: rows of `Material.close` that belong to each press
+        self.close_rows = [
+            np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments
+        ]
+
+    def on(self, mesh: Mesh) -> PalpationModel:
+        """Return the same model on another mesh."""
+        return PalpationModel(
+            mesh,
+            self.stiffness.poisson_ratio,
+            self.contacts,
+            near_field=bool(self.enrichments),
+            solver=self._solver,
+            support=self.support,
+            skin_surface=self._skin_surface,
+        )
+
+    def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
+        return HeldBody(
+            self.mesh,
+            poisson_ratio,
+            held,
+            self._weights,
+            self._solver,
+            self.support.surface,
+            (self._skin_surface, self.contacts),
+        )
+
+    @cached_property
+    def floating(self) -> HeldBody:
+        """The body whose supported surface can move."""
+        return self._hold(self.stiffness.poisson_ratio, self.support.held)
+
+    @property
+    def points_m(self) -> np.ndarray:
+        """Where the modulus is sampled, (p, 3) m.
+
+        In every cell; then in those around the tips, where there are near fields; last at the
+        contact points, which only a skin asks for.
+        """
+        corners = self.mesh.nodes[self.mesh.cells[self.close_cells, :4]]
+        return np.vstack([self.stiffness.points_m, close_points_m(corners), self.contacts.points_m])
+
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray | float,
+        support_compliance: tuple[float, float] | None = None,
+        fibres: Fibres | tuple | None = None,
+        skin: Skin | tuple | None = None,
+    ) -> Response:
+        """Solve for all presses.
+
+        Parameters
+        ----------
+        modulus_pa : (p,) Young's modulus at `points_m`, Pa, or one number for a homogeneous body.
+        support_compliance : normal and tangential compliance (m/Pa) that the support has beyond its
+            own, in series; the near fields need not be made again for another one.
+        fibres : direction and modulus of fibres, see `fem.palpation.fibres.Fibres`
+        skin : thickness and modulus factor of a skin on the surface `skin_surface`, see
+            `fem.palpation.skin`;
+            it counts in `compliance`, `sensitivity` and `skin_sensitivity`
+
+        Raises
+        ------
+        SolverError
+            A modulus that is not positive and finite, or a body that a press pushes off a support
+            on which it slides.
+        """
+        modulus = checked_modulus(modulus_pa, len(self.points_m))
+        split = len(self.stiffness.points_m)
+        if fibres is not None:
+            direction, strength = checked_fibres(fibres, len(modulus))
+            fibres = Fibres(direction, np.asarray(strength)[:split])
+        skin = None if skin is None else Skin(*skin)
+        modulus, close, local = np.split(modulus, [split, len(modulus) - len(self.contacts)])
+        close = QuadraticModulus(close.reshape(-1, len(CLOSE_SAMPLES)))
+        material = Material(modulus, fibres, skin, close, local)
+        support = self.support
+        if support_compliance is not None:
+            normal, tangential = support_compliance
+            support = replace(
+                support,
+                normal=support.normal + normal,
+                tangential=support.tangential + tangential,
+            )
+        body = self._bonded if support.bonded else self.floating
+        values = self.values(body, material)
+        springs = None
+        if not support.bonded:
+            springs = body.foundation.effective(support.normal, support.tangential, modulus)
+            body.foundation.add(values, springs)
+        if self.enrichments:
+            compliance, field, amplitude = self._enriched(body, material, values)
+        else:
+            field = body.solve(values)
+            compliance = np.einsum("dj,dj->j", body.loads, field)
+            amplitude = np.zeros((len(compliance), 0))
+        response = Response(compliance, self, body, material, field, amplitude, springs)
+        if springs is not None:
+            if np.isinf(support.tangential):
+                _check_equilibrium(response, springs)
+            asked = (support.normal, support.tangential)
+            compliance += first_order_rest(asked, springs, response.support_sensitivity)
+        if skin is not None:
+            compliance += body.skinned.near(skin).value / local
+        for array in (compliance, field, amplitude):
+            array.setflags(write=False)
+        return response
+
+    def _enriched(
+        self, body: HeldBody, material: Material, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Compliances (j,), fields (3 f, j) and amplitudes (j, m) with the near fields."""
+        factor = body.pattern.factorize(values)
+        half = factor.forward(body.loads)  # all products with the inverse need no more
+        compliance = np.einsum("dj,dj->j", half, half)
+        amplitude = np.zeros((len(compliance), FUNCTIONS))
+        for group, near in self.near_fields(body.stiffness, material):
+            k = near.coupling
+            k = factor.forward(k.reshape(len(k), -1)).T.reshape(*k.shape[1:], -1)  # (j, m, d)
+            pressed = half[:, group].T
+            missing = near.load - (k @ pressed[..., None])[..., 0]
+            schur = near.energy - k @ k.swapaxes(1, 2)
+            amplitude[group] = _solve_definite(schur, missing)
+            compliance[group] += np.sum(missing * amplitude[group], axis=1)
+            half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
+        return compliance, factor.backward(half), amplitude
+
+    def values(self, body: HeldBody, material: Material) -> np.ndarray:
+        """Values of a body's stiffness matrix, without the support's springs."""
+        close = (self.close_cells, material.close.values)
+        values = body.stiffness.values(material.modulus, close)
+        if material.fibres is not None:
+            direction, strength = material.fibres
+            values += body.stiffness.fibre_values(direction, np.asarray(strength))
+        if material.skin is not None:
+            values += material.skin.stretch_m * body.skinned.membrane.values(material.modulus)
+        return values
+
+    def near_fields(
+        self, stiffness: Stiffness, material: Material
+    ) -> Iterator[tuple[slice, NearFields]]:
+        """Near fields in groups of presses, so that memory does not grow with their number."""
+        modulus, fibres = material.modulus, material.fibres
+        by_cell = modulus.reshape(-1, stiffness.samples)
+        m = FUNCTIONS
+        for first in range(0, len(self.enrichments), _GROUP):
+            parts = self.enrichments[first : first + _GROUP]
+            by_function = np.zeros((len(parts), m, 3 * len(stiffness.free_nodes)))
+            energy = np.zeros((len(parts), m, m))
+            for i, part in enumerate(parts):
+                local = np.ascontiguousarray(by_cell[part.cells])
+                numbers = stiffness.free_cells[part.cells]
+                couple(by_function[i], energy[i], numbers, local, part.coupling, part.energy)
+                cells, *near = part.close
+                local = material.close.values[self.close_rows[first + i]]
+                couple(by_function[i], energy[i], stiffness.free_cells[cells], local, *near)
+                if fibres is not None:
+                    plane = self.fibre_plane(fibres.direction)
+                    strength = np.reshape(fibres.modulus_pa, by_cell.shape)
+                    more, own = plane.near(first + i, fibres.direction, strength)
+                    energy[i] += own
+                    numbers = stiffness.free_cells[plane.parts[first + i].cells]
+                    scatter(by_function[i], numbers, more)
+            load = np.array([part.load for part in parts])
+            near = NearFields(by_function.transpose(2, 0, 1), energy, load)
+            yield slice(first, first + len(parts)), near
+
+    def fibre_plane(self, direction: np.ndarray) -> FibrePlane:
+        """Return a plane that holds the direction: the last one used, if it does."""
+        if self._plane is not None and self._plane.holds(direction):
+            return self._plane
+        return self.plane(plane_of(direction))
+
+    def plane(self, plane: np.ndarray) -> FibrePlane:
+        """Return what fibres in a plane (2, 3) do; kept until another one is asked for."""
+        if self._plane is None or not np.array_equal(self._plane.plane, plane):
+            self._plane = FibrePlane(self.stiffness, self.contacts, plane, bool(self.enrichments))
+        return self._plane
+
+
+def _solve_definite(schur: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Amplitudes (j, m) of the near fields; without a positive energy (j, m, m) there are none."""
+    try:
+        np.linalg.cholesky(schur)
+    except np.linalg.LinAlgError as error:
+        raise SolverError(
+            "the map is finer than the mesh around a tip resolves: the near field there has no "
+            "positive energy; use a finer mesh, or a map that varies less within its cells"
+        ) from error
+    return np.linalg.solve(schur, missing[..., None])[..., 0]
+
+
+def _check_equilibrium(response: Response, springs: tuple[float, float]) -> None:
+    """Refuse a body that only the last springs of a sliding support keep in place."""
+    slid = response.support_sensitivity[:, 1] * springs[1] / response.compliance
+    if slid.max() > 1e-2:
+        worst = int(slid.argmax())
+        raise SolverError(
+            f"press {worst} pushes the body off its sliding support: it needs a tangential "
+            "compliance that is finite, a surface that is held, or a press across the support"
+        )

@@ -1,0 +1,227 @@
+"""What a body answers to unit forces: compliance of every press and its derivatives.
+
+The problem is self-adjoint, so that the fields that give the compliances give their derivatives:
+
+    dC_j/dE_p = -(twice the strain energy of press j at sample p for E = 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from fem.linear.modulus_samples import CLOSE_SAMPLES
+from fem.near_field.enrichment import sample_basis
+from fem.near_field.sums import add_energies
+from fem.palpation.fibres import HORIZONTAL
+from fem.palpation.skin import Skin
+
+if TYPE_CHECKING:
+    from fem.palpation.constrained_body import HeldBody
+    from fem.palpation.model import Material, PalpationModel
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the body answers to unit forces, for one modulus field.
+
+    Attributes
+    ----------
+    compliance : (j,) m/N
+    model : that was evaluated
+    amplitude : (j, m) of the near-field functions, m/N
+    """
+
+    compliance: np.ndarray
+    model: PalpationModel
+    _body: HeldBody
+    _material: Material
+    _free: np.ndarray  # (3 f, j) finite element part of the fields
+    amplitude: np.ndarray
+    _springs: tuple[float, float] | None  # of the support, None if it is bonded
+
+    def displacement(self, j: int) -> np.ndarray:
+        """Nodal displacement under 1 N at press j, (n, 3) m/N.
+
+        The near-field functions are zero at the nodes: what they add lies in between.
+        """
+        return self._body.stiffness.prolong(self._free[:, [j]])[0]
+
+    @cached_property
+    def cross_compliance(self) -> np.ndarray:
+        """Travel at press i under 1 N at press k, (j, j) m/N.
+
+        Symmetric (Maxwell-Betti). With the near field each press's field comes from a space of its
+        own: off the diagonal the functions around the loaded press are left out, so that there it
+        is for presses whose tips are well apart, and symmetric only to the mesh's accuracy.
+        """
+        result = self._body.loads.T @ self._free
+        result[np.diag_indices(len(result))] = self.compliance
+        return result
+
+    @cached_property
+    def sensitivity(self) -> np.ndarray:
+        """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
+        stiffness = self._body.stiffness
+        nodal = stiffness.prolong(self._free)
+        presses = len(nodal)
+        spare = 0 if self.model.enrichments else presses  # else they come behind the close samples
+        result = stiffness.energies(nodal, self.model.close_cells, spare)
+        by_press = nodal
+        if self.model.enrichments:  # by press in memory, as they are read and added to
+            result, by_press = np.ascontiguousarray(result), np.ascontiguousarray(nodal)
+        for j, part in enumerate(self.model.enrichments):
+            nodes = stiffness.mesh.cells[part.cells]
+            by_cell = result[j].reshape(-1, stiffness.samples)
+            add_energies(by_cell, part.cells, nodes, by_press[j], self.amplitude[j],
+                         part.coupling, part.energy)  # fmt: skip
+        np.negative(result, out=result)
+        skin, own = self._material.skin, len(stiffness.points_m)
+        by_local = np.zeros((presses, presses))
+        if skin is not None:
+            skinned = self._body.skinned
+            np.fill_diagonal(by_local, -skinned.near(skin).value / self._material.local**2)
+            for j, field in enumerate(nodal):
+                result[j, :own] -= skin.stretch_m * skinned.membrane.energies(field)
+        if not self.model.enrichments:
+            result[:, own:] = by_local
+            return result
+        close = self._material.close.by_asked(self._close_energies(nodal, by_press))
+        return np.hstack([result, -close.reshape(presses, -1), by_local])
+
+    def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
+        """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s).
+
+        Of fields (j, n, 3) both in the order of `Stiffness.prolong` and press by press.
+        """
+        mesh = self.model.mesh
+        result = self._body.stiffness.close_energies(nodal, self.model.close_cells)
+        result = np.ascontiguousarray(result)
+        for j, part in enumerate(self.model.enrichments):
+            cells, *near = part.close
+            add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], by_press[j],
+                         self.amplitude[j], *near)  # fmt: skip
+        return result
+
+    @cached_property
+    def unevenness(self) -> np.ndarray:
+        """Part of each compliance that hangs on a modulus not linear in the cells around the tip.
+
+        (j,) >= 0, to first order and without regard to sign: what samples as elsewhere would miss
+        if all of it added up.
+        """
+        stiffness, material = self._body.stiffness, self._material
+        by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
+        linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
+        nodal = stiffness.prolong(self._free)
+        close = self._close_energies(nodal, np.ascontiguousarray(nodal))
+        bent = np.abs(close * (material.close.asked - linear))
+        return bent.sum(axis=(1, 2)) / self.compliance
+
+    @cached_property
+    def skin_sensitivity(self) -> np.ndarray:
+        """Derivative by the thickness and the modulus factor of the skin, (j, 2) 1/N, m/N.
+
+        At f = 1 that towards harder skins; without a skin at all it is 0 or of no use.
+        """
+        return self._by_skin(self._material.skin or Skin(0.0, 1.0))
+
+    def skin_sensitivity_at_null(self, thickness_m: float) -> np.ndarray:
+        """Return the derivative by the factor of a skin that is like the body, (j,) m/N."""
+        return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
+
+    def _by_skin(self, skin: Skin) -> np.ndarray:
+        near, local = self._body.skinned.near(skin), self._material.local
+        stretch = self._stretch_energies * (skin.factor >= 1)
+        by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
+        return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
+
+    @cached_property
+    def _stretch_energies(self) -> np.ndarray:
+        """Twice the energy of a membrane of t (f - 1) = 1 m under each press, (j,)."""
+        membrane, modulus = self._body.skinned.membrane, self._material.modulus
+        nodal = self._body.stiffness.prolong(self._free)
+        return np.array([membrane.energies(field) @ modulus for field in nodal])
+
+    def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
+        """Return the derivative of the compliances with respect to parameters, (j, k).
+
+        Parameters
+        ----------
+        modulus_gradient : (p, k) dE/dtheta at the model's `points_m`.
+        """
+        return self.sensitivity @ modulus_gradient
+
+    def fibre_moments(
+        self, weight: np.ndarray | float = 1.0, plane: np.ndarray = HORIZONTAL
+    ) -> np.ndarray:
+        """Integrals of the products of in-plane strains, (j, 6) 1/(N Pa) for a weight of 1.
+
+        With the strains e = (e_11, e_22, 2 e_12) under 1 N in the plane of two orthonormal
+        directions (2, 3): of weight times e_1^2, e_2^2, e_3^2, e_1 e_2, e_1 e_3, e_2 e_3. If the
+        modulus of fibres in the direction t_1 cos(p) + t_2 sin(p) is E_f = c weight,
+
+            dC_j/dc = -(fibre_moments(weight, plane) @ fem.palpation.fibres.fibre_weights(p))_j.
+
+        Parameters
+        ----------
+        weight : (p,) at the model's `points_m`, or one number
+        """
+        count = len(self._material.modulus)  # fibres have samples in the cells only
+        weight = np.broadcast_to(np.asarray(weight, float), len(self.model.points_m))[:count]
+        return np.array([weight @ products for products in self._plane_products(plane)])
+
+    def fibre_sensitivity(self, direction: np.ndarray) -> np.ndarray:
+        """Return dC/dE_f by the modulus samples for a unit direction (3,), (j, p) m/(N Pa)."""
+        direction = np.asarray(direction, float)
+        plane = self.model.fibre_plane(direction)
+        weights = plane.weights(direction)
+        result = np.zeros((len(self.compliance), len(self.model.points_m)))
+        for j, products in enumerate(self._plane_products(plane.plane)):
+            result[j, : len(products)] = -(products @ weights)
+        return result
+
+    def _plane_products(self, plane: np.ndarray) -> Iterator[np.ndarray]:
+        """For each press the products (p, 6) by modulus sample."""
+        fibre_plane = self.model.plane(plane)
+        for j in range(len(self.compliance)):
+            nodal = self._body.stiffness.prolong(self._free[:, [j]])[0]
+            yield fibre_plane.products(nodal, self.amplitude[j], j)
+
+    @cached_property
+    def support_sensitivity(self) -> np.ndarray:
+        """Derivative by the support's normal and tangential compliance, (j, 2) Pa/N.
+
+        The integrals of the squared normal and tangential traction on the support, see
+        `fem.linear.support`; at zero compliance too. Where the support slides freely the second is
+        0.
+        """
+        body = self.model.floating
+        if self._springs is not None:
+            base = self._body.stiffness.prolong(self._free)[:, body.foundation.nodes]
+            return body.foundation.displacement_squared(base) / np.square(self._springs)
+        return body.foundation.traction_squared(self._reactions(body))
+
+    def _reactions(self, floating: HeldBody) -> np.ndarray:
+        """Nodal forces (j, b, 3) of the bonded surface on the body."""
+        stiffness = floating.stiffness
+        size = len(stiffness.indptr) - 1
+        upper = sp.csr_array(
+            (
+                self.model.values(floating, self._material),
+                stiffness.indices,
+                stiffness.indptr,
+            ),
+            shape=(size, size),
+        )
+        field = stiffness.restrict(self._body.stiffness.prolong(self._free))
+        force = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
+        force -= floating.loads
+        for group, near in self.model.near_fields(stiffness, self._material):
+            force[:, group] += np.einsum("djm,jm->dj", near.coupling, self.amplitude[group])
+        return stiffness.prolong(force)[:, floating.foundation.nodes]

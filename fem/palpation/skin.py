@@ -1,0 +1,172 @@
+r"""A skin as a membrane on a body's surface: the part of its effect that reaches far.
+
+Near the tip a skin acts by its own bending and shear, and the body is as good as a half-space:
+that is `fem.palpation.layered_half_space`. Further off it acts by its stiffness against being
+stretched, where edges, supports and inclusions make the surface stretch. So twice the energy
+
+    t (f - 1)/(1 - nu^2) int E [e_11^2 + e_22^2 + 2 nu e_11 e_22 + (1 - nu)/2 (2 e_12)^2] dA
+
+(plane stress, e the strain in the surface's plane) is added to the stiffness matrix, and the near
+part, less what a membrane does on a half-space, is added to the compliance,
+
+    C = C_membrane + D(a, t, f)/E_loc.
+
+The skin's modulus is f times that of the body next to it: of the modulus samples beside each face,
+and in E_loc that at the contact point itself, which is a sample of its own (extrapolated from those
+of the cell below, it was up to 7 % off beside an inclusion). A skin softer than the body does not
+act as a membrane: for f < 1 there is D alone.
+
+Measured on a block with a skin of 1 mm and f = 5 under a tip of 5 mm, nu = 0.49, against an
+independent solver: rms 0.24 %, of which 0.08 % differ from place to place, greatest error 0.4 % (a
+modulus taken 2 mm deeper makes it 0.6 and 1.5 %; a mesh with layers in the skin itself is 3 to 8 %
+too stiff). The smaller nu, the more a press stretches the surface under the tip, where the cells
+are too coarse for the membrane: against the layered half-space the skin's effect on a block with
+cells of two tip radii is right to 1 % of itself for nu = 0.49, 6 % for 0.45, 13 % for 0.4 and 24 %
+for 0.3.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fem.contact.contacts import Contacts
+from fem.errors import MeshError
+from fem.linear.assembly import Stiffness, shape_derivatives
+from fem.linear.support import triangle_rule
+from fem.mesh.mesh import TET_EDGES, TRIANGLE_EDGES
+from fem.palpation.layered_half_space import SkinCompliance, skin_compliance
+
+
+class Skin(NamedTuple):
+    """A skin on the pressed surface.
+
+    Attributes
+    ----------
+    thickness_m : >= 0; thin beside the body and its inclusions
+    factor : its modulus over that of the body below, > 0; 1 is none
+    """
+
+    thickness_m: float
+    factor: float
+
+    @property
+    def stretch_m(self) -> float:
+        """Return t (f - 1) of the membrane, m; 0 for a skin softer than the body."""
+        return self.thickness_m * max(self.factor - 1, 0)
+
+
+class SkinnedSurface:
+    """A surface that may bear a skin, and the presses on it."""
+
+    def __init__(self, stiffness: Stiffness, surface: str, contacts: Contacts) -> None:
+        self.membrane = Membrane(stiffness, surface)
+        self._contacts, self._nu = contacts, stiffness.poisson_ratio
+
+    def near(self, skin: Skin) -> SkinCompliance:
+        """D of each press, less the membrane's part."""
+        return skin_compliance(self._contacts.radius_m, skin.thickness_m, skin.factor, self._nu,
+                               self._contacts.profile_code, beyond_membrane=True)  # fmt: skip
+
+
+class Membrane:
+    """The membrane of a surface on the pattern of a stiffness matrix, for t (f - 1) = 1 m."""
+
+    def __init__(self, stiffness: Stiffness, surface: str) -> None:
+        mesh = stiffness.mesh
+        faces = mesh.surface(surface)
+        if not len(faces):
+            raise MeshError(f"surface '{surface}' has no faces to bear a skin")
+        self.stiffness, self.faces = stiffness, faces
+        corners = mesh.nodes[faces[:, :3]]
+        edges = corners[:, 1:] - corners[:, :1]
+        normal = np.cross(edges[:, 0], edges[:, 1])
+        area = np.linalg.norm(normal, axis=1) / 2
+        first = edges[:, 0] / np.linalg.norm(edges[:, 0], axis=1, keepdims=True)
+        second = np.cross(normal / (2 * area[:, None]), first)
+        plane = np.stack([first, second], axis=1)  # (t, 2, 3)
+        inverse = np.linalg.inv(np.einsum("tda,tea->ted", plane, edges))
+        gradients = np.empty((len(faces), 3, 2))
+        gradients[:, 1:] = inverse.transpose(0, 2, 1)
+        gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
+        points, weights = triangle_rule()
+        slopes = np.einsum("qiv,tvd->tqid", _triangle_derivatives(points, mesh.order), gradients)
+        # e = B u, rows e_11, e_22, 2 e_12
+        pairs = ((0, 0), (1, 1))
+        rows = [np.einsum("tqi,ta->tqia", slopes[..., d], plane[:, e]) for d, e in pairs]
+        rows.append(np.einsum("tqi,ta->tqia", slopes[..., 0], plane[:, 1])
+                    + np.einsum("tqi,ta->tqia", slopes[..., 1], plane[:, 0]))  # fmt: skip
+        self._strain = np.stack(rows, axis=2).reshape(len(faces), len(weights), 3, -1)
+        nu = stiffness.poisson_ratio
+        law = np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]) / (1 - nu**2)
+        self._law = law
+        self._weights = area[:, None] * weights
+        self._samples, self._points = self._next_samples(), points
+        self._place = self._find_places()
+
+    def _next_samples(self) -> np.ndarray:
+        """Modulus samples (t, 3) next to the corners of each face."""
+        stiffness = self.stiffness
+        cells = stiffness.mesh.cells
+        key = {tuple(sorted(face)): t for t, face in enumerate(self.faces[:, :3].tolist())}
+        found = np.full((len(self.faces), 3), -1)
+        on_surface = np.isin(cells[:, :4], self.faces[:, :3]).sum(axis=1) >= 3
+        for e in np.flatnonzero(on_surface):
+            corner = cells[e, :4].tolist()
+            for left_out in range(4):
+                rest = [v for v in range(4) if v != left_out]
+                t = key.get(tuple(sorted(corner[v] for v in rest)))
+                if t is None:
+                    continue
+                nearest = stiffness.rule[0].argmax(axis=0) if stiffness.samples > 1 else [0] * 4
+                for v in rest:
+                    where = self.faces[t, :3].tolist().index(corner[v])
+                    found[t, where] = stiffness.samples * e + nearest[v]
+        return found
+
+    def _find_places(self) -> np.ndarray:
+        """Where each entry of the faces' matrices stands in the values; -1 where it does not."""
+        stiffness = self.stiffness
+        number = np.full(len(stiffness.mesh.nodes), -1)
+        number[stiffness.free_nodes] = np.arange(len(stiffness.free_nodes))
+        node = number[self.faces]
+        dof = (3 * node[:, :, None] + np.arange(3)).reshape(len(node), -1)
+        dof[np.repeat(node < 0, 3, axis=1)] = -1
+        row, column = dof[:, :, None], dof[:, None, :]
+        size = len(stiffness.indptr) - 1
+        rows = np.repeat(np.arange(size, dtype=np.int64), np.diff(stiffness.indptr))
+        keys = rows * size + stiffness.indices
+        place = np.searchsorted(keys, row.astype(np.int64) * size + column)
+        return np.where((row >= 0) & (row <= column), place, -1)
+
+    def _modulus(self, modulus: np.ndarray) -> np.ndarray:
+        return modulus[self._samples] @ self._points.T
+
+    def values(self, modulus: np.ndarray) -> np.ndarray:
+        """CSR values of the upper triangle for the modulus samples (p,)."""
+        weights = self._weights * self._modulus(modulus)
+        stress = np.einsum("rs,tqsi->tqri", self._law, self._strain)
+        local = np.einsum("tq,tqri,tqrj->tij", weights, self._strain, stress, optimize=True)
+        data = np.zeros(len(self.stiffness.indices))
+        there = self._place >= 0
+        np.add.at(data, self._place[there], local[there])
+        return data
+
+    def energies(self, nodal: np.ndarray) -> np.ndarray:
+        """Twice the energy for E = 1 by modulus sample, (p,), of one field (n, 3)."""
+        field = nodal[self.faces].reshape(len(self.faces), -1)
+        strain = np.einsum("tqri,ti->tqr", self._strain, field)
+        density = self._weights * np.einsum("tqr,rs,tqs->tq", strain, self._law, strain)
+        result = np.zeros(len(self.stiffness.points_m))
+        np.add.at(result, self._samples, density @ self._points)
+        return result
+
+
+def _triangle_derivatives(points: np.ndarray, order: int) -> np.ndarray:
+    """Return dN/dlambda at points of a triangle (p, 3): (p, nodes, 3)."""
+    if order == 1:
+        return np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    whole = shape_derivatives(np.column_stack([points, np.zeros(len(points))]), 2)
+    assert np.array_equal(TRIANGLE_EDGES, TET_EDGES[:3])
+    return whole[:, [0, 1, 2, 4, 5, 6], :3]

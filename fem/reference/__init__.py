@@ -1,0 +1,1 @@
+"""Closed forms and reference solutions, for tests and benchmarks only."""

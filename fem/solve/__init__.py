@@ -1,0 +1,1 @@
+"""Solvers of the sparse systems: direct, two-grid, mixed precision, by threads over presses."""

@@ -1,0 +1,1 @@
+"""The body as the measurement model sees it: state, compliances, discretization error."""

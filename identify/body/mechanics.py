@@ -1,0 +1,258 @@
+"""The models behind a measurement, evaluated for a map and a body as the effects have changed it.
+
+The finite element model gives C (j,) for a modulus field and dC_j/dE at its samples; a body effect
+changes the field, the law, the support or the body's place (`BodyState`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fem import PalpationModel
+from fem.errors import SolverError
+from fem.palpation.response import Response
+from fem.palpation.rigid_punch import shape_gain
+from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
+from identify.body.forward import positive_modulus
+from identify.body.lagrange import lagrange_weights
+from identify.body.response import BodyResponse
+from identify.body.shifted_block import Shift, ShiftedBlock
+from identify.body.state import BodyState, ChangedMap
+from identify.map.gaussian_map import GaussianMap
+from identify.optimize.result import InadmissibleError
+
+# Poisson ratios at which models are built; C is interpolated between the nearest three.
+_NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
+_LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
+_KEPT_RATIOS = 32  # of the compliances of other models: those of the last maps
+_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin where others have ended
+_KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
+_BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
+
+
+@dataclass(frozen=True)
+class BodyMechanics:
+    """The finite element models behind a measurement model.
+
+    Attributes
+    ----------
+    coarse : is evaluated and differentiated
+    fine : more exact; None does without
+    at_poisson_ratio : builds the coarse model with another Poisson's ratio
+    ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
+    model_error : (j,) the finer model's own relative error, as estimated
+    tip_gain : (j,) relative part of the compliance that the pressure of a rigid, upright flat tip
+        takes off at this estimate (`fem.palpation.rigid_punch`); 0 of other contacts
+    """
+
+    coarse: PalpationModel
+    fine: FineModel | None
+    at_poisson_ratio: Callable[[float], PalpationModel]
+    ratio: np.ndarray | float = 1.0
+    model_error: np.ndarray | float = 0.0
+    tip_gain: np.ndarray | float = 0.0
+    _others: dict[float, PalpationModel] = field(default_factory=dict)
+    _shifted: ShiftedBlock | None = None
+    _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
+    _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
+
+    @cached_property
+    def local_points(self) -> np.ndarray:
+        """Where the modulus under each tip is taken, (j, 3) m."""
+        contacts = self.coarse.contacts
+        depth = _LOCAL_DEPTH * contacts.radius_m[:, None]
+        return contacts.points_m + depth * contacts.directions
+
+    @property
+    def poisson_ratio(self) -> float:
+        """The ratio with which the models were built."""
+        return self.coarse.stiffness.poisson_ratio
+
+    def state(self) -> BodyState:
+        """Return the state without effects."""
+        nodes = self.coarse.mesh.nodes
+        low, high = nodes.min(axis=0).tolist(), nodes.max(axis=0).tolist()
+        return BodyState((tuple(low), tuple(high)), self.poisson_ratio)
+
+    def evaluate(self, stiffness: GaussianMap, state: BodyState) -> BodyResponse:
+        """Solve for a map and a state.
+
+        Raises
+        ------
+        InadmissibleError
+            The modulus is not positive everywhere.
+        """
+        response = self._solved(stiffness, state)
+        factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
+        factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
+        factor = factor * np.ones(len(self.coarse.contacts))
+        if state.poisson_ratio != self.poisson_ratio:
+            nu, own = state.poisson_ratio, response.compliance
+            factor = factor * self.poisson_factor(stiffness, state, nu, own)
+        if any(state.shift_m):
+            own = response.compliance
+            factor *= np.exp(self.log_shift_factor(stiffness, state, state.shift_m, own))
+        changed = ChangedMap(stiffness, state)
+        return BodyResponse(
+            compliance=factor * response.compliance,
+            local_modulus=changed.modulus(self.local_points),
+            local_by_map=changed.gradient(self.local_points),
+            _mechanics=self,
+            _map=stiffness,
+            _state=state,
+            _response=response,
+            _scale=factor,
+        )
+
+    def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
+        """Return the mechanics with the coarse model carried to the finer one at this estimate.
+
+        Fibres, support and skin are left out: what the meshes make of them differs little.
+        """
+        plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
+        coarse = self._solved(stiffness, plain)
+        changed = ChangedMap(stiffness, plain)
+        if self.fine is None:
+            return replace(self, tip_gain=_tip_gain(coarse, changed))
+        shift = self.shifted.near(state.shift_m)
+        if any(shift):
+            there, finer = self.shifted.fine_at(shift)
+            known = self._solve(there, stiffness, plain).compliance
+            fine = fine_solution(finer, changed, there, known)
+            log_factor = self.log_shift_factor(stiffness, plain, shift, coarse.compliance)
+            ratio = fine.compliance / (coarse.compliance * np.exp(log_factor))
+        else:
+            fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
+            ratio = fine.compliance / coarse.compliance
+        # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
+        kept = np.clip(ratio, *_BELIEVED)
+        return replace(
+            self,
+            ratio=kept,
+            model_error=fine.error + (kept - ratio) / kept,
+            tip_gain=_tip_gain(fine.response, changed),
+        )
+
+    def poisson_factor(
+        self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
+    ) -> np.ndarray:
+        """Compliance (j,) at another Poisson's ratio over that at the model's own.
+
+        `base` (j,) is the coarse model's there; the factor holds for what is carried by `ratio`.
+        """
+        if nu == self.poisson_ratio:
+            return np.ones(len(self.coarse.contacts))
+        if not -1 < nu < 0.5:
+            raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
+        others = _NODES[np.abs(_NODES - self.poisson_ratio) > 1e-6]
+        nearest = others[np.argsort(np.abs(others - nu))[:2]]
+        weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
+        logs = [
+            self._log_ratio(node, lambda node=node: self._other(node), stiffness, state, base)
+            for node in nearest.tolist()
+        ]
+        coarse = np.exp(weights @ logs)
+        return coarse * self.ratio ** (mesh_error_growth(nu, self.poisson_ratio) - 1)
+
+    def _other(self, nu: float) -> PalpationModel:
+        model = self._others.pop(nu, None) or self.at_poisson_ratio(nu)
+        self._others[nu] = model
+        while len(self._others) > _KEPT_OTHERS:
+            self._others.pop(next(iter(self._others)))
+        return model
+
+    def log_shift_factor(
+        self,
+        stiffness: GaussianMap,
+        state: BodyState,
+        shift_m: Shift,
+        base: np.ndarray,
+        straight: bool = False,
+    ) -> np.ndarray:
+        """Logarithm (j,) of the compliance of the body elsewhere over that at its stated place.
+
+        `base` (j,) is the coarse model's there; `straight` see `ShiftedBlock.log_factor`.
+        """
+        shifted = self.shifted
+
+        def log_ratio(place: Shift) -> np.ndarray:
+            return self._log_ratio(place, lambda: shifted.coarse_at(place), stiffness, state, base)
+
+        return shifted.log_factor(shift_m, straight, log_ratio)
+
+    @property
+    def shifted(self) -> ShiftedBlock:
+        """The models of the body elsewhere."""
+        if self._shifted is None:
+            object.__setattr__(self, "_shifted", ShiftedBlock(self.coarse, self.fine))
+        assert self._shifted is not None
+        return self._shifted
+
+    def _log_ratio(
+        self,
+        which: float | Shift,
+        model: Callable[[], PalpationModel],
+        stiffness: GaussianMap,
+        state: BodyState,
+        base: np.ndarray,
+    ) -> np.ndarray:
+        """Logarithm (j,) of the compliance of another model over `base`, kept by its name."""
+        key = (which, stiffness, _solved_state(state))
+        if key not in self._ratios:
+            ratio = self._solve(model(), stiffness, state).compliance / base
+            if not (np.isfinite(ratio).all() and ratio.min() > 0):
+                raise InadmissibleError("the map is finer than the mesh of the body resolves")
+            while len(self._ratios) >= _KEPT_RATIOS:
+                self._ratios.pop(next(iter(self._ratios)))
+            self._ratios[key] = np.log(ratio)
+        return self._ratios[key]
+
+    def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
+        """Solve on the coarse model, or return what was solved there not long ago."""
+        key = (stiffness, _solved_state(state))
+        response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
+        self._solutions[key] = response
+        while len(self._solutions) > _KEPT_SOLUTIONS:
+            self._solutions.pop(next(iter(self._solutions)))
+        return response
+
+    def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
+        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
+        base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
+        angle, share = state.fibre_angle_rad, state.fibre_share
+        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+        skin = (state.skin_thickness_m, state.skin_factor)
+        if not skin[1] > 0:
+            raise InadmissibleError("a skin needs a positive modulus")
+        try:
+            return model.evaluate(
+                modulus,
+                support_compliance=base if any(base) else None,
+                fibres=(direction, share * modulus) if share else None,
+                skin=skin if skin[0] > 0 else None,
+            )
+        except SolverError as error:
+            raise InadmissibleError(str(error)) from error
+
+
+def _solved_state(state: BodyState) -> BodyState:
+    """Return the part of a state that a finite element model is solved for."""
+    return state.changed(
+        poisson_ratio=0.0,
+        mesh_error_share=0.0,
+        rigid_tip_share=0.0,
+        shift_m=(0.0, 0.0),
+        background_pa=None,
+    )
+
+
+def _tip_gain(response: Response, changed: ChangedMap) -> np.ndarray | float:
+    """Relative part (j,) of the compliance that a rigid tip's own pressure takes off."""
+    contacts = response.model.contacts
+    if contacts.profile != "flat":
+        return 0.0
+    return shape_gain(response, changed.modulus(contacts.points_m)) / response.compliance

@@ -1,0 +1,161 @@
+"""What a body answers to all presses: compliances, their derivatives, and changes of first order.
+
+Small changes of a state are carried over to first order by the sensitivities of one solution, which
+is all that a score test needs; a fit evaluates the changed state itself (`BodyMechanics`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fem import PalpationModel
+from fem.palpation.fibres import fibre_weights
+from fem.palpation.response import Response
+from identify.body.shifted_block import Shift
+from identify.body.state import BodyState, ChangedMap
+from identify.map.gaussian_map import GaussianMap
+
+if TYPE_CHECKING:
+    from identify.body.mechanics import BodyMechanics
+
+_NU_STEP = 0.01
+
+
+@dataclass(frozen=True)
+class BodyResponse:
+    """Compliances of the j presses for a map of k parameters and a state.
+
+    Attributes
+    ----------
+    compliance : (j,) m/N
+    local_modulus : (j,) Young's modulus under each tip, Pa
+    local_by_map : (j, k)
+    """
+
+    compliance: np.ndarray
+    local_modulus: np.ndarray
+    local_by_map: np.ndarray
+    _mechanics: BodyMechanics
+    _map: GaussianMap
+    _state: BodyState
+    _response: Response
+    _scale: np.ndarray  # (j,) what the finite elements' own compliance is multiplied by
+
+    @cached_property
+    def by_map(self) -> np.ndarray:
+        """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
+        points = self._mechanics.coarse.points_m
+        gradient = ChangedMap(self._map, self._state).gradient(points)
+        own = _gradient(self._response, gradient, self._state)
+        return self._scale[:, None] * own
+
+    def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
+        own, points = self._mechanics, self._mechanics.coarse.points_m
+        change = np.zeros_like(self.compliance)
+        local = np.zeros_like(change)
+        if state.modulus_changes != self._state.modulus_changes:
+            new, old = (ChangedMap(self._map, s) for s in (state, self._state))
+            moved = new.modulus(points) - old.modulus(points)
+            change += self._scale * (self._response.sensitivity @ moved)
+            local = new.modulus(own.local_points) - self.local_modulus
+        if state.poisson_ratio != self._state.poisson_ratio:
+            step = state.poisson_ratio - self._state.poisson_ratio
+            change += step * self._by_poisson_ratio()
+        if state.shift_m != self._state.shift_m:
+            change += self.compliance * self._log_by_shift(state.shift_m)
+        if state.mesh_error_share != self._state.mesh_error_share:
+            step = state.mesh_error_share - self._state.mesh_error_share
+            change += step * own.model_error * self.compliance
+        if state.rigid_tip_share != self._state.rigid_tip_share:
+            step = state.rigid_tip_share - self._state.rigid_tip_share
+            before = 1 - self._state.rigid_tip_share * own.tip_gain
+            change -= step * own.tip_gain / before * self.compliance
+        old = self._state
+        by_base = np.array(
+            [
+                state.base_normal_m_per_pa - old.base_normal_m_per_pa,
+                state.base_tangential_m_per_pa - old.base_tangential_m_per_pa,
+            ]
+        )
+        if by_base.any():
+            change += self._scale * (self._response.support_sensitivity @ by_base)
+        fibres = _fibres(state) - _fibres(old)
+        if fibres.any():
+            change -= self._scale * (self._fibre_moments @ fibres)
+        if _skin(state) != _skin(old):
+            change += self._scale * self._by_skin(old, state)
+        return change, local
+
+    def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
+        # A copy: what the fits have solved is used, and stays kept for them
+        aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
+        other = aside.evaluate(self._map, state)
+        return other.compliance - self.compliance, other.local_modulus - self.local_modulus
+
+    def compliance_on(self, model: PalpationModel) -> np.ndarray:
+        """Compliance (j,) if the presses, or the body, were those of another coarse model."""
+        other = self._mechanics._solve(model, self._map, self._state)
+        return self.compliance * (other.compliance / self._response.compliance)
+
+    def changes(self, moduli: np.ndarray) -> np.ndarray:
+        """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
+        return self._scale[:, None] * (self._response.sensitivity @ moduli)
+
+    def _by_skin(self, old: BodyState, new: BodyState) -> np.ndarray:
+        """First-order change of the finite elements' compliance (j,) by another skin."""
+        thickness = old.skin_thickness_m
+        if old.skin_factor != 1 and thickness > 0:
+            by_thickness, by_factor = self._response.skin_sensitivity.T
+            change = by_thickness * (new.skin_thickness_m - thickness)
+            return change + by_factor * (new.skin_factor - old.skin_factor)
+        # A body without a skin is one with a skin like itself, of any thickness
+        by_factor = self._response.skin_sensitivity_at_null(new.skin_thickness_m)
+        return by_factor * (new.skin_factor - 1)
+
+    @cached_property
+    def _fibre_moments(self) -> np.ndarray:
+        modulus = ChangedMap(self._map, self._state).modulus(self._mechanics.coarse.points_m)
+        return self._response.fibre_moments(modulus)
+
+    def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
+        """Change of the logarithm of the compliance (j,) by another place of the body."""
+        own, plain = self._state, self._response.compliance
+        # From its stated place on, which is all that a score asks for, one model a side will do
+        there, here = (
+            self._mechanics.log_shift_factor(self._map, own, s, plain, not any(own.shift_m))
+            for s in (shift_m, own.shift_m)
+        )
+        return there - here
+
+    def _by_poisson_ratio(self) -> np.ndarray:
+        """Difference quotient towards the compressible side, (j,)."""
+        nu, plain = self._state.poisson_ratio, self._response.compliance
+        factor = self._mechanics.poisson_factor
+        other = factor(self._map, self._state, nu - _NU_STEP, plain)
+        own = factor(self._map, self._state, nu, plain)
+        return self.compliance * (1 - other / own) / _NU_STEP
+
+
+def _gradient(response: Response, by_parameter: np.ndarray, state: BodyState) -> np.ndarray:
+    """Return dC/dp (j, k) of parameters p that change the modulus, and the fibres with it."""
+    gradient = response.gradient(by_parameter)
+    if state.fibre_share:
+        angle = state.fibre_angle_rad
+        by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
+        gradient += state.fibre_share * (by_fibres @ by_parameter)
+    return gradient
+
+
+def _fibres(state: BodyState) -> np.ndarray:
+    """Share of the fibres times the weights (6,) of their strain products."""
+    return state.fibre_share * fibre_weights(state.fibre_angle_rad)
+
+
+def _skin(state: BodyState) -> tuple[float, float]:
+    return (state.skin_thickness_m, state.skin_factor)

@@ -1,0 +1,126 @@
+"""Models of a block that lies elsewhere under the same presses.
+
+Presses, map and study share one frame. Where the body is not where the study says, its sides are
+nearer to some presses and further from others; what lies below them is the map's, and stays. So
+the sides of the mesh are moved, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fem import PalpationModel, RefinedModel
+from fem.mesh.block import moved_sides
+from identify.body.discretization_error import FineModel
+from identify.body.lagrange import lagrange_weights
+from identify.optimize.result import InadmissibleError
+
+Shift = tuple[float, float]
+#: of a side's length: where models are built; C is interpolated between them
+_PLACES = np.array([0.01, 0.025, 0.06, 0.12])
+_ROOM = 0.95  # of the gap between tips and edges may be closed
+_LEAST_M = 1e-4
+_STEP_M = 1e-4  # between shifts that have a finer model of their own
+_KEPT = 6  # coarse models, the last ones used: four are at work at a time, of 0.1 GB each
+_SIDES = {"x0", "x1", "y0", "y1"}
+
+
+def room_m(points_m: np.ndarray, radius_m: np.ndarray, box_m: np.ndarray) -> np.ndarray:
+    """How far the body may move before a tip hangs over an edge, (2, 2) m: x and y, -, +.
+
+    Parameters
+    ----------
+    points_m, radius_m : (j, 3) and (j,) of the presses
+    box_m : (2, 3) of the body
+    """
+    low = (points_m[:, :2] - radius_m[:, None]).min(axis=0) - box_m[0, :2]
+    high = box_m[1, :2] - (points_m[:, :2] + radius_m[:, None]).max(axis=0)
+    return _ROOM * np.maximum(np.column_stack([high, low]), 0.0)
+
+
+@dataclass(frozen=True)
+class ShiftedBlock:
+    """Models of a block with its sides moved.
+
+    Attributes
+    ----------
+    coarse, fine : of the block as it is stated, see `BodyMechanics`
+    """
+
+    coarse: PalpationModel
+    fine: FineModel | None
+    _models: dict[Shift, PalpationModel] = field(default_factory=dict)
+    _fine: dict[Shift, tuple[PalpationModel, FineModel]] = field(default_factory=dict)
+
+    def log_factor(
+        self, shift_m: Shift, straight: bool, log_ratio: Callable[[Shift], np.ndarray]
+    ) -> np.ndarray:
+        """Logarithm (j,) of the compliance at a shift over that at none.
+
+        Parameters
+        ----------
+        straight : take the chord to the nearest model on that side, good for small shifts and half
+            the work
+        log_ratio : gives the same for shifts along x or y for which there are models
+        """
+        total = np.zeros(len(self.coarse.contacts))
+        for axis, shift in enumerate(shift_m):
+            if shift == 0:
+                continue
+            places = self._places(axis)
+            if straight:
+                places = places[places * shift > 0][:1]
+                weights = shift / places
+            else:
+                places = places[np.argsort(np.abs(places - shift), kind="stable")[:2]]
+                weights = lagrange_weights(shift, np.array([0.0, *places]))[1:]
+            for weight, place in zip(weights, places, strict=True):
+                total += weight * log_ratio((place, 0.0) if axis == 0 else (0.0, place))
+        return total
+
+    def _places(self, axis: int) -> np.ndarray:
+        """Shifts of the models along an axis, the smallest first."""
+        mesh, contacts = self.coarse.mesh, self.coarse.contacts
+        if not mesh.surfaces.keys() >= _SIDES:
+            raise InadmissibleError("only a block can lie elsewhere")
+        box = np.array([mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)])
+        room = room_m(contacts.points_m, contacts.radius_m, box)[axis]
+        if room.min() < _LEAST_M:
+            raise InadmissibleError("a tip stands at an edge of the body as the study states it")
+        places = _PLACES * (box[1, axis] - box[0, axis])
+        down, up = (np.unique(np.minimum(places, most)) for most in room)
+        both = np.concatenate([-down, up])
+        return both[np.argsort(np.abs(both), kind="stable")]
+
+    def coarse_at(self, shift_m: Shift) -> PalpationModel:
+        """Return the coarse model of the block elsewhere."""
+        model = self._models.pop(shift_m, None) or _moved(self.coarse, shift_m)
+        self._models[shift_m] = model
+        while len(self._models) > _KEPT:
+            self._models.pop(next(iter(self._models)))
+        return model
+
+    def near(self, shift_m: Shift) -> Shift:
+        """Return the shift nearby that has a finer model."""
+        x, y = (_STEP_M * round(shift / _STEP_M) for shift in shift_m)
+        return x, y
+
+    def fine_at(self, shift_m: Shift) -> tuple[PalpationModel, FineModel]:
+        """Return the coarse and the finer model of the block elsewhere; the last are kept."""
+        assert self.fine is not None
+        if shift_m not in self._fine:
+            self._fine.clear()
+            coarse = _moved(self.coarse, shift_m)
+            if isinstance(self.fine, RefinedModel):
+                fine = RefinedModel(coarse, _moved(self.fine.fine, shift_m))
+            else:
+                fine = _moved(self.fine, shift_m)
+            self._fine[shift_m] = coarse, fine
+        return self._fine[shift_m]
+
+
+def _moved(model: PalpationModel, shift_m: Shift) -> PalpationModel:
+    return model.on(moved_sides(model.mesh, shift_m))

@@ -1,0 +1,62 @@
+"""A base that gives way under pressure."""
+
+from __future__ import annotations
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.readings import Readings
+from identify.effects.units import length
+
+
+class BaseCompliance(Effect):
+    """Springs below the whole base, normal to it."""
+
+    name = "base_compliance"
+    title = "Yielding base"
+    link = "body"
+    summary = (
+        "The body lies on foam, gel or a soft table that gives way under it. "
+        "Every press sinks by a little more, least where the load spreads widest."
+    )
+    formula = "u_n = normal t_n on the base instead of u_n = 0"
+    source = (
+        "E. Winkler, Die Lehre von der Elasticitaet und Festigkeit, 1867; joints of no thickness: "
+        "R. E. Goodman et al., J. Soil Mech. Found. Div. ASCE 94 (1968) 637-659"
+    )
+    gives_away = (
+        "hard places sink more than the map allows, and so do presses near the body's edges"
+    )
+    cure = "Put the body on a hard plate, or press with two tips of different radius."
+    parameters = (
+        EffectParameter(
+            "normal_m_per_pa",
+            "m/Pa",
+            "travel per pressure",
+            0.0,
+            0.0,
+            1e-3,
+            2e-7,
+        ),
+    )
+    examples = (
+        WorkedExample(
+            "Foam 2 mm thick of 20 kPa: 0.002 / 20000 = 1e-7 m/Pa.",
+            {"normal_m_per_pa": 1e-7},
+            {},
+            {"base_normal_m_per_pa": 1e-7},
+        ),
+    )
+
+    def body(self, state: BodyState, values: Values) -> BodyState:
+        """Put the springs below the body, beside any that are there."""
+        total = state.base_normal_m_per_pa + values["normal_m_per_pa"]
+        return state.changed(base_normal_m_per_pa=total)
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say how soft the base is."""
+        softness = values["normal_m_per_pa"]
+        return (
+            "Presses sink as if the base gave way by "
+            f"{length(1e3 * softness)} for each kPa of pressure, as would foam of 20 kPa that "
+            f"is {length(2e4 * softness)} thick."
+        )

@@ -1,0 +1,67 @@
+"""A base that lets the body slide sideways."""
+
+from __future__ import annotations
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.readings import Readings
+from identify.effects.units import length
+
+
+class BaseSliding(Effect):
+    """Springs below the whole base, along it."""
+
+    name = "base_sliding"
+    title = "Sliding base"
+    link = "body"
+    summary = (
+        "The body is not bonded to its support but can slide on it, against some resistance. "
+        "A body of nearly constant volume then spreads under the tip instead of being held."
+    )
+    formula = "u_t = tangential t_t on the base instead of u_t = 0"
+    source = (
+        "E. Winkler, Die Lehre von der Elasticitaet und Festigkeit, 1867; joints of no thickness: "
+        "R. E. Goodman et al., J. Soil Mech. Found. Div. ASCE 94 (1968) 637-659"
+    )
+    gives_away = "thin bodies and wide tips sink more than a bonded base allows"
+    cure = "Glue the body down, or let it slide freely (oil) and state that in the study."
+    parameters = (
+        EffectParameter(
+            "tangential_m_per_pa",
+            "m/Pa",
+            "travel per shear traction",
+            0.0,
+            0.0,
+            1e-3,
+            2e-7,
+        ),
+    )
+    examples = (
+        WorkedExample(
+            "A film of gel 1 mm thick with a shear modulus of 10 kPa: 0.001 / 10000 = 1e-7 m/Pa.",
+            {"tangential_m_per_pa": 1e-7},
+            {},
+            {"base_tangential_m_per_pa": 1e-7},
+        ),
+    )
+
+    def body(self, state: BodyState, values: Values) -> BodyState:
+        """Put the springs below the body, beside any that are there."""
+        total = state.base_tangential_m_per_pa + values["tangential_m_per_pa"]
+        return state.changed(base_tangential_m_per_pa=total)
+
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Return those of some sliding and of nearly free sliding, from height over modulus."""
+        if state.background_pa is None:
+            return ()
+        free = state.height_m / state.background_pa
+        return (0.3 * free, 10 * free)
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say how easily the body slides."""
+        softness = values["tangential_m_per_pa"]
+        return (
+            "Presses sink as if the body could slide on its base by "
+            f"{length(1e3 * softness)} for each kPa of shear, as on a gel of 10 kPa shear modulus "
+            f"that is {length(1e4 * softness)} thick."
+        )

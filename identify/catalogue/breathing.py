@@ -1,0 +1,128 @@
+"""The body moves up and down by itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.readings import Readings
+from identify.effects.units import length, seconds
+
+_LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
+_OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
+_RESOLUTION = 1.5  # in 1 / T: so near to a locked frequency none can be told from it
+_COHERENT = 0.3  # |mean| of the presses' phases: they keep step with a frequency
+_CHANCE = 2.5  # times 1 / sqrt(presses): what starts at random reach in 0.2 % of frequencies
+
+
+class Breathing(Effect):
+    """One sine over the whole scan."""
+
+    name = "breathing"
+    title = "Breathing"
+    link = "instrument"
+    summary = (
+        "The body rises and falls by itself, as with breath or pulse, and the robot takes that "
+        "for travel. The motion goes on through all presses at one frequency."
+    )
+    formula = "d = u + sine sin(2 pi f t) + cosine cos(2 pi f t),  t since the scan's first reading"
+    source = "C. N. Riviere, J. Gangloff, M. de Mathelin, Proc. IEEE 94 (2006) 1705-1716"
+    gives_away = "the misfit swings with the clock, not with force, place or press"
+    cure = (
+        "Hold the breath, or trigger presses on it; in any case vary the pauses at random, so "
+        "that no frequency can hide behind the rhythm of the presses."
+    )
+    parameters = (
+        EffectParameter("sine_m", "m", "part in phase at the start", 0.0, -0.05, 0.05, 1e-4),
+        EffectParameter("cosine_m", "m", "part a quarter ahead", 0.0, -0.05, 0.05, 1e-4),
+        EffectParameter("frequency_hz", "Hz", "of the motion", None, 1e-3, 10.0, 0.3),
+    )
+    needs = ("time",)
+    examples = (
+        WorkedExample(
+            "0.1 mm at 0.25 Hz: a quarter of a period a second.",
+            {"sine_m": 1e-4, "cosine_m": 0.0, "frequency_hz": 0.25},
+            {"time_s": (5.0, 6.0, 7.0, 8.0), "travel_m": 1e-3},
+            {"displacement_m": (1e-3, 1.1e-3, 1e-3, 0.9e-3)},
+        ),
+    )
+
+    def reading(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Add the motion."""
+        angle = 2 * math.pi * values["frequency_hz"] * readings.elapsed_s
+        return travel_m + values["sine_m"] * np.sin(angle) + values["cosine_m"] * np.cos(angle)
+
+    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
+        """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.
+
+        A motion that comes round with each press, or at a multiple of its rhythm, looks the same
+        in all presses and imitates creep, bias and loops: no scan can tell it from them.
+        """
+        frequency, free = _free_frequencies(readings)
+        return [{"frequency_hz": float(f)} for f in frequency[free]]
+
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """Doubt a frequency that has drifted to the rhythm of the presses."""
+        frequency, free = _free_frequencies(readings)
+        f = values["frequency_hz"]
+        nearest = int(np.argmin(np.abs(frequency - f)))
+        if free[nearest]:
+            return None
+        return f"{f:.3g} Hz keeps step with the presses, whose own course it imitates"
+
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Bound the frequency by the scan's length and sampling; its scale is the resolution."""
+        *parts, frequency = self.parameters
+        if readings.time_s is None:
+            return self.parameters
+        low, high = _band(readings)
+        scale = 0.5 / float(readings.elapsed_s[-1])
+        return *parts, replace(frequency, lower=low / 2, upper=high * 1.1, typical=scale)
+
+    def untestable(self, readings: Readings) -> str | None:
+        """Without time, or if all frequencies are locked to the presses."""
+        lacking = super().untestable(readings)
+        if lacking is not None:
+            return lacking
+        if readings.presses < 8 or readings.elapsed_s[-1] < 4 / _HIGHEST_HZ:
+            return "the scan is too short to tell a steady motion from the presses themselves"
+        return None
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say how far and how often the body moves."""
+        size = math.hypot(values["sine_m"], values["cosine_m"])
+        f = values["frequency_hz"]
+        return (
+            f"Readings swing up and down by {length(size)} every {seconds(1 / f)} "
+            f"({f:.3g} Hz, {60 * f:.3g} a minute) through the whole scan, whatever the force."
+        )
+
+
+def _band(readings: Readings) -> tuple[float, float]:
+    """Lowest and highest frequency that the scan can show: two periods, two readings a period."""
+    time = float(readings.elapsed_s[-1])
+    high = min(_HIGHEST_HZ, 0.5 / readings.sampling_step_s)
+    return min(max(_LOWEST_HZ, 2 / time), high / 2), high
+
+
+def _free_frequencies(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies in Hz, and which of them lie far enough from any that is locked.
+
+    Locked: the presses start at nearly one angle of the motion.
+    """
+    time = float(readings.elapsed_s[-1])
+    low, high = _band(readings)
+    frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
+    start = readings.elapsed_s[readings.first]
+    turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
+    limit = max(_COHERENT, _CHANCE / math.sqrt(readings.presses))
+    locked = np.abs(turn.mean(axis=1)) >= limit
+    reach = round(_RESOLUTION * _OVERSAMPLING)
+    near = np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
+    return frequency, ~near

@@ -1,0 +1,99 @@
+"""A tip that is rounder than the model takes it for: its contact grows with the force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identify.effects.base import Effect, EffectParameter, Pressing, Values, WorkedExample
+from identify.effects.hertz import beyond_fixed
+from identify.effects.readings import Readings
+from identify.effects.units import length, percent
+
+
+class SphericalTip(Effect):
+    """Part of the near travel becomes that of Hertz's ball of the probe's radius R.
+
+    On a half-space of plane modulus E* = E / (1 - nu^2) the model's fixed contact travels
+    F / (2 E* Re), Re the radius of a flat tip, 5/6 of that of a Hertz pressure; a ball travels
+    (3 F / (4 E*))^(2/3) R^(-1/3) (`identify.effects.hertz`). Only this near part of C depends on
+    the tip. What the contact's growth changes far from it, and that a ball is no paraboloid (at a
+    contact radius of 0.8 R the force is 9 % less), is left out. Between 0 and 1 the share stands
+    for tips that are neither: domed, or flat with a rounded rim.
+    """
+
+    name = "spherical_tip"
+    title = "Rounded or spherical tip"
+    link = "contact"
+    summary = (
+        "The tip is a ball, or domed, and its contact grows with the force, while the model takes "
+        "one contact for all forces. It sinks easily at first and ever harder later."
+    )
+    formula = (
+        "d = C F + share ((3 F / (4 E*))^(2/3) R^(-1/3) - F / (2 E* Re)),  E* = E / (1 - nu^2)"
+    )
+    source = "K. L. Johnson, Contact Mechanics, Cambridge 1985, sections 3.8 and 4.2"
+    gives_away = "travel grows less than in proportion to the force, most so at small forces"
+    cure = "Use a flat tip, or state tip = 'sphere' in the study; press to several forces."
+    parameters = (
+        EffectParameter(
+            "share", "1", "0: the model's fixed contact, 1: a ball", 0.0, 0.0, 1.5, 0.1
+        ),
+    )
+    needs = ("several forces",)
+    examples = (
+        WorkedExample(
+            "Half-space of E = 7.5 kPa, nu = 0.5: E* = 10 kPa. 0.2 N on a flat tip of 5 mm go "
+            "0.2 / (2 x 10000 x 0.005) = 2 mm deep; a ball of 5 mm radius has "
+            "a^3 = 3 x 0.2 x 0.005 / (4 x 10000), a = 4.217 mm, and goes a^2 / R = 3.557 mm deep.",
+            {"share": 1.0},
+            {
+                "force_n": 0.2,
+                "travel_m": 2e-3,
+                "compliance_m_per_n": 0.01,
+                "modulus_pa": 7500.0,
+                "poisson_ratio": 0.5,
+                "radius_m": 5e-3,
+                "contact_radius_m": 5e-3,
+            },
+            {"travel_m": 3.55686e-3},
+        ),
+        WorkedExample(
+            "A body in which 0.5 mm of the 2.5 mm are far from the tip: only the near 2 mm change.",
+            {"share": 1.0},
+            {
+                "force_n": 0.2,
+                "travel_m": 2.5e-3,
+                "compliance_m_per_n": 0.0125,
+                "modulus_pa": 7500.0,
+                "poisson_ratio": 0.5,
+                "radius_m": 5e-3,
+                "contact_radius_m": 5e-3,
+            },
+            {"travel_m": 4.05686e-3},
+        ),
+    )
+
+    def contact(
+        self,
+        readings: Readings,
+        pressing: Pressing,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        values: Values,
+    ) -> np.ndarray:
+        """Exchange a share of the near travel."""
+        return travel_m + values["share"] * beyond_fixed(readings, pressing, force_n)
+
+    def redundant(self, profile: str, nonlinear: bool) -> str | None:
+        """Say that a study of a ball has it."""
+        return "the study says that the tip is a ball" if profile == "hertz" else None
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say how far the tip is on the way from flat to a ball."""
+        radius = float(np.median(readings.radius_m))
+        return (
+            "The body seems softer to small forces than to large ones, as under a tip that is "
+            f"{percent(values['share'])} of the way from the model's fixed contact to a ball of "
+            f"{length(radius)} radius (a ball alone yields 2.2 times as easily to a tenth of "
+            "the force)."
+        )

@@ -1,0 +1,89 @@
+"""A user's own effect, from a Python file."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import os
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.base import Effect
+from models.errors import InputError
+
+_DEMANDED = (
+    "name", "title", "link", "summary", "formula", "source", "gives_away", "cure", "parameters",
+)  # fmt: skip
+
+
+def load_effect(path: str | os.PathLike[str]) -> Effect:
+    """Return the effect that a Python file defines. The file's code is executed.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it fails when it is executed, it defines no effect or several, the
+        effect lacks an attribute or has the name of a built-in one.
+    """
+    path = Path(path)
+    if path.suffix != ".py":
+        raise InputError(f"{path}: expected a Python file (.py) that defines one effect")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; check the path")
+    module = _executed(path)
+    own = [
+        kind
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
+    ]
+    if not own:
+        raise InputError(
+            f"{path}: defines no effect; expected one class derived from "
+            "identify.effects.base.Effect"
+        )
+    if len(own) > 1:
+        names = ", ".join(kind.__name__ for kind in own)
+        raise InputError(f"{path}: defines {len(own)} effects ({names}), expected one a file")
+    return _instance(own[0], path)
+
+
+def _executed(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"palpmap_own_effect_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses and pickle look there
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise InputError(f"{path}, line {error.lineno}: {error.msg}") from error
+    except (Exception, SystemExit) as error:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if _is(f, path)]
+        where = f", line {lines[-1]}" if lines else ""
+        raise InputError(f"{path}{where}: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _is(frame: traceback.FrameSummary, path: Path) -> bool:
+    return Path(frame.filename) == path
+
+
+def _instance(kind: type[Effect], path: Path) -> Effect:
+    missing = [name for name in _DEMANDED if not hasattr(kind, name)]
+    if missing:
+        raise InputError(f"{path}: {kind.__name__} has no {', '.join(missing)}")
+    if any(kind.name == built_in.name for built_in in CATALOGUE):
+        raise InputError(
+            f"{path}: {kind.__name__} is called '{kind.name}', as a built-in effect is; "
+            "give it another name"
+        )
+    try:
+        return kind()
+    except Exception as error:
+        raise InputError(
+            f"{path}: {kind.__name__}() fails with {type(error).__name__}: {error}; "
+            "an effect is made without arguments"
+        ) from error

@@ -1,0 +1,1 @@
+"""Design of scans: detection limits, undetected bias, next presses."""

@@ -1,0 +1,176 @@
+"""Which presses to make next to tell effects apart that the present scan cannot.
+
+Every rival has been fitted to the present scan. A planned scan, made after it, is predicted with
+each of them; how far apart two predictions are, once the second rival's own parameters and the map
+have been refitted to present and planned readings together, is what the planned scan adds:
+
+    D = |P (r_A - r_B)|^2,   P projecting out rival B's derivatives on both scans,
+
+in units of chi-square, from which the present scan's own part is taken away. Of the two orders of
+a pair the one with less counts. A refit follows the bent valley of the map's weight and depth, and
+leaves less than this straight step does: D may be promised up to twice too large.
+
+Where a design is worth more than is needed, only its most telling presses are kept: those with the
+largest parts of |P (r_A - r_B)|^2, as few as are still worth `ENOUGH`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+
+from identify.design.predicted_limits import planned
+from identify.design.scan_variants import Design
+from identify.fit.joint_fit import JointFit
+from identify.optimize.result import InadmissibleError
+
+NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt
+ENOUGH = 50.0  # what is planned for: D may come out at half, and scatters by 2 sqrt(D)
+FEWEST = 9  # presses; one that slips must not decide
+
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A scan that would tell rivals apart.
+
+    Attributes
+    ----------
+    design : its presses
+    discrimination : the least difference in chi-square between two rivals that it tells apart;
+        between any two where it tells none apart
+    pair : these two
+    told : pairs that it tells apart
+    alike : pairs that would still look alike
+    """
+
+    design: Design
+    discrimination: float
+    pair: Pair
+    told: tuple[Pair, ...]
+    alike: tuple[Pair, ...]
+
+    @property
+    def enough(self) -> bool:
+        """Whether one such scan decides."""
+        return not self.alike
+
+
+def next_presses(
+    rivals: Sequence[tuple[str, JointFit]],
+    designs: Sequence[Design],
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Proposal, ...]:
+    """Rank planned scans: those that tell more rivals apart, and of these the quickest, first.
+
+    Parameters
+    ----------
+    rivals : effects by name with their joint fits to the present scan
+    designs : planned scans
+    """
+    found = []
+    for design in designs:
+        if progress:
+            progress(f"planning a scan {design.change}")
+        try:
+            found.append(_proposal(rivals, design))
+        except InadmissibleError:
+            continue
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(proposal: Proposal) -> tuple[int, float]:
+    told = len(proposal.told)
+    return -told, proposal.design.presses.duration_s if told else -proposal.discrimination
+
+
+def _proposal(rivals: Sequence[tuple[str, JointFit]], design: Design) -> Proposal:
+    whole = _Planned(rivals, design)
+    worth = whole.worth(np.arange(len(design.presses)))
+    wanted = [pair for pair, d in worth.items() if d >= ENOUGH]
+    found = _told(design, worth)
+    if not wanted:
+        return found
+
+    def enough(presses: np.ndarray) -> bool:
+        worth = whole.worth(presses)
+        return all(worth[pair] >= ENOUGH for pair in wanted)
+
+    order = whole.most_telling_first(min(wanted, key=lambda pair: worth[pair]))
+    few, many = min(FEWEST, len(order)) - 1, len(order)  # `many` presses are enough, `few` not
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (few, middle) if enough(order[:middle]) else (middle, many)
+    if many == len(order):
+        return found
+    fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
+    # Made on their own these presses come earlier and at other places in the order
+    again = _told(fewer, _Planned(rivals, fewer).worth(np.arange(many)))
+    return again if set(again.told) >= set(wanted) else found
+
+
+def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
+    told = tuple(pair for pair, d in worth.items() if d >= NEEDED)
+    alike = tuple(pair for pair in worth if pair not in told)
+    pair = min(told or alike, key=lambda pair: worth[pair])
+    return Proposal(design, worth[pair], pair, told, alike)
+
+
+class _Planned:
+    """Present and planned readings as every rival predicts them."""
+
+    def __init__(self, rivals: Sequence[tuple[str, JointFit]], design: Design) -> None:
+        views = {name: planned(fit, design, further=True) for name, fit in rivals}
+        now = {name: fit.at for name, fit in rivals}
+        self.press = next(iter(views.values()))[0].readings.press
+        made = rivals[0][1].model.readings.press
+        self.present = len(made)
+        self.ordered: list[tuple[Pair, np.ndarray, np.ndarray]] = []
+        for truth, model in permutations(now, 2):
+            here, there = now[model], views[model][1]
+            apart = np.concatenate(
+                [
+                    here.whitened(now[truth].predicted_m - here.predicted_m, made),
+                    there.whitened(views[truth][1].predicted_m - there.predicted_m, self.press),
+                ]
+            )
+            derivatives = np.vstack([here.jacobian, there.jacobian])
+            self.ordered.append(((truth, model), derivatives, apart))
+
+    def worth(self, presses: np.ndarray) -> dict[Pair, float]:
+        """Return D of every pair, the lesser of its two orders, if only these presses are made."""
+        found: dict[Pair, float] = {}
+        for (truth, model), added in self.worth_in_order(presses).items():
+            pair = (truth, model) if (model, truth) not in found else (model, truth)
+            found[pair] = min(added, found.get(pair, np.inf))
+        return found
+
+    def worth_in_order(self, presses: np.ndarray) -> dict[Pair, float]:
+        """Return D of every (truth, model) if only these presses are made."""
+        rows = np.concatenate([np.ones(self.present, bool), np.isin(self.press, presses)])
+        found: dict[Pair, float] = {}
+        for pair, g, apart in self.ordered:
+            before = _left(g[: self.present], apart[: self.present])
+            both = _left(g[rows], apart[rows])
+            found[pair] = max(float(both @ both - before @ before), 0.0)
+        return found
+
+    def most_telling_first(self, pair: Pair) -> np.ndarray:
+        """Return the planned presses (j,), those first that tell most of a pair."""
+        parts = np.zeros(self.press[-1] + 1)
+        for ordered, g, apart in self.ordered:
+            if set(ordered) == set(pair):
+                parts += np.bincount(self.press, _left(g, apart)[self.present :] ** 2)
+        return np.argsort(-parts, kind="stable")
+
+
+def _left(g: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Return what of r (m,) is beyond the columns of g (m, k)."""
+    scale = np.linalg.norm(g, axis=0)
+    g = g / np.where(scale > 0, scale, 1.0)
+    return r - g @ np.linalg.lstsq(g, r, rcond=1e-10)[0]

@@ -1,0 +1,115 @@
+"""What a scan that is only planned would see, at the estimate of one that was made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem import Contacts, PalpationModel
+from fem.contact.contacts import PressedSurface
+from identify.body.mechanics import BodyMechanics
+from identify.design.detection_limits import Limit, limits_at
+from identify.design.scan_variants import Design, Presses, presses_of, readings_of
+from identify.effects.base import Effect
+from identify.fit.joint_fit import JointFit
+from identify.measurement.model import Linearised, MeasurementModel
+
+
+def planned(
+    fit: JointFit, design: Design, further: bool = False
+) -> tuple[MeasurementModel, Linearised]:
+    """Return the model of a planned scan, and its linearisation at a fit's estimate.
+
+    `further` says that it is made after the present one, not in its place.
+    """
+    present = fit.model.readings
+    timed = present.time_s is not None
+    readings = readings_of(design.presses, timed, present if further else None)
+    mechanics = _mechanics(fit, design)
+    model = replace(
+        fit.model,
+        readings=readings,
+        displacement_m=np.zeros(len(readings)),
+        mechanics=mechanics,
+    )
+    model = replace(model, displacement_m=model.linearise(fit.u).predicted_m)
+    # Anew: with noise in both columns the best estimate of the force follows the displacement
+    at = model.linearise(fit.u)
+    return model, replace(at, residual=np.zeros(len(readings)))
+
+
+def that_fit(fit: JointFit, designs: Iterable[Design]) -> tuple[Design, ...]:
+    """Return the designs without the presses whose tip would hang over the body's edge."""
+    surface = PressedSurface(fit.model.mechanics.coarse.mesh)
+    found = []
+    for design in designs:
+        fits = surface.bears(_contacts(fit, design.presses))
+        if fits.all():
+            found.append(design)
+        elif fits.any():
+            left_out = f" (without the {np.sum(~fits)} places too near an edge for the tip)"
+            presses = design.presses.taken(np.flatnonzero(fits))
+            found.append(replace(design, change=design.change + left_out, presses=presses))
+    return tuple(found)
+
+
+def _contacts(fit: JointFit, presses: Presses) -> Contacts:
+    present = fit.model.mechanics.coarse.contacts
+    # A sphere's patch is not its radius
+    scale = present.radius_m / presses_of(fit.model.readings).radius_m
+    return Contacts(
+        presses.point_m,
+        presses.direction,
+        presses.radius_m * float(np.median(scale)),
+        present.profile,
+    )
+
+
+def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
+    """Return the body pressed as a design does; the present presses keep their models."""
+    own, present = fit.model.mechanics, presses_of(fit.model.readings)
+    presses = design.presses
+    same = len(presses) == len(present) and all(
+        np.array_equal(getattr(presses, name), getattr(present, name))
+        for name in ("point_m", "direction", "radius_m")
+    )
+    if same:
+        return own
+    coarse, contacts = own.coarse, _contacts(fit, presses)
+
+    def at_poisson_ratio(nu: float) -> PalpationModel:
+        return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
+
+    other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
+    other = other.corrected(fit.map, fit.at.state)
+    # The meshes err in what is far from the tip, which is the same length under any tip
+    now = fit.at.body.compliance
+    apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
+    error = (own.model_error * now)[apart.argmin(axis=1)]
+    return replace(other, model_error=error / other.evaluate(fit.map, fit.at.state).compliance)
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A planned scan, and how much smaller an effect it would see; ratio below 1 is better."""
+
+    design: Design
+    limits: tuple[Limit, ...]
+
+
+def improvements(
+    fit: JointFit,
+    catalogue: Sequence[Effect],
+    designs: Sequence[Design],
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Improvement, ...]:
+    """Return the limits of planned scans, in the order of the designs."""
+    found = []
+    for design in designs:
+        if progress:
+            progress(f"planning a scan {design.change}")
+        model, at = planned(fit, design)
+        found.append(Improvement(design, limits_at(model, at, fit.u, catalogue)))
+    return tuple(found)

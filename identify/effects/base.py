@@ -1,0 +1,248 @@
+"""What an effect is: a self-describing piece of physics that the linear model lacks.
+
+The measurement chain of a reading, from the body to the robot's table:
+
+    force    F = force(F_read)                what acted, given what the sensor read  (instrument)
+    body     C = compliance of the body under a contact of given pressure             (body)
+    contact  u = contact(C F)                 elastic travel of the tip               (contact)
+    response u = response(u)                  what the history of loading adds        (response)
+    reading  d = reading(u)                   what the robot reports as travel        (instrument)
+
+Travel is counted from first touch; an effect of the instrument may say from which force on the
+robot counts instead, `touch`: u is then contact(C F) less contact(C touch).
+
+An effect overrides one hook, that of its link (see `Effect`). With all amplitudes at their null
+value it is the identity, to rounding; the conformance kit (`identify.effects.conformance.kit`)
+checks that, and the rest of what is promised here, for built-in effects and for users' own alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from identify.body.state import BodyState
+from identify.effects.readings import Readings
+
+Link = Literal["body", "contact", "response", "instrument"]
+# What an effect may need of a scan, in the words of the sentence that says it is not there.
+Need = Literal["time", "unloading", "hold", "several forces", "several presses"]
+Values = Mapping[str, float]
+Hook = Literal["force", "body", "contact", "response", "reading", "touch"]
+HOOKS: Mapping[Link, tuple[Hook, ...]] = {
+    "body": ("body",),
+    "contact": ("contact",),
+    "response": ("response",),
+    "instrument": ("force", "reading", "touch"),
+}
+Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    name : ends with its unit where it has one (`tau_s`, `offset_m`)
+    unit : of the value; "1" for a pure number
+    meaning : one line
+    null : the value at which the effect is absent. None for a shape parameter, such as a time
+        constant, that has no meaning while the amplitudes are null: it is searched on a grid
+    lower, upper : bounds
+    typical : size that an experimenter would call ordinary; the scale of the search
+    log : sought as ln(value); shape parameters only
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    null: float | None
+    lower: float
+    upper: float
+    typical: float
+    log: bool = False
+
+
+@dataclass(frozen=True)
+class WorkedExample:
+    """An effect at work on numbers that can be followed by hand; `worked_example.work` does it.
+
+    Attributes
+    ----------
+    says : the reckoning in words
+    values : of all parameters
+    given : what goes into the hook, by name (`travel_m`, `time_s`, `phase`, ...). A single number
+        stands for all readings
+    expected : what must come out, by name; checked to a relative 1e-4
+    """
+
+    says: str
+    values: Values
+    given: Mapping[str, Given]
+    expected: Mapping[str, float | tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """What a contact effect may know of the body under each reading's tip; all (m,).
+
+    `compliance_m_per_n` C of the body under the model's contact, `modulus_pa` the local Young's
+    modulus under the tip, `radius_m` the contact radius that the model assumes.
+    """
+
+    compliance_m_per_n: np.ndarray
+    modulus_pa: np.ndarray
+    radius_m: np.ndarray
+    poisson_ratio: float
+    profile: Literal["flat", "hertz"]
+
+
+class Effect:
+    """Base of all effects: describe it, and override the one hook of its link.
+
+    Class attributes
+    ----------------
+    name, title : `force_drift`, "Drift of the force sensor"
+    link : where in the chain it acts
+    summary : what it is, two sentences for an experimenter
+    formula : one line of plain text
+    source : paper, book or derivation
+    gives_away : what in the data would show it, one sentence
+    cure : what in the experiment would avoid or separate it, one sentence
+    parameters : amplitudes (with a null) first, then shape parameters (null None)
+    needs : what the scan must have for it to be testable
+    contains : names of effects that are special cases of this one
+    refitted_from : values from which it is refitted whatever its score; for an effect without which
+        the map may end so far off that the score there says nothing of it, empty for others
+    examples : at least one, away from the null
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    link: ClassVar[Link]
+    summary: ClassVar[str]
+    formula: ClassVar[str]
+    source: ClassVar[str]
+    gives_away: ClassVar[str]
+    cure: ClassVar[str]
+    parameters: ClassVar[tuple[EffectParameter, ...]]
+    needs: ClassVar[tuple[Need, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
+    refitted_from: ClassVar[Values] = {}
+    examples: ClassVar[tuple[WorkedExample, ...]] = ()
+
+    # ---- hooks; override one -------------------------------------------------------------
+
+    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+        """Force (m,) that acted, from the force (m,) that the sensor read."""
+        return force_n
+
+    def body(self, state: BodyState, values: Values) -> BodyState:
+        """Return the changed body."""
+        return state
+
+    def contact(
+        self,
+        readings: Readings,
+        pressing: Pressing,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        values: Values,
+    ) -> np.ndarray:
+        """Elastic travel (m,) of the tip from that of the model's fixed contact, C F."""
+        return travel_m
+
+    def response(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Travel (m,) with what the loading's history adds to the elastic one."""
+        return travel_m
+
+    def reading(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+    ) -> np.ndarray:
+        """Displacement (m,) that the robot reports for a travel of the tip."""
+        return travel_m
+
+    def touch(self, readings: Readings, values: Values) -> float:
+        """Force, N, from which on the robot counts the travel."""
+        return 0.0
+
+    # ---- shape parameters ----------------------------------------------------------------
+
+    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
+        """Candidates of the shape parameters for this scan, one empty mapping if there are none.
+
+        Fine enough that neighbouring candidates give almost the same pattern (cosine 0.9 and up).
+        """
+        return [{}]
+
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Amplitudes at which the pattern of a body effect differs from that at its null.
+
+        The scores look for these patterns too; each costs a solution of the body for each candidate
+        of the shape. An effect with levels has one amplitude.
+        """
+        return ()
+
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Return the parameters with the bounds and typical sizes that fit this scan and body."""
+        return self.parameters
+
+    # ---- words ---------------------------------------------------------------------------
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """One sentence that says what the data show, with the found numbers, for a reader."""
+        sizes = ", ".join(f"{p.name} {values[p.name]:.3g} {p.unit}" for p in self.parameters)
+        return f"{self.gives_away.rstrip('.')} ({sizes})."
+
+    def untestable(self, readings: Readings) -> str | None:
+        """Why this scan cannot show the effect, or None; by default from `needs`."""
+        return readings.lacks(self.needs)
+
+    def redundant(self, profile: str, nonlinear: bool) -> str | None:
+        """Why the effect would say nothing new beside a model, or None.
+
+        Parameters
+        ----------
+        profile : "flat" or "hertz" (a ball), the tip that the study declares
+        nonlinear : travel and force part from proportion within a press
+        """
+        return None
+
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """Why values that a fit has found are not to be believed, or None."""
+        return None
+
+    # ---- conveniences --------------------------------------------------------------------
+
+    @property
+    def hooks(self) -> tuple[Hook, ...]:
+        """The hooks that the effect overrides: one, if it is well made."""
+        every: tuple[Hook, ...] = ("force", "body", "contact", "response", "reading", "touch")
+        return tuple(h for h in every if getattr(type(self), h) is not getattr(Effect, h))
+
+    @property
+    def amplitudes(self) -> tuple[EffectParameter, ...]:
+        """The parameters that have a null value."""
+        return tuple(p for p in self.parameters if p.null is not None)
+
+    @property
+    def shapes(self) -> tuple[EffectParameter, ...]:
+        """The parameters without meaning at the null."""
+        return tuple(p for p in self.parameters if p.null is None)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the effect has a single amplitude that can only be on one side of its null."""
+        own = self.amplitudes
+        return len(own) == 1 and own[0].null in (own[0].lower, own[0].upper)
+
+    @property
+    def null(self) -> dict[str, float]:
+        """Values of the amplitudes at which the effect is absent."""
+        return {p.name: p.null for p in self.amplitudes if p.null is not None}

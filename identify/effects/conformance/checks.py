@@ -1,0 +1,345 @@
+"""The checks of the conformance kit; each returns what it found, or raises `Fault`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from identify.effects.base import HOOKS, Effect, EffectParameter, Values
+from identify.effects.conformance.example_scan import Trial, arrays_of, ragged, trial
+from identify.effects.conformance.worked_example import work
+
+_TEXTS = ("title", "summary", "formula", "source", "gives_away", "cure")
+_ENDINGS = {"m": "_m", "s": "_s", "N": "_n", "Hz": "_hz", "rad": "_rad", "Pa": "_pa", "N/s": "_s"}
+_ROUNDING = 1e-12  # of the largest number: what an identity may be off
+_SMALLEST = 1e-6  # of the largest number: a typical effect moves some reading by more
+_EXAMPLE = 1e-4  # relative agreement of worked examples
+_NEAR = 0.8  # cosine of neighbouring candidates' patterns
+_GAPS = 0.05  # share of neighbours that may be further apart, where candidates are left out
+_ENDS = ("lower", "upper")
+_CANDIDATES = 40  # of a long grid are tried
+
+
+class Fault(Exception):
+    """What is wrong with the effect, one line."""
+
+
+def described(effect: Effect, own: Trial) -> str:
+    """Demand name, summary, formula, source and so on."""
+    name = getattr(effect, "name", None)
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise Fault(f"name is {name!r}, expected small letters, digits and _")
+    missing = [t for t in _TEXTS if not str(getattr(effect, t, "") or "").strip()]
+    if missing:
+        raise Fault(f"no {', '.join(missing)}")
+    return f"'{effect.name}'"
+
+
+def parameters(effect: Effect, own: Trial) -> str:
+    """Demand units, bounds and sizes of every parameter."""
+    found = getattr(effect, "parameters", ())
+    names = [p.name for p in found]
+    if not found or found[0].null is None:
+        raise Fault("no amplitude: the first parameter needs a null value")
+    if len(set(names)) < len(names):
+        raise Fault(f"parameters of equal name: {names}")
+    kinds = [p.null is None for p in found]
+    if kinds != sorted(kinds):
+        raise Fault("shape parameters (null None) stand before amplitudes")
+    for p in found:
+        _sound(p)
+    bounded = effect.bounded(own.readings, own.state)
+    if [p.name for p in bounded] != names:
+        raise Fault(f"bounded() returns {[p.name for p in bounded]}, expected {names}")
+    for p in bounded:
+        _sound(p, fixed=True)
+    return ", ".join(names)
+
+
+def _sound(p: EffectParameter, fixed: bool = False) -> None:
+    if not p.unit.strip() or not p.meaning.strip():
+        raise Fault(f"{p.name} has no unit or no meaning")
+    ending = _ENDINGS.get(p.unit)
+    if ending and not p.name.endswith(ending):
+        raise Fault(f"{p.name} is in {p.unit}: its name should end with {ending}")
+    numbers = [p.lower, p.upper, p.typical, *([] if p.null is None else [p.null])]
+    if not np.all(np.isfinite(numbers)):
+        raise Fault(f"{p.name} has a bound or size that is not finite: {numbers}")
+    # A body may leave no room on one side: Poisson's ratio at its largest.
+    if not p.lower < p.upper or (p.null is not None and not p.lower <= p.null <= p.upper):
+        raise Fault(f"{p.name}: null {p.null} is not between {p.lower} and {p.upper}")
+    if not p.typical > 0:
+        raise Fault(f"{p.name}: typical size {p.typical} is not positive")
+    if p.null is None and not fixed and not p.lower <= p.typical <= p.upper:
+        raise Fault(f"{p.name}: typical {p.typical} is not between {p.lower} and {p.upper}")
+    if p.log and (p.null is not None or p.lower <= 0):
+        raise Fault(f"{p.name}: only a positive shape parameter can be sought as a logarithm")
+
+
+def hook(effect: Effect, own: Trial) -> str:
+    """Demand one hook, that of the link."""
+    allowed = HOOKS.get(effect.link)
+    if allowed is None:
+        raise Fault(f"link is {effect.link!r}, expected one of {', '.join(HOOKS)}")
+    if len(effect.hooks) != 1 or effect.hooks[0] not in allowed:
+        wanted = " or ".join(allowed)
+        raise Fault(f"overrides {', '.join(effect.hooks) or 'nothing'}, expected {wanted}")
+    return f"{effect.hooks[0]}()"
+
+
+def examples(effect: Effect, own: Trial) -> str:
+    """Do the worked examples."""
+    if not effect.examples:
+        raise Fault("no worked example")
+    names = {p.name for p in effect.parameters}
+    for number, example in enumerate(effect.examples, 1):
+        if set(example.values) != names:
+            raise Fault(f"example {number} gives {sorted(example.values)}, not {sorted(names)}")
+        if all(example.values[p.name] == p.null for p in effect.amplitudes):
+            raise Fault(f"example {number} is at the null, where nothing happens")
+        for name, got in work(effect, example).items():
+            wanted = np.atleast_1d(example.expected[name])
+            close = np.shape(got) == wanted.shape and np.allclose(
+                got, wanted, rtol=_EXAMPLE, atol=_EXAMPLE * float(np.abs(wanted).max())
+            )
+            if not close:
+                raise Fault(f"example {number}: {name} is {got.tolist()}, not {wanted.tolist()}")
+    return f"{len(effect.examples)} reproduced"
+
+
+def testable(effect: Effect, own: Trial) -> str:
+    """Take from a scan what the effect needs: it must say so."""
+    reason = effect.untestable(own.readings)
+    if reason:
+        raise Fault(f"a scan with everything is refused: {reason}")
+    for need in effect.needs:
+        if not effect.untestable(own.lacking(need).readings):
+            raise Fault(f"needs {need}, but accepts a scan without")
+    if "time" not in effect.needs:
+        effect.grid(own.without_time().readings, own.state)
+        own.without_time().out(effect, _typical(effect, own))
+    return f"needs {', '.join(effect.needs) or 'nothing special'}"
+
+
+# ---- the hook ----------------------------------------------------------------------------
+
+
+def identity(effect: Effect, own: Trial) -> str:
+    """Set the amplitudes to their null: nothing may happen."""
+    worst = 0.0
+    for scan in _scans(effect, own):
+        plain = scan.plain(effect)
+        for shape in _shapes(effect, scan):
+            change = scan.out(effect, {**shape, **effect.null}) - plain
+            worst = max(worst, float(np.abs(change).max() / np.abs(plain).max()))
+    if not worst <= _ROUNDING:
+        raise Fault(f"changes readings by {worst:.1e} of the largest, expected rounding only")
+    return f"off by {worst:.0e} of the largest number"
+
+
+def repeatable(effect: Effect, own: Trial) -> str:
+    """Do the same twice."""
+    values = _typical(effect, own)
+    first, second = own.out(effect, values), own.out(effect, values)
+    if not np.array_equal(first, second):
+        raise Fault(f"a second call differs by up to {np.abs(first - second).max():.1e}")
+    return "bit for bit"
+
+
+def untouched(effect: Effect, own: Trial) -> str:
+    """Look for writing to what the hook is given."""
+    before = {name: array.copy() for name, array in arrays_of(own)}
+    values = _typical(effect, own)
+    kept = dict(values)
+    out = own.out(effect, values)
+    changed = [k for k, v in arrays_of(own) if k in before and not np.array_equal(v, before[k])]
+    for name, array in arrays_of(own):  # for the checks that follow
+        if name in changed:
+            array[...] = before[name]
+    if changed or values != kept:
+        raise Fault(f"writes to {', '.join(changed) or 'the values'}")
+    if effect.link != "body" and any(out is array for _, array in arrays_of(own)):
+        raise Fault("returns its input away from the null, or writes into it")
+    return "inputs are as before"
+
+
+def finite(effect: Effect, own: Trial) -> str:
+    """Go to all bounds: numbers must be finite and of the right shape."""
+    tried = 0
+    for scan in _scans(effect, own):
+        for values in _corners(effect, scan):
+            out = scan.out(effect, values)
+            if np.shape(out) != np.shape(scan.plain(effect)):
+                wanted = np.shape(scan.plain(effect))
+                raise Fault(f"returns shape {np.shape(out)}, expected {wanted}")
+            if not np.all(np.isfinite(out)):
+                raise Fault(f"{np.sum(~np.isfinite(out))} numbers are not finite at {_say(values)}")
+            tried += 1
+    return f"{tried} combinations"
+
+
+def moving(effect: Effect, own: Trial) -> str:
+    """Move every parameter by half of its typical size: some reading must follow."""
+    typical, plain = _typical(effect, own), own.plain(effect)
+    least = np.inf
+    for p in effect.bounded(own.readings, own.state):
+        room = p.upper - typical[p.name]
+        step = min(0.5 * p.typical, room) if room > 0 else -0.5 * p.typical
+        change = own.out(effect, {**typical, p.name: typical[p.name] + step})
+        moved = float(np.abs(change - own.out(effect, typical)).max() / np.abs(plain).max())
+        if not moved > _SMALLEST:
+            raise Fault(f"{p.name} moves no reading: {step:.2g} {p.unit} change it by {moved:.0e}")
+        least = min(least, moved)
+    return f"by {least:.1e} of the largest and more"
+
+
+def steady(effect: Effect, own: Trial) -> str:
+    """Add very little force: no reading may jump."""
+    if effect.link == "body":
+        return "not asked of a body"
+    nudge = 1e-7 * own.readings.largest_force_n
+    force = own.readings.force_n + nudge
+    near = replace(
+        own,
+        readings=replace(own.readings, force_n=force),
+        travel_m=own.pressing.compliance_m_per_n * force,
+    )
+    worst = 0.0
+    for values in _corners(effect, own):
+        out = own.out(effect, values)
+        jump = float(np.abs(near.out(effect, values) - out).max() / np.abs(out).max())
+        if not jump < 1e-3:
+            raise Fault(f"force + 1e-7 changes a reading by {jump:.1e} at {_say(values)}")
+        worst = max(worst, jump)
+    return f"1e-7 of the force changes a reading by {worst:.0e} at most"
+
+
+# ---- the grid, the words -----------------------------------------------------------------
+
+
+def grid(effect: Effect, own: Trial) -> str:
+    """Demand candidates of the shape parameters within their bounds."""
+    candidates = effect.grid(own.readings, own.state)
+    if not candidates:
+        raise Fault("grid() returns no candidate; without shape parameters it returns [{}]")
+    names = {p.name for p in effect.shapes}
+    bounded = {p.name: p for p in effect.bounded(own.readings, own.state)}
+    for candidate in candidates:
+        if set(candidate) != names:
+            raise Fault(f"a candidate has {sorted(candidate)}, expected {sorted(names)}")
+        for name, value in candidate.items():
+            p = bounded[name]
+            if not p.lower <= value <= p.upper:
+                raise Fault(
+                    f"candidate {name} = {value:.3g} is not in {p.lower:.3g}..{p.upper:.3g}"
+                )
+    return f"{len(candidates)}"
+
+
+def dense(effect: Effect, own: Trial) -> str:
+    """Compare the patterns of neighbouring candidates."""
+    candidates = effect.grid(own.readings, own.state)
+    if len(candidates) < 2:
+        return "one candidate"
+    patterns = [_pattern(effect, own, candidate) for candidate in candidates]
+    if len(effect.shapes) == 1:
+        near = np.array([_likeness(a, b) for a, b in pairwise(patterns)])
+    else:
+        near = _best_neighbours(patterns)
+    far = np.flatnonzero(near < _NEAR)
+    if len(far) > _GAPS * len(near):
+        raise Fault(
+            f"{len(far)} of {len(near)} neighbours are alike by less than {_NEAR} (cosine), the "
+            f"first after {_say(candidates[int(far[0])])}: take a finer grid"
+        )
+    return f"cosine {np.quantile(near, _GAPS):.2f} and up"
+
+
+def evident(effect: Effect, own: Trial) -> str:
+    """Read the evidence: a sentence with numbers."""
+    sentence = ""
+    for values in (_typical(effect, own, -1.0), _typical(effect, own)):
+        for scan in _scans(effect, own):
+            sentence = effect.evidence(values, scan.readings)
+            if not isinstance(sentence, str) or not re.search(r"\d", sentence):
+                raise Fault(f"evidence() has no number: {sentence!r}")
+            if not sentence.strip().endswith(".") or re.search(r"\bnan\b|\binf\b", sentence):
+                raise Fault(f"evidence() is no sentence: {sentence!r}")
+    return sentence
+
+
+def _scans(effect: Effect, own: Trial) -> Iterator[Trial]:
+    """Yield the trial, one with rows lost, and one without time where that is not needed."""
+    yield own
+    yield ragged(trial(2, start_s=1.7e9))
+    if "time" not in effect.needs:
+        yield own.without_time()
+
+
+def _shapes(effect: Effect, scan: Trial) -> list[Values]:
+    candidates = effect.grid(scan.readings, scan.state)
+    step = max(1, len(candidates) // _CANDIDATES)
+    return [*candidates[::step], candidates[-1]]
+
+
+def _typical(effect: Effect, scan: Trial, sign: float = 1.0) -> dict[str, float]:
+    """Typical values, of the other sign where there is room for it; shapes from mid-grid."""
+    candidates = effect.grid(scan.readings, scan.state)
+    values = dict(candidates[len(candidates) // 2])
+    for p in effect.bounded(scan.readings, scan.state):
+        if p.null is not None:
+            size = p.null + sign * p.typical
+            values[p.name] = float(np.clip(size, p.lower, p.upper))
+            if values[p.name] == p.null:  # no room on this side
+                values[p.name] = float(np.clip(p.null - sign * p.typical, p.lower, p.upper))
+    return values
+
+
+def _corners(effect: Effect, scan: Trial) -> Iterator[dict[str, float]]:
+    """Typical values and bounds of every amplitude, with shapes at their bounds and on the grid."""
+    bounded = effect.bounded(scan.readings, scan.state)
+    ends = [{p.name: getattr(p, end) for p in bounded if p.null is None} for end in _ENDS]
+    for shape in [*_shapes(effect, scan), *ends]:
+        for sign in (-1.0, 1.0):
+            yield {**_typical(effect, scan, sign), **shape}
+        for p in bounded:
+            if p.null is not None:
+                for end in _ENDS:
+                    yield {**effect.null, **shape, p.name: getattr(p, end)}
+
+
+def _pattern(effect: Effect, own: Trial, shape: Values) -> np.ndarray:
+    """Orthonormal columns: what small amplitudes add, less what one softer body would absorb."""
+    null, plain = {**shape, **effect.null}, own.plain(effect)
+    columns = [
+        own.out(effect, {**null, p.name: null[p.name] + 1e-3 * p.typical}) - own.out(effect, null)
+        for p in effect.bounded(own.readings, own.state)
+        if p.null is not None
+    ]
+    own_share = plain / np.linalg.norm(plain)
+    left = [c - own_share * (own_share @ c) for c in columns]
+    return np.linalg.qr(np.column_stack(left))[0]
+
+
+def _likeness(a: np.ndarray, b: np.ndarray) -> float:
+    """Smallest cosine between two spans."""
+    return float(np.linalg.svd(a.T @ b, compute_uv=False).min())
+
+
+def _best_neighbours(patterns: Sequence[np.ndarray]) -> np.ndarray:
+    """Likeness of each pattern to the one most like it, (g,)."""
+    if patterns[0].shape[1] == 1:
+        columns = np.column_stack(patterns)
+        alike = np.abs(columns.T @ columns)
+    else:
+        alike = np.array([[_likeness(a, b) for b in patterns] for a in patterns])
+    np.fill_diagonal(alike, 0.0)
+    return alike.max(axis=1)
+
+
+def _say(values: Values) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())

@@ -1,0 +1,90 @@
+"""What every effect must keep to, the built-in ones and a user's own alike.
+
+`check_effect` tries an effect on a made-up scan (`trial`). What needs a body of finite elements
+is not done here: such checks are handed in as `further` (`identify.select.plant_and_recover`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from identify.effects.base import Effect
+from identify.effects.conformance import checks as checks
+from identify.effects.conformance.checks import Fault
+from identify.effects.conformance.example_scan import Trial, trial
+
+Check = Callable[[Effect, Trial], str]  # returns what was found, raises Fault
+
+DESCRIPTION: Mapping[str, Check] = {
+    "described": checks.described,
+    "parameters with units and bounds": checks.parameters,
+    "one hook, that of its link": checks.hook,
+}
+BEHAVIOUR: Mapping[str, Check] = {
+    "worked examples come out": checks.examples,
+    "says what a scan lacks": checks.testable,
+    "identity at the null": checks.identity,
+    "deterministic": checks.repeatable,
+    "inputs untouched": checks.untouched,
+    "finite and shaped": checks.finite,
+    "every parameter moves a reading": checks.moving,
+    "no jumps": checks.steady,
+    "candidates within bounds": checks.grid,
+    "neighbouring candidates alike": checks.dense,
+    "evidence in words and numbers": checks.evident,
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one check found.
+
+    Attributes
+    ----------
+    check : what was looked at, some words
+    passed : whether the effect keeps to it
+    says : what was found, one line
+    """
+
+    check: str
+    passed: bool
+    says: str
+
+
+def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> list[Finding]:
+    """Try an effect; one finding a check, passed or not.
+
+    Parameters
+    ----------
+    effect : to be tried
+    further : more checks by name; each takes effect and trial, returns what it found or raises
+        `Fault`
+
+    Returns
+    -------
+    The findings in the order of the checks. Where the description is at fault, nothing else is
+    tried.
+    """
+    own = trial()
+    findings = _run(DESCRIPTION, effect, own)
+    if failures(findings):
+        return findings
+    return findings + _run({**BEHAVIOUR, **(further or {})}, effect, own)
+
+
+def failures(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings that did not pass."""
+    return [finding for finding in findings if not finding.passed]
+
+
+def _run(some: Mapping[str, Check], effect: Effect, own: Trial) -> list[Finding]:
+    found = []
+    for name, check in some.items():
+        try:
+            found.append(Finding(name, True, check(effect, own)))
+        except Fault as fault:
+            found.append(Finding(name, False, str(fault)))
+        except Exception as error:  # the effect's own code may raise anything
+            found.append(Finding(name, False, f"raises {type(error).__name__}: {error}"))
+    return found

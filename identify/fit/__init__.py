@@ -1,0 +1,1 @@
+"""The fit of map and effects to a scan, with intervals."""

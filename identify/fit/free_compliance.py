@@ -1,0 +1,331 @@
+"""The contact law of the presses by themselves: every press has a compliance of its own, no map.
+
+What a press's curve of travel over force looks like (contact, response, instrument) is one
+question, how stiff the body is under each press another. With a free compliance C_j for each press
+in place of the map, the first is answered without the second, and without finite elements:
+
+    min over C, p of  sum_i r_i(C_press(i), E_press(i), p)^2,      E_j = K_j / C_j
+
+with the local modulus E_j that a homogeneous body of this compliance would have (K_j its
+compliance for 1 Pa). The compliances are eliminated press by press (variable projection: Golub and
+Pereyra, SIAM J. Numer. Anal. 10, 1973; Kaufman's derivative), so that only the few parameters p of
+the effects are left. It holds however far the map is from the truth, but has less to say: what acts
+on compliances alone (any effect of the body) is not seen.
+
+A few presses that no law explains (beside a hard lump, a slip) must not choose the law of the
+others: a press with chi-square X in n readings counts as a n ln(1 + X/(a n)), by weights renewed
+between fits (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.special import chdtri
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, Values
+from identify.effects.readings import Readings
+from identify.measurement.chain import Chain, Judged, judge
+from identify.measurement.model import EffectInModel
+from identify.measurement.noise import Noise
+from identify.optimize.gauss_newton import minimize_gauss_newton
+from identify.optimize.result import InadmissibleError
+
+_INNER = 12  # steps towards the compliances for given effects
+_INNER_SETTLED = 1e-4  # relative, of a compliance
+_LARGEST = 0.5  # step of ln C
+_STEP = 1e-4  # of a parameter's scale, for difference quotients
+_TAIL = 4.0  # a: from so many times the noise in chi-square on, a press loses its weight
+_REWEIGHTED = 3  # fits with renewed weights
+_FTOL, _RTOL = 0.05, 1e-4  # of half of chi-square
+_EVALUATIONS = 30
+
+
+@dataclass(frozen=True)
+class PressWiseFit:
+    """The best compliances of the presses beside some effects.
+
+    Attributes
+    ----------
+    parts : the effects, with their parameters
+    values : of their parameters, by effect and name
+    press : (m,) index of each reading's press
+    compliance : (j,) m/N
+    residual : (m,) whitened
+    residual_m : (m,) measured less modelled displacement
+    residual_n : (m,) the same as a force, over the slope of the press's curve
+    at_bound : names of parameters that stopped at a bound that is not their null
+    """
+
+    parts: tuple[EffectInModel, ...]
+    values: Mapping[str, Values]
+    press: np.ndarray
+    compliance: np.ndarray
+    residual: np.ndarray
+    residual_m: np.ndarray
+    residual_n: np.ndarray
+    at_bound: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(part.effect.name for part in self.parts)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of the effects' parameters."""
+        return sum(len(part.parameters) for part in self.parts)
+
+    @property
+    def chi2(self) -> float:
+        """Chi-square of all readings."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: readings less compliances less parameters."""
+        return max(len(self.residual) - len(self.compliance) - self.unknowns, 1)
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi2 / self.dof
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of the residual, m."""
+        return float(np.sqrt(np.mean(self.residual_m**2)))
+
+    @property
+    def rms_n(self) -> float:
+        """Root mean square of the residual as a force, N."""
+        return float(np.sqrt(np.mean(self.residual_n**2)))
+
+    @property
+    def typical_n(self) -> float:
+        """Root mean square of the residual of the middle press, as a force, N."""
+        squares, count = np.bincount(self.press, self.residual_n**2), np.bincount(self.press)
+        return float(np.sqrt(np.median(squares / np.maximum(count, 1))))
+
+    @cached_property
+    def by_press(self) -> tuple[np.ndarray, np.ndarray]:
+        """Chi-square and number of readings of each press, both (j,)."""
+        presses = len(self.compliance)
+        squares = np.bincount(self.press, self.residual**2, presses)
+        return squares, np.bincount(self.press, minlength=presses)
+
+    @property
+    def weight(self) -> np.ndarray:
+        """Weight (j,) of each press in the next fit, 1 for one without error."""
+        squares, count = self.by_press
+        return 1 / (1 + squares / (_TAIL * np.maximum(count, 1)))
+
+    @property
+    def misfit(self) -> float:
+        """Sum over the presses in which none outweighs the others; near chi-square if all fit."""
+        squares, count = self.by_press
+        count = np.maximum(count, 1)
+        return float(np.sum(_TAIL * count * np.log1p(squares / (_TAIL * count))))
+
+    @property
+    def noise_share(self) -> float:
+        """Share of the presses in which what remains is noise (99 % of noise has less)."""
+        squares, count = self.by_press
+        return float(np.mean(squares < chdtri(np.maximum(count - 1, 1), 0.01)))
+
+
+@dataclass(frozen=True)
+class PressWise:
+    """Readings whose presses have compliances of their own.
+
+    Attributes
+    ----------
+    readings, displacement_m, noise : what was measured, (m,) m
+    radius_m, profile, poisson_ratio : contact that the body's model assumes, see `Chain`
+    unit_compliance : (j,) compliance of a homogeneous body of 1 Pa, K_j
+    state : the body without effects, for the bounds of parameters
+    """
+
+    readings: Readings
+    displacement_m: np.ndarray
+    noise: Noise
+    radius_m: np.ndarray
+    profile: str
+    poisson_ratio: float
+    unit_compliance: np.ndarray
+    state: BodyState
+
+    def chain(self, effects: Sequence[Effect]) -> Chain:
+        """Return the chain with some effects."""
+        return Chain(self.readings, effects, self.radius_m, self.profile, self.poisson_ratio)
+
+    def part(self, effect: Effect, start: Values) -> EffectInModel:
+        """Return an effect with its bounds and values to start from."""
+        return EffectInModel(effect, effect.bounded(self.readings, self.state), dict(start))
+
+    def shows(self, effect: Effect) -> bool:
+        """Whether the curves of presses can show an effect: not if it acts on their compliances."""
+        return effect.link != "body" and effect.untestable(self.readings) is None
+
+    def begun(self, effect: Effect, initial: Values) -> EffectInModel:
+        """Return an effect from given values, or from its null and the middle of its grid."""
+        grid = effect.grid(self.readings, self.state)
+        return self.part(effect, initial or {**grid[len(grid) // 2], **effect.null})
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Each press's own travel over force, (j,) m/N."""
+        r, d = self.readings, self.displacement_m
+        slope = np.bincount(r.press, r.force_n * d) / np.bincount(r.press, r.force_n**2)
+        usual = float(np.median(slope[slope > 0])) if (slope > 0).any() else 1.0
+        return np.where(slope > 0, slope, usual)
+
+    def fit(
+        self, parts: Sequence[EffectInModel], compliance: np.ndarray | None = None
+    ) -> PressWiseFit:
+        """Fit effects, from their starts, and the compliances beside them.
+
+        Raises
+        ------
+        InadmissibleError
+            The start gives numbers that are not finite.
+        """
+        weight = np.ones(self.readings.presses)
+        best = self._fit(parts, compliance, weight)
+        if best.unknowns == 0:
+            return best
+        for _ in range(_REWEIGHTED):
+            found = self._fit(best.parts, best.compliance, best.weight)
+            settled = found.misfit > best.misfit - _FTOL
+            best = found if found.misfit < best.misfit else best
+            if settled:
+                break
+        return best
+
+    def _fit(
+        self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray
+    ) -> PressWiseFit:
+        """Fit with given weights (j,) of the presses."""
+        root = np.sqrt(weight)[self.readings.press]
+        chain = self.chain([part.effect for part in parts])
+        log_c = np.log(self._slopes if compliance is None else compliance)
+        latest: dict[bytes, PressWiseFit] = {}
+
+        def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            nonlocal log_c
+            values = _values(parts, u)
+            log_c, judged, columns = self._eliminate(chain, parts, u, values, log_c)
+            r = judged.residual_m / judged.sigma_m
+            latest.clear()
+            latest[u.tobytes()] = PressWiseFit(
+                tuple(parts), values, self.readings.press, np.exp(log_c), r, judged.residual_m,
+                judged.residual_m / judged.slope, _at_bound(parts, values),
+            )  # fmt: skip
+            return root * r, -root[:, None] * columns
+
+        start = np.concatenate([np.empty(0), *(part.to_scaled() for part in parts)])
+        if len(start) == 0:
+            residuals(start)
+            return latest[start.tobytes()]
+        bounds = [
+            np.concatenate([replace(part, start=_ends(part, end)).to_scaled() for part in parts])
+            for end in ("lower", "upper")
+        ]
+        found = minimize_gauss_newton(
+            residuals,
+            start,
+            bounds=(bounds[0], bounds[1]),
+            ftol=_FTOL,
+            rtol=_RTOL,
+            max_evaluations=_EVALUATIONS,
+        )
+        if found.x.tobytes() not in latest:
+            residuals(found.x)
+        fit = latest[found.x.tobytes()]
+        parts = tuple(replace(part, start=fit.values[part.effect.name]) for part in parts)
+        return replace(fit, parts=parts)
+
+    def _eliminate(
+        self,
+        chain: Chain,
+        parts: Sequence[EffectInModel],
+        u: np.ndarray,
+        values: Mapping[str, Values],
+        log_c: np.ndarray,
+    ) -> tuple[np.ndarray, Judged, np.ndarray]:
+        """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
+        press, presses = self.readings.press, self.readings.presses
+        for _ in range(_INNER):
+            c = np.exp(log_c)
+            e = self.unit_compliance / c
+            judged = judge(chain, c, e, self.displacement_m, self.noise, values)
+            r = judged.residual_m / judged.sigma_m
+            by_c, by_e = chain.by_body(c, e, judged.latent_force_n, values)
+            own = (by_c * c[press] - by_e * e[press]) / judged.sigma_m
+            square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
+            step = np.clip(np.bincount(press, own * r, presses) / square, -_LARGEST, _LARGEST)
+            if not np.isfinite(step).all():
+                raise InadmissibleError("the effects leave a press without a finite compliance")
+            if np.abs(step).max() < _INNER_SETTLED:
+                break
+            log_c = log_c + step
+        columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
+        columns = columns / judged.sigma_m[:, None]
+        for k in range(columns.shape[1]):
+            share = np.bincount(press, own * columns[:, k], presses) / square
+            columns[:, k] -= own * share[press]
+        return np.log(c), judged, columns
+
+    def _columns(
+        self,
+        chain: Chain,
+        parts: Sequence[EffectInModel],
+        u: np.ndarray,
+        c: np.ndarray,
+        e: np.ndarray,
+        latent: np.ndarray,
+    ) -> np.ndarray:
+        """Difference quotients (m, q) of the prediction by the scaled parameters."""
+        found = np.empty((len(latent), len(u)))
+        for k in range(len(u)):
+            sides = []
+            for sign in (1.0, -1.0):
+                moved = u.copy()
+                moved[k] += sign * _STEP
+                sides.append(chain.predict(c, e, latent, _values(parts, moved)))
+            found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
+        return found
+
+
+def straightened(found: PressWiseFit, readings: Readings) -> np.ndarray:
+    """Displacement (m,) m that the presses would show without the effects: C F and the residual."""
+    return found.compliance[readings.press] * readings.force_n + found.residual_m
+
+
+def _values(parts: Sequence[EffectInModel], u: np.ndarray) -> dict[str, dict[str, float]]:
+    found, first = {}, 0
+    for part in parts:
+        last = first + len(part.parameters)
+        found[part.effect.name] = part.to_values(u[first:last])
+        first = last
+    return found
+
+
+def _ends(part: EffectInModel, end: str) -> dict[str, float]:
+    return {p.name: float(getattr(p, end)) for p in part.parameters}
+
+
+def _at_bound(parts: Sequence[EffectInModel], values: Mapping[str, Values]) -> tuple[str, ...]:
+    held = []
+    for part in parts:
+        for p in part.parameters:
+            own = values[part.effect.name][p.name]
+            slack = 1e-9 * (p.upper - p.lower)
+            ends = [b for b in (p.lower, p.upper) if b != p.null]
+            if any(abs(own - b) <= slack for b in ends):
+                held.append(f"{part.effect.name}.{p.name}")
+    return tuple(held)

@@ -1,0 +1,160 @@
+"""95 % intervals that follow the bend of the misfit's valley.
+
+Depth and weight of an inclusion answer for each other along a curved valley: a deeper one must be
+much harder, one near the surface hardly softer. The covariance at the minimum knows the valley's
+direction there and not its bend, and its intervals would then be too narrow for the weight. So
+the depth is held on either side of the minimum, the rest is fitted again, and with t =
++-sqrt(rise of chi-square) as the coordinate along the valley a parabola q_i(t) follows each
+parameter. Across the valley the spread s_i is the one at fixed depth. The interval is the range of
+
+    q_i(c cos a) + c s_i sin a    over all angles a,    c = 1.96,
+
+which for a straight valley is the usual one, and for the depth itself the profile likelihood's
+(Bates & Watts, Nonlinear Regression Analysis, 1988, ch. 6). Where the model misfits grossly, the
+noise says nothing of the valley, and the covariance's intervals are left as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identify.body.forward import Forward
+from identify.fit.map_problem import Minimum, ScanProblem
+
+NORMAL_95 = 1.959964
+_EVALUATIONS = 10  # of each refit
+_TRIES = 3  # at a step that raises chi-square as it should
+_ANGLES = np.linspace(0, 2 * np.pi, 361)
+
+
+def intervals(
+    problem: ScanProblem,
+    minimum: Minimum,
+    total: np.ndarray,
+    noise: np.ndarray,
+    bent: bool = True,
+) -> tuple[np.ndarray, int]:
+    """Return the ends (k, 2) of the intervals in scaled coordinates, and the evaluations spent.
+
+    They stay within the bounds of what is possible.
+
+    Parameters
+    ----------
+    total, noise : (k, k) covariance with and without the model's own error, scaled coordinates
+    bent : follow the bend of the valley; else the covariance's own intervals
+    """
+    u, forward = minimum.result.x, minimum.forward
+    space, spent = forward.space, 0
+    low, high = space.bounds
+    if not bent or problem.is_gross(minimum):
+        return np.clip(straight(u, total), low[:, None], high[:, None]), spent
+
+    def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal spent
+        others = np.delete(np.arange(len(u)), position)
+        kept = tuple(index for i, index in enumerate(space.free) if i != position)
+        fixed = replace(space, start=space.to_map(start), free=kept)
+        own = Forward(forward.model, fixed, forward.ratio)
+        found = problem.minimize(own, start[others], _EVALUATIONS)
+        spent += found.nfev
+        whole = start.copy()
+        whole[others] = found.result.x
+        return found.result.fun, whole
+
+    valley = Valley(u, minimum.result.fun, total, noise, space.bounds, refit)
+    ends = bent_intervals(valley, space.free_names)
+    return np.clip(ends, low[:, None], high[:, None]), spent
+
+
+@dataclass(frozen=True)
+class Valley:
+    """A minimum and the way to follow its valley.
+
+    Attributes
+    ----------
+    u, fun : (k,) scaled estimate and half of chi-square there
+    total, noise : (k, k) covariance with and without the model's own error
+    bounds : lower and upper (k,)
+    refit : from a position and a start (k,), whose coordinate there is held, to the least half of
+        chi-square (inf where nothing is admissible) and where (k,) that is
+    """
+
+    u: np.ndarray
+    fun: float
+    total: np.ndarray
+    noise: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+    refit: Callable[[int, np.ndarray], tuple[float, np.ndarray]]
+
+
+def straight(u: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return the ends (k, 2) of the covariance's own intervals."""
+    deviation = np.sqrt(np.diag(total))
+    return np.column_stack([u - NORMAL_95 * deviation, u + NORMAL_95 * deviation])
+
+
+def bent_intervals(valley: Valley, names: Sequence[str]) -> np.ndarray:
+    """Return the ends (k, 2) of intervals that follow the bend along each free depth.
+
+    Of several depths' valleys, each parameter takes the widest interval.
+    """
+    u, total = valley.u, valley.total
+    ends, bent = straight(u, total), []
+    if len(u) < 2 or not np.isfinite(ends).all():
+        return ends
+    for position, name in enumerate(names):
+        if not name.endswith(".z_m"):
+            continue
+        sides = [place for side in (-1.0, 1.0) if (place := _along(valley, position, side))]
+        if len(sides) == 2:
+            bent.append((position, _range(u, sides, total, position)))
+    if bent:
+        curved = np.array([one for _, one in bent])
+        ends = np.column_stack([curved[:, :, 0].min(axis=0), curved[:, :, 1].max(axis=0)])
+        for position, own in bent:
+            ends[position] = own[position]
+    return ends
+
+
+def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarray] | None:
+    """Hold one parameter beside the minimum and fit the rest: (t, u) there, or None at a bound."""
+    u, total, (lower, upper) = valley.u, valley.total, valley.bounds
+    share = valley.noise[position, position] / total[position, position]
+    step, place = NORMAL_95 * np.sqrt(total[position, position]), None
+    for _ in range(_TRIES):
+        held = float(np.clip(u[position] + side * step, lower[position], upper[position]))
+        if abs(held - u[position]) < 0.1 * step:
+            break  # the minimum sits at the body's edge: nothing to be learnt on this side
+        start = u + total[:, position] / total[position, position] * (held - u[position])
+        start = np.clip(start, lower, upper)
+        start[position] = held
+        fun, found = valley.refit(position, start)
+        if not np.isfinite(fun):
+            break
+        rise = max(2 * (fun - valley.fun) * share, 1e-12)
+        place = (side * float(np.sqrt(rise)), found)
+        at_edge = held in (lower[position], upper[position])
+        if abs(place[0]) > 0.5 * NORMAL_95 or at_edge:
+            break
+        step *= min(NORMAL_95 / abs(place[0]), 2.0)
+    return place
+
+
+def _range(
+    u: np.ndarray, sides: list[tuple[float, np.ndarray]], total: np.ndarray, position: int
+) -> np.ndarray:
+    """Return the ends (k, 2) of the curved intervals."""
+    (a, before), (b, after) = sides
+    t = np.clip(NORMAL_95 * np.cos(_ANGLES), 1.5 * a, 1.5 * b)  # a parabola bears no more
+    # Lagrange's parabola through (a, before), (0, u), (b, after)
+    path = (
+        u[:, None] * (t - a) * (t - b) / (a * b)
+        + before[:, None] * t * (t - b) / (a * (a - b))
+        + after[:, None] * t * (t - a) / (b * (b - a))
+    )
+    cross = np.diag(total) - total[:, position] ** 2 / total[position, position]
+    spread = path + NORMAL_95 * np.sqrt(np.maximum(cross, 0))[:, None] * np.sin(_ANGLES)
+    return np.column_stack([spread.min(axis=1), spread.max(axis=1)])

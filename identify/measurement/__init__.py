@@ -1,0 +1,1 @@
+"""The measurement model: noise, effects in their order, predicted travel."""

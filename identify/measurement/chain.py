@@ -1,0 +1,200 @@
+"""From forces to what the robot reports: the measurement chain with the effects that it has.
+
+d = reading(response(contact(C force(F)))), see `identify.effects.base`. Under a ball (profile
+"hertz") the near part of C F is that of a contact that grows with the force. Everything beyond the
+body's compliances is arithmetic on the m readings, so that its derivatives are differenced: one
+more pass for each, at no cost beside the finite elements'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from identify.catalogue.catalogue import place_in_catalogue
+from identify.effects.base import Effect, Pressing, Values
+from identify.effects.hertz import beyond_fixed
+from identify.effects.readings import Readings
+from identify.measurement.noise import Noise
+
+_STEEPEST = 2.0  # times the compliance: largest slope with which the force's noise is counted
+_ROUNDS = 6  # of the latent force, where travel and force are not in proportion
+_SETTLED = 1e-3  # of the largest force
+_STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The links beyond the body, for m readings of j presses.
+
+    Attributes
+    ----------
+    readings : what was measured
+    effects : those that act; they do so in the order of the catalogue, in whatever order they were
+        added to a model
+    radius_m : (j,) contact radius that the body's model assumes
+    profile : "flat", a flat tip of that radius, or "hertz", a ball of the probe's radius
+    poisson_ratio : of the body
+    """
+
+    readings: Readings
+    effects: Sequence[Effect]
+    radius_m: np.ndarray
+    profile: str
+    poisson_ratio: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effects", sorted(self.effects, key=place_in_catalogue))
+
+    def predict(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Displacement (m,) for compliances and local moduli (j,), forces (m,) and effects' values.
+
+        `values` holds, by the name of each effect, its parameters' values.
+        """
+        r = self.readings
+        force = force_n
+        for effect in self.effects:
+            force = effect.force(r, force, values[effect.name])
+        travel = self._elastic(compliance, modulus, force, values)
+        touch = sum(effect.touch(r, values[effect.name]) for effect in self.effects)
+        if touch:
+            start = np.full(len(force), touch)
+            travel = travel - self._elastic(compliance, modulus, start, values)
+        for effect in self.effects:
+            travel = effect.response(r, force, travel, values[effect.name])
+        for effect in self.effects:
+            travel = effect.reading(r, force, travel, values[effect.name])
+        return travel
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether travel and force part from proportion within a press."""
+        return self.profile == "hertz" or any(e.link == "contact" for e in self.effects)
+
+    def _elastic(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Elastic travel (m,) of the tip under the forces (m,) that act."""
+        r = self.readings
+        ball = self.profile == "hertz"
+        pressing = Pressing(
+            compliance[r.press],
+            modulus[r.press],
+            self.radius_m[r.press],
+            self.poisson_ratio,
+            "hertz" if ball else "flat",
+        )
+        travel = compliance[r.press] * force_n
+        if ball:
+            travel = travel + beyond_fixed(r, pressing, force_n)
+        for effect in self.effects:
+            travel = effect.contact(r, pressing, force_n, travel, values[effect.name])
+        return travel
+
+    def by_force(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Return the derivative (m,) of each displacement by its own force, m/N.
+
+        The forces of a press are changed up and down in turn, so that what an effect remembers of
+        earlier readings cancels.
+        """
+        step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
+        sign = np.where(np.arange(len(force_n)) % 2 == 0, step, -step)
+        up = self.predict(compliance, modulus, force_n + sign, values)
+        down = self.predict(compliance, modulus, force_n - sign, values)
+        return (up - down) / (2 * sign)
+
+    def by_body(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives (m,) by compliance and local modulus of the reading's press."""
+        up = self.predict((1 + _STEP) * compliance, modulus, force_n, values)
+        down = self.predict((1 - _STEP) * compliance, modulus, force_n, values)
+        by_compliance = (up - down) / (2 * _STEP * compliance[self.readings.press])
+        if not self.nonlinear:
+            return by_compliance, np.zeros_like(by_compliance)
+        up = self.predict(compliance, (1 + _STEP) * modulus, force_n, values)
+        down = self.predict(compliance, (1 - _STEP) * modulus, force_n, values)
+        return by_compliance, (up - down) / (2 * _STEP * modulus[self.readings.press])
+
+
+class Judged(NamedTuple):
+    """What a chain says of m readings, with both columns' noise.
+
+    Attributes
+    ----------
+    residual_m : measured less predicted displacement at the measured force
+    sigma_m : its standard deviation
+    latent_force_n : best estimate of the force
+    slope : travel over force there, m/N
+    """
+
+    residual_m: np.ndarray
+    sigma_m: np.ndarray
+    latent_force_n: np.ndarray
+    slope: np.ndarray
+
+
+def judge(
+    chain: Chain,
+    compliance: np.ndarray,
+    modulus: np.ndarray,
+    displacement_m: np.ndarray,
+    noise: Noise,
+    values: Mapping[str, Values],
+) -> Judged:
+    """Compare a chain with the readings: errors in both columns.
+
+    Where travel and force are not in proportion, the chain is made straight at the latent force
+    instead of the measured one, in a few rounds: under a ball the slope at a small force is nothing
+    like the slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
+    """
+    force = chain.readings.force_n
+    # A law that turns a little force into any displacement would explain everything
+    most = _STEEPEST * compliance[chain.readings.press]
+    at = force
+    for _ in range(_ROUNDS if chain.nonlinear else 1):
+        slope = chain.by_force(compliance, modulus, at, values)
+        slope = np.clip(slope, -most, most)
+        predicted = chain.predict(compliance, modulus, at, values) + slope * (force - at)
+        residual = displacement_m - predicted
+        sigma, latent = latent_force(residual, slope, force, noise)
+        moved = float(np.abs(latent - at).max(initial=0.0))
+        at = latent
+        if moved < _SETTLED * chain.readings.largest_force_n:
+            break
+    return Judged(residual, sigma, at, slope)
+
+
+def latent_force(
+    residual_m: np.ndarray, slope: np.ndarray, force_n: np.ndarray, noise: Noise
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residual's standard deviation s (m,) and the best estimate F^ (m,) of the force.
+
+    s^2 = sd_d^2 + slope^2 sd_F^2 and F^ = F + slope sd_F^2 / s^2 e; see
+    `identify.measurement.errors_in_variables`.
+    """
+    variance = noise.displacement_m**2 + (slope * noise.force_n) ** 2
+    return np.sqrt(variance), force_n + slope * noise.force_n**2 / variance * residual_m

@@ -1,0 +1,325 @@
+"""The model of a scan: a stiffness map and the effects it has, as one least-squares problem.
+
+The unknowns are the map's free parameters and the parameters of the effects, all scaled to order
+one. Residuals are whitened with both columns' noise (`measurement_chain.judge`), derivatives taken
+at the latent force (see `identify.measurement.errors_in_variables`): r = (d - f(F)) / s, dr/dp =
+-(df/dp at F^) / s.
+
+Nothing is changed in place: `with_effect` and `without` return new models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from identify.body.mechanics import BodyMechanics
+from identify.body.response import BodyResponse
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter
+from identify.effects.readings import Readings
+from identify.map.gaussian_map import GaussianMap
+from identify.map.parameters import ParameterSpace
+from identify.measurement.chain import Chain, judge
+from identify.measurement.noise import Noise
+from identify.optimize.result import InadmissibleError
+
+_STEP = 1e-4  # of a parameter's scale, for difference quotients
+
+
+@dataclass(frozen=True)
+class EffectInModel:
+    """An effect with the parameters, bounded for this scan, and values that it starts from."""
+
+    effect: Effect
+    parameters: tuple[EffectParameter, ...]
+    start: Mapping[str, float]
+
+    def to_scaled(self) -> np.ndarray:
+        """Scaled start (q,)."""
+        return np.array([scaled(p, self.start[p.name]) for p in self.parameters])
+
+    def to_values(self, u: np.ndarray) -> dict[str, float]:
+        """Values by name at scaled coordinates (q,)."""
+        return {p.name: value(p, float(c)) for p, c in zip(self.parameters, u, strict=True)}
+
+
+def scaled(parameter: EffectParameter, number: float) -> float:
+    """Return the scaled coordinate of a value: ln(value), or value / typical."""
+    number = min(max(number, parameter.lower), parameter.upper)
+    return float(np.log(number)) if parameter.log else number / parameter.typical
+
+
+def value(parameter: EffectParameter, u: float) -> float:
+    """Return the value at a scaled coordinate."""
+    return float(np.exp(u)) if parameter.log else u * parameter.typical
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The model at one point: what a fit's step, its statistics and the score tests need.
+
+    Attributes
+    ----------
+    predicted_m, sigma_m, latent_force_n : (m,)
+    residual : (m,) whitened
+    jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
+        scaled unknowns
+    own : (m,) derivative of the whitened prediction by ln C of the reading's press, times the
+        model's relative error of it
+    by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
+    body : compliances and their derivatives
+    values : parameters of the effects, by effect and name
+    """
+
+    predicted_m: np.ndarray
+    sigma_m: np.ndarray
+    latent_force_n: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    own: np.ndarray
+    by_compliance: np.ndarray
+    by_modulus: np.ndarray
+    body: BodyResponse
+    state: BodyState
+    values: Mapping[str, Mapping[str, float]]
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared whitened residuals."""
+        return float(self.residual @ self.residual)
+
+    def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
+        """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
+        own, sigma = self.own, self.sigma_m
+        return decorrelated((change_m.T / sigma).T, own, press)
+
+
+def decorrelated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Apply the inverse root of I + own own' press by press to x (m,) or (m, k).
+
+    Exact: along own it is 1/sqrt(1 + |own|^2), across it 1.
+    """
+    return _scaled_along(x, own, press, -0.5)
+
+
+def correlated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Undo `decorrelated`.
+
+    >>> x, own, press = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 2.0]), np.array([0, 0, 1])
+    >>> correlated(decorrelated(x, own, press), own, press).round(9)
+    array([1., 2., 3.])
+    """
+    return _scaled_along(x, own, press, 0.5)
+
+
+def _scaled_along(x: np.ndarray, own: np.ndarray, press: np.ndarray, power: float) -> np.ndarray:
+    """Multiply the part of x along own, press by press, by (1 + |own|^2)^power."""
+    square = np.bincount(press, own**2)
+    if not square.any():
+        return x
+    gain = ((1 + square) ** power - 1) / np.maximum(square, 1e-300)
+    wide = x if x.ndim == 2 else x[:, None]
+    along = np.column_stack([np.bincount(press, own * column) for column in wide.T])
+    return (wide + own[:, None] * (gain[:, None] * along)[press]).reshape(x.shape)
+
+
+@dataclass(frozen=True)
+class MeasurementModel:
+    """A scan's readings, and the body and the chain that are to explain them.
+
+    Attributes
+    ----------
+    readings, displacement_m, noise : what was measured, (m,) m
+    mechanics : the body's finite elements
+    space : the map's free parameters
+    press_error : relative error that the map makes of each press's compliance, counted beside the
+        noise where it outweighs that; the readings of a press share it
+    effects : what the model has beyond the map, in the order of the chain
+    """
+
+    readings: Readings
+    displacement_m: np.ndarray
+    noise: Noise
+    mechanics: BodyMechanics
+    space: ParameterSpace
+    effects: tuple[EffectInModel, ...] = ()
+    press_error: float = 0.0
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The links beyond the body."""
+        contacts = self.mechanics.coarse.contacts
+        return Chain(
+            self.readings,
+            [part.effect for part in self.effects],
+            contacts.radius_m,
+            contacts.profile,
+            self.mechanics.poisson_ratio,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the k unknowns: the map's, then `effect.parameter`."""
+        own = [f"{part.effect.name}.{p.name}" for part in self.effects for p in part.parameters]
+        return (*self.space.free_names, *own)
+
+    @property
+    def has(self) -> tuple[str, ...]:
+        """Names of the effects in the model."""
+        return tuple(part.effect.name for part in self.effects)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (k,) in scaled coordinates."""
+        low, high = self.space.bounds
+        parameters = [p for part in self.effects for p in part.parameters]
+        return (
+            np.concatenate([low, [scaled(p, p.lower) for p in parameters]]),
+            np.concatenate([high, [scaled(p, p.upper) for p in parameters]]),
+        )
+
+    def longest_step(self, u: np.ndarray) -> np.ndarray:
+        """Return the largest sensible step (k,) of a fit from scaled coordinates u (k,).
+
+        One for logarithms and for the map; an amplitude may be many typical sizes large.
+        """
+        linear = [not p.log for part in self.effects for p in part.parameters]
+        own = u[len(u) - len(linear) :]
+        steps = np.where(linear, np.maximum(np.abs(own), 1.0), 1.0)
+        return np.concatenate([np.ones(len(u) - len(linear)), steps])
+
+    def with_effect(
+        self, effect: Effect, start: Mapping[str, float], state: BodyState
+    ) -> MeasurementModel:
+        """Return the model with one more effect, its parameters starting from the given values."""
+        part = EffectInModel(effect, effect.bounded(self.readings, state), dict(start))
+        return replace(self, effects=(*self.effects, part))
+
+    def without(self, name: str) -> MeasurementModel:
+        """Return the model without an effect."""
+        return replace(self, effects=tuple(p for p in self.effects if p.effect.name != name))
+
+    def started(self, u: np.ndarray) -> MeasurementModel:
+        """Return the model whose effects start at scaled coordinates u (k,)."""
+        values = self.values(u)
+        parts = [replace(part, start=values[part.effect.name]) for part in self.effects]
+        return replace(self, effects=tuple(parts))
+
+    def start(self, stiffness: GaussianMap) -> np.ndarray:
+        """Scaled coordinates (k,) of a map and of the effects' starts."""
+        parts = [part.to_scaled() for part in self.effects]
+        return np.concatenate([self.space.to_scaled(stiffness), *parts])
+
+    def map(self, u: np.ndarray) -> GaussianMap:
+        """Return the map at scaled coordinates (k,)."""
+        return self.space.to_map(u[: len(self.space.free)])
+
+    def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
+        """Parameters of the effects at scaled coordinates (k,), by effect and name."""
+        found, first = {}, len(self.space.free)
+        for part in self.effects:
+            last = first + len(part.parameters)
+            found[part.effect.name] = part.to_values(u[first:last])
+            first = last
+        return found
+
+    def state(self, values: Mapping[str, Mapping[str, float]]) -> BodyState:
+        """Return the body as the effects have changed it."""
+        background = self.space.start.background_pa
+        state = self.mechanics.state().changed(background_pa=background)
+        for part in self.effects:
+            state = part.effect.body(state, values[part.effect.name])
+        return state
+
+    def slope(self, u: np.ndarray) -> np.ndarray:
+        """Return d value / d u (k,) of the unknowns."""
+        first = len(self.space.free)
+        own = [p for part in self.effects for p in part.parameters]
+        return np.concatenate(
+            [
+                self.space.slope(u[:first]),
+                [value(p, c) if p.log else p.typical for p, c in zip(own, u[first:], strict=True)],
+            ]
+        )
+
+    def linearise(self, u: np.ndarray) -> Linearised:
+        """Evaluate model and derivatives at scaled coordinates (k,).
+
+        Raises
+        ------
+        InadmissibleError
+            The body is impossible there (a modulus that is not positive, a Poisson's ratio of one
+            half).
+        """
+        values = self.values(u)
+        state = self.state(values)
+        body = self.mechanics.evaluate(self.map(u), state)
+        c, e = body.compliance, body.local_modulus
+        if not (np.isfinite(c).all() and c.min() > 0):
+            press = int(np.argmin(np.where(np.isfinite(c), c, -np.inf)))
+            raise InadmissibleError(
+                f"the body's model gives press {press} a compliance of {c[press]:.3g} m/N, which "
+                "cannot be: its map is finer than the mesh; start from another map ([map.initial])"
+            )
+        judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)
+        residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
+        by_c, by_e = self.chain.by_body(c, e, latent, values)
+        k = len(self.space.free)
+        by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
+        columns = [by_map[:, list(self.space.free)] * self.space.slope(u[:k])]
+        first = k
+        for part in self.effects:
+            for p, _ in enumerate(part.parameters):
+                columns.append(self._by_parameter(u, first + p, part, body, state, latent,
+                                                  by_c, by_e)[:, None])  # fmt: skip
+            first += len(part.parameters)
+        press = self.readings.press
+        own = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
+        return Linearised(
+            predicted_m=self.displacement_m - residual,
+            sigma_m=sigma,
+            latent_force_n=latent,
+            residual=decorrelated(residual / sigma, own, press),
+            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], own, press),
+            own=own,
+            by_compliance=by_c,
+            by_modulus=by_e,
+            body=body,
+            state=state,
+            values=values,
+        )
+
+    def _by_press(self, by_c: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        if not by_c.any():
+            return np.zeros((len(by_c), gradient.shape[1]))
+        return by_c[:, None] * gradient[self.readings.press]
+
+    def _by_parameter(
+        self,
+        u: np.ndarray,
+        index: int,
+        part: EffectInModel,
+        body: BodyResponse,
+        state: BodyState,
+        latent: np.ndarray,
+        by_c: np.ndarray,
+        by_e: np.ndarray,
+    ) -> np.ndarray:
+        """Difference quotient (m,) of the prediction by one scaled parameter of an effect."""
+        low, high = (side[index] for side in self.bounds)
+        up, down = u.copy(), u.copy()
+        up[index] = min(u[index] + _STEP, high)
+        down[index] = max(u[index] - _STEP, low)
+        width = up[index] - down[index]
+        if part.effect.link == "body":
+            changes = [body.change(self.state(self.values(side))) for side in (up, down)]
+            (c_up, e_up), (c_down, e_down) = changes
+            press = self.readings.press
+            return (by_c * (c_up - c_down)[press] + by_e * (e_up - e_down)[press]) / width
+        c, e = body.compliance, body.local_modulus
+        sides = [self.chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
+        return (sides[0] - sides[1]) / width

@@ -1,0 +1,1 @@
+"""Optimisers: Gauss-Newton, BFGS, line search, and their common result."""

@@ -1,0 +1,150 @@
+"""Least squares by Gauss-Newton with Levenberg-Marquardt damping, within bounds.
+
+Source: Nocedal and Wright, "Numerical Optimization", ch. 10; damping after Nielsen (1999), scaled
+by the largest diagonal of J'J seen (More 1978); bounds by active set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fem.errors import SolverError
+from identify.optimize.result import InadmissibleError, OptimizeResult, free_directions
+
+_IDLE_STEPS = 2
+_FELT = 1e-6  # less damping than this hardly changes a step
+
+Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def minimize_gauss_newton(
+    residuals: Residuals,
+    x0: np.ndarray,
+    *,
+    bounds: tuple[np.ndarray, np.ndarray] | None = None,
+    max_step: float | np.ndarray = 1.0,
+    ftol: float = 1e-6,
+    rtol: float = 0.0,
+    above: float = 0.0,
+    enough: float = 0.0,
+    max_evaluations: int = 100,
+    callback: Callable[[np.ndarray, float], None] | None = None,
+) -> OptimizeResult:
+    """Minimise |r(x)|^2 / 2 for a function that returns r (m,) and its Jacobian (m, k).
+
+    Parameters
+    ----------
+    residuals
+        x (k,) -> (r (m,), dr/dx (m, k)). It may raise `InadmissibleError` or `SolverError` or
+        return numbers that are not finite: the step is then shortened. Not so at `x0`.
+    x0
+        Start (k,); it is moved into the bounds.
+    bounds
+        Lower and upper (k,).
+    max_step
+        Largest change of a coordinate in one step, one number or (k,).
+    ftol
+        Converged when an undamped step would lower |r|^2 / 2 by no more. With whitened residuals,
+        an ftol of 1e-6 leaves every parameter within about a thousandth of its standard deviation.
+    rtol, above
+        Converged, too, when an undamped step would lower |r|^2 / 2 by no more than the part rtol of
+        what exceeds `above`, or when two steps in a row did: a valley that is rough or curved can
+        promise more for ever.
+    enough
+        Converged, too, when two steps in a row lowered |r|^2 / 2 by no more than this.
+    max_evaluations
+        Limit of evaluations.
+    callback
+        Called with x and |r|^2 / 2 at the start and after each accepted step.
+    """
+    x0 = np.array(x0, dtype=float)
+    lower, upper = bounds or (np.full(x0.shape, -np.inf), np.full(x0.shape, np.inf))
+    x = np.clip(x0, lower, upper)
+    r, jac = residuals(x)
+    if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jac))):
+        raise InadmissibleError(f"the start {x} gives residuals that are not finite")
+    fun, nfev, nit = 0.5 * float(r @ r), 1, 0
+    damping, growth, idle = 1e-3, 2.0, 0
+    diagonal = np.zeros_like(x)
+    if callback:
+        callback(x, fun)
+
+    def result(status: int, message: str) -> OptimizeResult:
+        return OptimizeResult(x, fun, jac.T @ r, nit, nfev, status == 0, status, message)
+
+    while True:
+        gradient, normal = jac.T @ r, jac.T @ jac
+        diagonal = np.maximum(diagonal, np.diag(normal))
+        free = free_directions(x, gradient, lower, upper)
+        step = _solve(normal, gradient, diagonal, 0.0, free)
+        expected = -0.5 * float(gradient @ step)
+        slack = rtol * max(fun - above, 0.0)
+        if expected <= max(ftol, slack):
+            within = "ftol" if expected <= ftol else f"{slack:.1e}"
+            return result(0, f"a further step would lower fun by {expected:.1e}, within {within}")
+        if idle == _IDLE_STEPS:
+            return result(
+                0, f"the last {idle} steps lowered fun by {max(slack, enough):.1e} at most"
+            )
+        if nfev >= max_evaluations:
+            return result(1, f"limit of {max_evaluations} evaluations reached")
+        step = _solve(normal, gradient, diagonal, damping, free)
+        step *= min(1.0, float(np.min(max_step / np.maximum(np.abs(step), 1e-300))))
+        trial_x = np.clip(x + step, lower, upper)
+        step = trial_x - x
+        trial = _try(residuals, trial_x)
+        nfev += 1
+        predicted = -float(gradient @ step) - 0.5 * float(step @ normal @ step)
+        trial_fun = np.inf if trial is None else 0.5 * float(trial[0] @ trial[0])
+        if trial is not None and trial_fun < fun:
+            gain = (fun - trial_fun) / predicted if predicted > 0 else 0.0
+            idle = idle + 1 if fun - trial_fun <= max(slack, enough) else 0
+            x, fun, (r, jac), nit = trial_x, trial_fun, trial, nit + 1
+            damping = max(damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
+            growth = 2.0
+            if callback:
+                callback(x, fun)
+        else:
+            damping, growth = max(damping, _FELT) * growth, growth * 2
+            if damping > 1e16:
+                return result(2, "no step decreases fun")
+
+
+def covariance(jac: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) of the estimate from whitened residuals' Jacobian (m, k): (J'J)^-1.
+
+    Directions that the data do not determine (singular to 1e-12) get infinite variance.
+    """
+    scale = np.linalg.norm(jac, axis=0)
+    if np.any(scale == 0):
+        scale = np.where(scale > 0, scale, 1.0)
+    _, singular, right = np.linalg.svd(jac / scale, full_matrices=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(singular > 1e-12 * singular.max(initial=0.0), singular**-2.0, np.inf)
+        inverse = (right.T * np.minimum(weight, 1e24)) @ right
+    return inverse / np.outer(scale, scale)
+
+
+def _solve(
+    normal: np.ndarray, gradient: np.ndarray, diagonal: np.ndarray, damping: float, free: np.ndarray
+) -> np.ndarray:
+    """Damped Gauss-Newton step in the free coordinates."""
+    step = np.zeros_like(gradient)
+    if not free.any():
+        return step
+    scale = np.sqrt(np.where(diagonal[free] > 0, diagonal[free], 1.0))
+    scaled = normal[np.ix_(free, free)] / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += damping
+    step[free] = -np.linalg.lstsq(scaled, gradient[free] / scale, rcond=1e-14)[0] / scale
+    return step
+
+
+def _try(residuals: Residuals, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Residuals and Jacobian, or None at an inadmissible point."""
+    try:
+        r, jac = residuals(x)
+    except (InadmissibleError, SolverError):
+        return None
+    return (r, jac) if np.all(np.isfinite(r)) and np.all(np.isfinite(jac)) else None

@@ -1,0 +1,286 @@
+"""Decide whether what a fit has left of a scan is noise, and if not, along what it varies most.
+
+The residual is judged in units of both noises at the latent force (see `whitening`), after the
+fitted parameters have been projected out (see `residual_tests`).  A dozen questions are asked;
+Holm's correction keeps the chance that pure noise is called structure below `ALPHA`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from identify.fit.result import Fit
+from identify.residual.binned_means import residual_levels
+from identify.residual.comparison import Comparison, Reading, Test
+from identify.residual.hypothesis_tests import (
+    Score,
+    holm,
+    lag_test,
+    largest_test,
+    nearest_neighbours,
+    orthonormal,
+    score_test,
+)
+from identify.residual.per_press import PressSpace, press_directions, press_residuals
+from identify.residual.projected import ALPHA, ResidualView, residual_view
+from identify.residual.simple_laws import matching_law
+from identify.residual.statement import sentence
+from identify.residual.whitened import Whitened, whitened
+from models.scan import Scan
+
+QUESTIONS = {
+    "size": "Is the residual larger than the noise?",
+    "place": "Does it follow the place on the surface?",
+    "force": "Does it follow the force?",
+    "time": "Does it follow the time within a press?",
+    "phase": "Does it follow the phase (load, hold, unload)?",
+    "order": "Does it follow the order of pressing?",
+    "press": "Does any single press stand out?",
+    "all_presses": "Do the presses differ more than noise allows?",
+    "neighbours": "Are neighbouring presses alike (Moran's I)?",
+    "succession": "Are presses made one after the other alike?",
+    "lag": "Are consecutive readings correlated?",
+    "reading": "Does any single reading stand out?",
+}
+
+
+def compare(fit: Fit, scan: Scan) -> Comparison:
+    """Compare a fit with the scan that it explains; see `compare_residual`."""
+    return compare_residual(whitened(fit, scan))
+
+
+def compare_residual(w: Whitened) -> Comparison:
+    """Judge a whitened residual.
+
+    Parameters
+    ----------
+    w : Whitened
+        Residual, noise, latent force and absorbed derivatives of m readings.
+
+    Returns
+    -------
+    Comparison
+        Statistics, tests, the decision and its sentence.
+
+    Raises
+    ------
+    InputError
+        There are no more readings than fitted parameters.
+    """
+    view = residual_view(w)
+    found = {"size": _size_test(view), **_pattern_tests(view), **_alikeness_tests(view)}
+    tests = _decide([replace(found[name], question=q) for name, q in QUESTIONS.items()])
+    fires = {t.name for t in tests if t.fires}
+    varies_with, also, confused = _main_direction(view, fires)
+    moran, lag = found["neighbours"], found["lag"]
+    draft = Comparison(
+        is_noise=not fires,
+        varies_with=varies_with,
+        statement="",
+        also_along=also,
+        confused_with=confused,
+        notes=_notes(view, found),
+        alpha=ALPHA,
+        readings=len(w.residual_m),
+        parameters=view.absorbed.shape[1],
+        rms_m=float(np.sqrt(np.mean(w.residual_m**2))),
+        expected_rms_m=float(np.sqrt(np.mean(w.sigma_m**2) * view.dof / len(w.residual_m))),
+        chi2=view.chi2,
+        dof=view.dof,
+        chi2_p=found["size"].p_value,
+        noise_estimated=w.noise_estimated,
+        scatter=view.scatter,
+        moran_i=None if moran.untestable else moran.statistic,
+        lag1=None if lag.untestable else lag.statistic,
+        tests=tests,
+        levels=residual_levels(w),
+        presses=press_residuals(w, view.absorbed, view.bad),
+        largest=_largest(w),
+        law=matching_law(view) if fires else None,
+    )
+    return replace(draft, statement=sentence(draft))
+
+
+def _size_test(view: ResidualView) -> Test:
+    ratio = view.chi2 / view.dof
+    if view.w.noise_estimated:
+        # The noise came from third differences: 0.4 times as many independent numbers.
+        p = float(special.fdtrc(view.dof, max(0.4 * view.dof, 1), ratio))
+    else:
+        p = float(special.chdtrc(view.dof, view.chi2))
+    return Test("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))
+
+
+def _from_score(name: str, score: Score) -> Test:
+    times = float(np.sqrt(score.statistic / score.dof)) if score.dof else 0.0
+    untestable = None if score.dof else "the fitted parameters take all that it could show"
+    return Test(
+        name, "", score.statistic, score.dof, score.p_value, 1.0, times, untestable=untestable
+    )
+
+
+def _pattern_tests(view: ResidualView) -> dict[str, Test]:
+    """Score tests of the smooth dimensions, of the presses and of single readings."""
+    tests = {}
+    for name, reason in view.untestable.items():
+        tests[name] = Test(name, "", untestable=reason)
+    for name, columns in view.directions.items():
+        tests[name] = _from_score(name, score_test(view.residual, columns, view.nuisance(name)))
+    tests["press"] = _worst_press(view)
+    space = PressSpace(view.w, view.beyond)
+    tests["all_presses"] = _from_score("all_presses", space.omnibus(view.residual, view.beyond))
+    largest = float(np.max(np.abs(view.residual)))
+    tests["reading"] = Test(
+        "reading", "", largest, 1, largest_test(view.residual), times_noise=largest
+    )
+    return tests
+
+
+def _worst_press(view: ResidualView) -> Test:
+    """Test of the press that misfits most, beyond what the map and smooth laws take."""
+    if view.w.presses < 2:
+        return Test("press", "", untestable="the scan has only one press")
+    worst = PressSpace(view.w, view.smooth).misfits().max() / view.scale**2
+    p = min(1.0, float(special.chdtrc(2, worst)) * view.w.presses)
+    return Test("press", "", float(worst), 2, p, times_noise=float(np.sqrt(worst / 2)))
+
+
+def _alikeness_tests(view: ResidualView) -> dict[str, Test]:
+    """Moran's I over the surface and along the order; correlation of consecutive readings."""
+    w, tests = view.w, {}
+    few = f"the scan has only {w.presses} presses; 9 are needed"
+    for name in ("neighbours", "succession"):
+        tests[name] = Test(name, "", untestable=few)
+    if w.presses >= 9:
+        space = PressSpace(w, view.beyond)
+        line = np.eye(w.presses, k=1) + np.eye(w.presses, k=-1)
+        surface = nearest_neighbours(w.scan.contact_points)
+        for name, neighbours in (("neighbours", surface), ("succession", line)):
+            a = space.alikeness(neighbours)
+            tests[name] = Test(name, "", a.moran_i, w.presses, a.p_value)
+    pairs = int(w.follows.sum())
+    if pairs < 20:
+        tests["lag"] = Test("lag", "", untestable=f"only {pairs} readings follow another")
+    else:
+        c = lag_test(view.residual, w.follows, view.absorbed)
+        tests["lag"] = Test("lag", "", c.value, c.pairs, c.p_value, times_noise=abs(c.z))
+    return tests
+
+
+def _decide(tests: list[Test]) -> tuple[Test, ...]:
+    adjusted = iter(holm([t.p_value for t in tests if t.untestable is None]))
+    decided = []
+    for test in tests:
+        if test.untestable is None:
+            p = float(next(adjusted))
+            test = replace(test, p_adjusted=p, fires=p < ALPHA)
+        decided.append(test)
+    return tuple(decided)
+
+
+def _main_direction(
+    view: ResidualView, fires: set[str]
+) -> tuple[str | None, tuple[str, ...], tuple[str, ...]]:
+    """Along what the residual varies most, what remains beside it, what cannot be told from it.
+
+    The dimension that explains most wins, at a price of 2 a direction (Akaike), 2 ln m where the
+    data chose the direction.  The others are tested again with the winner taken away, and named if
+    they explain a tenth of what it does.  A winner that explains less than a fifth of what exceeds
+    the noise is not the main thing.
+    """
+    candidates = {n: a for n, a in view.directions.items() if n in fires}
+    if "press" in fires and view.bad:
+        candidates["press"] = press_directions(view.w, view.bad)
+    if "reading" in fires:
+        candidates["reading"] = _outlying(view)
+    if not candidates:
+        return _without_pattern(fires), (), ()
+    scores = {n: score_test(view.residual, a, view.nuisance(n)) for n, a in candidates.items()}
+    chosen = 2 * np.log(len(view.residual))
+    price = {n: (chosen if n in ("press", "reading") else 2.0) * scores[n].dof for n in scores}
+    best = max(scores, key=lambda n: scores[n].statistic - price[n])
+    excess = view.chi2 / view.scale**2 - view.dof / view.scale**2
+    if scores[best].statistic - scores[best].dof < 0.2 * excess:
+        return _without_pattern(fires), (best,), ()
+    also, confused = [], []
+    for name in sorted(set(candidates) - {best}, key=lambda n: -scores[n].statistic):
+        limit = ALPHA / len(QUESTIONS)
+        beside = _beyond(view, candidates, name, best)
+        if beside.p_value < limit:
+            if beside.statistic - beside.dof > 0.1 * scores[best].statistic:
+                also.append(name)
+        elif _beyond(view, candidates, best, name).p_value >= limit:
+            confused.append(name)
+    return best, tuple(also), tuple(confused)
+
+
+def _outlying(view: ResidualView) -> np.ndarray:
+    """Directions of the single readings that stand out, at most 20."""
+    limit = -special.ndtri(ALPHA / 2 / len(view.residual))
+    rows = np.argsort(-np.abs(view.residual))[:20]
+    rows = rows[np.abs(view.residual[rows]) > limit]
+    columns = np.zeros((len(view.residual), len(rows)))
+    columns[rows, np.arange(len(rows))] = 1.0
+    return columns
+
+
+def _beyond(view: ResidualView, columns: dict[str, np.ndarray], name: str, other: str) -> Score:
+    """Score test of one dimension with another one taken away."""
+    nuisance = orthonormal(np.hstack([view.nuisance(name), columns[other]]))
+    return score_test(view.residual, columns[name], nuisance)
+
+
+def _without_pattern(fires: set[str]) -> str | None:
+    """Where to look if only a test without a direction fires."""
+    where = {
+        "neighbours": "place",
+        "succession": "order",
+        "lag": "reading",
+        "all_presses": "press",
+        "reading": "reading",
+    }
+    return next((place for test, place in where.items() if test in fires), None)
+
+
+def _notes(view: ResidualView, tests: dict[str, Test]) -> tuple[str, ...]:
+    notes = [
+        f"{QUESTIONS[name]} Cannot be tested: {test.untestable}."
+        for name, test in tests.items()
+        if test.untestable
+    ]
+    if view.w.noise_estimated:
+        notes.append("The noise was estimated from this scan, as the study does not give it.")
+    if view.scale > 1:
+        notes.append(
+            f"From one reading to the next the residual scatters {view.scatter:.2g} times as much "
+            "as the noise given; the questions of pattern are judged with this larger scatter."
+        )
+    elif special.chdtr(view.dof, view.chi2) < ALPHA / 2:
+        notes.append(
+            f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise given: that "
+            "noise seems too large, so small effects may have been missed."
+        )
+    return tuple(notes)
+
+
+def _largest(w: Whitened, count: int = 5) -> tuple[Reading, ...]:
+    """Return the largest single readings, in standard deviations."""
+    scan, r = w.scan, w.whitened
+    rows = np.argsort(-np.abs(r))[:count]
+    return tuple(
+        Reading(
+            press=int(scan.press[i]),
+            phase=str(scan.phase[i]),
+            time_s=float(scan.time_s[i]) if scan.has_time else None,
+            point_m=(
+                float(scan.point_m[i, 0]),
+                float(scan.point_m[i, 1]),
+                float(scan.point_m[i, 2]),
+            ),
+            force_n=float(scan.force_n[i]),
+            residual_m=float(w.residual_m[i]),
+            sigmas=float(r[i]),
+        )
+        for i in rows
+    )

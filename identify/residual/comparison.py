@@ -1,0 +1,174 @@
+"""The Comparison record: what a fit has left of a scan, in numbers, on disk as JSON."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from identify.json_record import read_json_record
+from identify.residual.per_press import PressResidual
+from identify.residual.simple_laws import LawMatch
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Level:
+    """Mean residual `mean_m` +- `error_m` (m) of the readings in one bin.
+
+    `low` and `high` bound the bin in the dimension's unit (N, s, press number), `label` names it.
+    """
+
+    label: str
+    low: float
+    high: float
+    mean_m: float
+    error_m: float
+    readings: int
+
+
+@dataclass(frozen=True)
+class Test:
+    """One question asked of the residual.
+
+    `times_noise` is the pattern's size in units of what noise alone would show (about 1 then);
+    `p_adjusted` is Holm's over all questions; `untestable` says why the scan cannot answer.
+    """
+
+    name: str
+    question: str
+    statistic: float = 0.0
+    dof: int = 0
+    p_value: float = 1.0
+    p_adjusted: float = 1.0
+    times_noise: float = 0.0
+    fires: bool = False
+    untestable: str | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One reading with its residual (m and standard deviations)."""
+
+    press: int
+    phase: str
+    time_s: float | None
+    point_m: tuple[float, float, float]
+    force_n: float
+    residual_m: float
+    sigmas: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a fit has left of a scan.
+
+    Attributes
+    ----------
+    is_noise : bool
+        No test fires at the family-wise level `alpha`.
+    varies_with : str or None
+        Along what the residual varies most: place, force, time, phase, order, press or reading.
+    statement : str
+        The finding in one sentence.
+    also_along, confused_with : tuple of str
+        What remains beside `varies_with` once that is taken away; what this scan cannot tell from
+        it.
+    notes : tuple of str
+        What could not be tested and why; doubts about the noise given.
+    rms_m, expected_rms_m : float
+        Of the residual; of noise alone, less what the fitted parameters take.
+    chi2, dof, chi2_p : float, int, float
+        Sum of squared residuals in sigmas, degrees of freedom, chance of so much or more.
+    scatter : float
+        Reading-to-reading scatter in units of the noise given (1 if that is right).
+    moran_i, lag1 : float or None
+        Moran's I of the presses' levels; correlation of consecutive readings of a press.
+    tests, levels, presses, largest :
+        All questions; mean residual by force, time, phase, order; per press (by press id);
+        the largest single readings.
+    law : LawMatch or None
+        A simple law that takes nearly all of what exceeds the noise.
+    """
+
+    is_noise: bool
+    varies_with: str | None
+    statement: str
+    also_along: tuple[str, ...]
+    confused_with: tuple[str, ...]
+    notes: tuple[str, ...]
+    alpha: float
+    readings: int
+    parameters: int
+    rms_m: float
+    expected_rms_m: float
+    chi2: float
+    dof: int
+    chi2_p: float
+    noise_estimated: bool
+    scatter: float
+    moran_i: float | None
+    lag1: float | None
+    tests: tuple[Test, ...]
+    levels: dict[str, tuple[Level, ...]]
+    presses: tuple[PressResidual, ...]
+    largest: tuple[Reading, ...]
+    law: LawMatch | None = None
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi2 / self.dof
+
+    @property
+    def bad_presses(self) -> tuple[int, ...]:
+        """Ids of the presses that stand out by themselves."""
+        return tuple(p.press for p in self.presses if p.bad)
+
+    @property
+    def worst_presses(self) -> tuple[PressResidual, ...]:
+        """All presses, largest misfit first."""
+        return tuple(sorted(self.presses, key=lambda p: -p.misfit))
+
+    def test(self, name: str) -> Test:
+        """Return the question of a name."""
+        for test in self.tests:
+            if test.name == name:
+                return test
+        raise KeyError(f"no test '{name}'; there are {', '.join(t.name for t in self.tests)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the record as plain data, with its schema version."""
+        return {"schema": SCHEMA, **asdict(self), "chi2_per_dof": self.chi2_per_dof}
+
+    def write(self, path: Path) -> None:
+        """Write the record as JSON."""
+        path.write_text(json.dumps(self.to_dict(), indent=1, allow_nan=False), encoding="utf-8")
+
+
+def read_comparison(path: Path) -> Comparison:
+    """Read a Comparison from its JSON file.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is no such record, or was written by a newer version.
+    """
+    return read_json_record(path, "comparison", "palpmap compare", SCHEMA, _from_dict)
+
+
+def _from_dict(data: dict[str, Any]) -> Comparison:
+    fields = {k: v for k, v in data.items() if k != "chi2_per_dof"}
+    for name in ("also_along", "confused_with", "notes"):
+        fields[name] = tuple(fields[name])
+    fields["tests"] = tuple(Test(**t) for t in fields["tests"])
+    fields["levels"] = {k: tuple(Level(**v) for v in lv) for k, lv in fields["levels"].items()}
+    fields["presses"] = tuple(
+        PressResidual(**{**p, "point_m": tuple(p["point_m"])}) for p in fields["presses"]
+    )
+    fields["largest"] = tuple(
+        Reading(**{**r, "point_m": tuple(r["point_m"])}) for r in fields["largest"]
+    )
+    if fields.get("law") is not None:
+        fields["law"] = LawMatch(**fields["law"])
+    return Comparison(**fields)

@@ -1,0 +1,142 @@
+"""The finding of a comparison in one sentence that an experimenter understands."""
+
+import numpy as np
+
+from identify.residual.comparison import Comparison, Level
+from identify.residual.per_press import LARGEST_SIGMAS, MOST_BAD, PressResidual
+
+LABELS = {
+    "place": "the place on the surface",
+    "force": "the force",
+    "time": "the time within a press",
+    "phase": "the phase of the press",
+    "order": "the order of pressing",
+    "press": "the single press",
+    "reading": "the single reading",
+}
+
+
+def length(metres: float, *, signed: bool = True) -> str:
+    """Length in the unit that reads best.
+
+    Examples
+    --------
+    >>> length(3.82e-5), length(-4.1e-6), length(1.23e-3, signed=False)
+    ('+38 µm', '-4.1 µm', '1.23 mm')
+    """
+    sign = "+" if signed else ""
+    micro = 1e6 * metres
+    if abs(micro) >= 1000:
+        return f"{micro / 1000:{sign}.2f} mm"
+    return f"{micro:{sign}.0f} µm" if abs(micro) >= 9.95 else f"{micro:{sign}.1f} µm"
+
+
+def sigmas(press: PressResidual, digits: str = ".2g") -> str:
+    """Say a press's misfit in standard deviations; beyond 37 its chance is below any number."""
+    return "> 37" if press.sigmas >= LARGEST_SIGMAS else f"{press.sigmas:{digits}}"
+
+
+def sentence(c: Comparison) -> str:
+    """Say whether the residual is noise, and if not, along what it varies most."""
+    size = (
+        f"rms {length(c.rms_m, signed=False)}, noise alone {length(c.expected_rms_m, signed=False)}"
+    )
+    if c.is_noise:
+        return f"The residual is noise: {size}, and no pattern along anything that was tested."
+    if c.varies_with is None:
+        times = c.test("size").times_noise
+        text = (
+            f"The residual has no main pattern but is {times:.2g} times the noise given ({size}): "
+            "either the noise is larger than stated, or something varies from reading to reading"
+        )
+    else:
+        text = f"The residual is not noise ({size}): {_finding(c)}"
+    if c.confused_with:
+        text += f"; this scan cannot tell it from {_listed(c.confused_with)}"
+    if c.also_along:
+        text += f"; beside that it varies with {_listed(c.also_along)}"
+    if c.law:
+        text += f". {100 * c.law.share:.0f} % of it goes with {c.law.words}"
+    return text + "."
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    labels = [LABELS[n] for n in names]
+    return labels[0] if len(labels) == 1 else f"{', '.join(labels[:-1])} and {labels[-1]}"
+
+
+def _finding(c: Comparison) -> str:
+    name = c.varies_with or ""
+    if name == "press":
+        return _presses(c)
+    if name == "reading":
+        return _readings(c)
+    if name == "place":
+        return f"it varies most with {LABELS[name]}, {_places(c)}{_times(c, 'place')}"
+    return f"it varies most with {LABELS[name]}, {_span(c.levels[name], name)}{_times(c, name)}"
+
+
+def _times(c: Comparison, name: str) -> str:
+    test = c.test(name)
+    return f", {test.times_noise:.2g} times what noise would show" if test.fires else ""
+
+
+def _span(levels: tuple[Level, ...], name: str) -> str:
+    """Return the two extreme levels in their order along the dimension, or all phases."""
+    if name == "phase":
+        return ", ".join(f"{length(v.mean_m)} in {v.label}" for v in levels)
+    ends = {min(levels, key=lambda v: v.mean_m), max(levels, key=lambda v: v.mean_m)}
+    first, last = sorted(ends, key=lambda v: v.low)
+    if name == "order":
+        return (
+            f"from {length(first.mean_m)} in presses {first.low:.0f}-{first.high:.0f} "
+            f"to {length(last.mean_m)} in presses {last.low:.0f}-{last.high:.0f}"
+        )
+    return f"from {length(first.mean_m)} at {first.label} to {length(last.mean_m)} at {last.label}"
+
+
+def _places(c: Comparison) -> str:
+    """Return where the body gives way more, and where less, than the map explains."""
+    points = np.array([p.point_m for p in c.presses])
+    means = np.array([p.mean_m for p in c.presses])
+    # Averaged over near neighbours: the pattern, not the worst single press.
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    near = np.sort(distance, axis=1)[:, : min(5, len(points))].max(axis=1)
+    smooth = np.array([means[d <= r].mean() for d, r in zip(distance, near, strict=True)])
+    softest, hardest = int(np.argmax(smooth)), int(np.argmin(smooth))
+    return (
+        f"{_at(c.presses[softest], smooth[softest])} and {_at(c.presses[hardest], smooth[hardest])}"
+    )
+
+
+def _at(press: PressResidual, mean: float) -> str:
+    x, y, z = (1e3 * v for v in press.point_m)
+    return f"{length(mean)} around ({x:.0f}, {y:.0f}, {z:.0f}) mm (press {press.press})"
+
+
+def _presses(c: Comparison) -> str:
+    bad = [p for p in c.worst_presses if p.bad]
+    if not bad or len(bad) >= MOST_BAD:
+        worst = c.worst_presses[0]
+        return (
+            "it differs from press to press without a pattern over the surface, most at press "
+            f"{worst.press} ({length(worst.mean_m)}, {sigmas(worst)} sigma)"
+        )
+    named = ", ".join(f"{p.press} ({length(p.mean_m)}, {sigmas(p)} sigma)" for p in bad[:4])
+    rest = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
+    stand = "stands" if len(bad) == 1 else "stand"
+    word = "press" if len(bad) == 1 else "presses"
+    return f"{word} {named}{rest} {stand} out from all others"
+
+
+def _readings(c: Comparison) -> str:
+    if c.test("lag").fires:
+        return (
+            f"consecutive readings are correlated ({c.lag1:.2f}), without a pattern along anything "
+            "else, so that the errors of the map are larger than stated"
+        )
+    r = c.largest[0]
+    return (
+        f"one reading stands out, press {r.press} in {r.phase} at {r.force_n:.3g} N with "
+        f"{length(r.residual_m)} ({abs(r.sigmas):.2g} sigma)"
+    )

@@ -1,0 +1,106 @@
+"""The residual of a fit in units of its noise, at the best estimate of the true force.
+
+Both columns of a scan are noisy: e = d - C F has the variance s^2 = sd_d^2 + C^2 sd_F^2, and
+r = e / s is N(0, 1) if the model is right.  The measured F and r are correlated (sorted by F, pure
+noise shows a slope), the latent force F^ = F + (C sd_F^2 / s^2) e and r are independent.  So
+whatever compares residuals at different forces, and every derivative, takes F^.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.fit.result import Fit
+from models.errors import InputError
+from models.scan import Scan
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """m readings of a scan, what the fit left of them, and what it could have taken away.
+
+    Attributes
+    ----------
+    scan : Scan
+        The m readings that the fit used.
+    residual_m : (m,)
+        Measured less modelled displacement, m; positive where the body gave way more.
+    sigma_m : (m,)
+        One standard deviation of the residual if only noise is left, m.
+    force_n : (m,)
+        Best estimate F^ of the true force, N.
+    absorbed : (m, k)
+        Derivatives of the modelled displacement by the fitted parameters at F^, over sigma.
+    noise_estimated : bool
+        The noise was estimated from this very scan.
+    """
+
+    scan: Scan
+    residual_m: np.ndarray
+    sigma_m: np.ndarray
+    force_n: np.ndarray
+    absorbed: np.ndarray
+    noise_estimated: bool
+
+    def __post_init__(self) -> None:
+        for array in (self.residual_m, self.sigma_m, self.force_n, self.absorbed):
+            array.setflags(write=False)
+
+    @property
+    def whitened(self) -> np.ndarray:
+        """Residual in standard deviations, (m,)."""
+        return self.residual_m / self.sigma_m
+
+    @property
+    def press_index(self) -> np.ndarray:
+        """Press of each reading, 0..j-1, (m,)."""
+        return self.scan.press_index
+
+    @property
+    def presses(self) -> int:
+        """Number of presses j."""
+        return len(self.scan.press_ids)
+
+    @property
+    def follows(self) -> np.ndarray:
+        """Reading i follows reading i - 1 of the same press, (m,) bool."""
+        follows = np.zeros(len(self.residual_m), dtype=bool)
+        follows[1:] = self.press_index[1:] == self.press_index[:-1]
+        return follows
+
+
+def whitened(fit: Fit, scan: Scan) -> Whitened:
+    """Return the whitened residual of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        With the derivative of each press's compliance by the free parameters.
+    scan : Scan
+        The scan that was fitted; approach and retract rows are left out, as in the fit.
+
+    Raises
+    ------
+    InputError
+        The scan is not the one that was fitted.
+    """
+    rows = scan.used()
+    if len(rows) != len(fit.force_n) or not (
+        np.array_equal(rows.force_n, fit.force_n)
+        and np.array_equal(rows.displacement_m, fit.displacement_m)
+    ):
+        raise InputError(
+            f"the fit was made on another scan: it has {len(fit.force_n)} used rows, this scan "
+            f"{len(rows)}, or their readings differ; fit this scan anew"
+        )
+    derivative = fit.derivative_m
+    if derivative is None:
+        derivative = fit.compliance_jacobian[rows.press_index] * fit.latent_force_n[:, None]
+    return Whitened(
+        scan=rows,
+        residual_m=fit.residual_m,
+        sigma_m=fit.sigma_m,
+        force_n=fit.latent_force_n,
+        absorbed=derivative / fit.sigma_m[:, None],
+        noise_estimated=fit.noise.estimated,
+    )

@@ -1,0 +1,1 @@
+"""Selection of effects: score tests, candidates, forward selection, verdict."""

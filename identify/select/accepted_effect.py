@@ -1,0 +1,69 @@
+"""An effect that was added, and what it cannot be told from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identify.body.discretization_error import MODEL_ERROR
+from identify.fit.joint_fit import JointFit
+from identify.select.candidates import MARGIN, Rival
+
+CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
+
+
+@dataclass(frozen=True)
+class Addition:
+    """An effect that was added, the rivals that it was compared with (best first).
+
+    `before` : chi-square without it, when it was added.
+    `tried` : the rivals when it was added, if they were compared again since.
+    `borne_out` : the presses by themselves call for it, and most are explained, whatever the map.
+    `beside` : by rival, what a slight error of the model passes for, or what may pass for it.
+    """
+
+    name: str
+    rivals: tuple[Rival, ...]
+    borne_out: bool = False
+    beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    before: float = np.inf
+    tried: tuple[Rival, ...] = ()
+
+    @property
+    def equals(self) -> tuple[str, ...]:
+        """The effect and all rivals that explain the scan as well, to within `MARGIN`.
+
+        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A rival of
+        which the effect is a special case can always do nearly as well: it is none.
+        """
+        best = self.rivals[0]
+        near = [
+            rival
+            for rival in self.rivals
+            if rival.criterion < best.criterion + MARGIN or rival.chi2 < best.chi2 + CLOSE
+        ]
+        return tuple(rival.name for rival in near if self.name not in rival.contains)
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """What the scan cannot tell apart: the `equals`, and what an error of the model is like."""
+        if len(self.equals) > 1 and self.name != MODEL_ERROR:
+            return self.equals
+        beside = self.beside.get(self.name, ())
+        return (*self.equals, *(name for name in beside if name not in self.equals))
+
+
+def at_bound(fit: JointFit, name: str) -> bool:
+    """Whether an amplitude of an effect ends at a bound of what is possible, other than no effect.
+
+    So much of it as the scan asks for cannot be there: something else is.
+    """
+    (part,) = (part for part in fit.model.effects if part.effect.name == name)
+    nulls = {amplitude.name: amplitude.null for amplitude in part.effect.amplitudes}
+    held = (unknown.rpartition(".") for unknown in fit.at_bound)
+    return any(
+        effect == name and own in nulls and fit.at.values[name][own] != nulls[own]
+        for effect, _, own in held
+    )

@@ -1,0 +1,94 @@
+"""Which effects of a catalogue the residual of a fit calls for, and which cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from identify.effects.base import Effect
+from identify.fit.joint_fit import JointFit
+from identify.select.score_test import Score, cosine, fitted_basis, holm_significant, score_effect
+
+ALPHA = 0.01  # chance that pure noise supports any effect of the catalogue
+ALIKE = 0.9  # cosine from which two effects cannot be told apart by their linear patterns
+
+CandidateVerdict = Literal["supported", "not_seen", "indistinguishable", "untestable"]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Scores of all effects that the model does not have yet.
+
+    Attributes
+    ----------
+    scores : best first; untestable ones last
+    significant : names that pure noise would not give (Holm over the catalogue, 1 %)
+    excess : chi-square beyond the degrees of freedom: what remains to be explained
+    """
+
+    scores: tuple[Score, ...]
+    significant: frozenset[str]
+    excess: float
+
+    def __getitem__(self, name: str) -> Score:
+        return next(score for score in self.scores if score.name == name)
+
+    @cached_property
+    def cosines(self) -> np.ndarray:
+        """Cosines (e, e) between the patterns of the scores beyond the map, in their order."""
+        return np.array([[cosine(a, b) for b in self.scores] for a in self.scores])
+
+    def confused_with(self, name: str) -> tuple[str, ...]:
+        """Names of the effects whose pattern is the same but for a cosine of 0.9, nearest first."""
+        names = [score.name for score in self.scores]
+        row = self.cosines[names.index(name)]
+        alike = [(c, n) for c, n in zip(row, names, strict=True) if n != name and c > ALIKE]
+        return tuple(n for _, n in sorted(alike, reverse=True))
+
+    def verdict(self, name: str) -> CandidateVerdict:
+        """Say what the scores alone say of an effect."""
+        score = self[name]
+        if score.untestable is not None:
+            return "untestable"
+        if name not in self.significant:
+            return "not_seen"
+        rivals = set(self.confused_with(name)) & self.significant
+        return "indistinguishable" if rivals else "supported"
+
+    def explained_fraction(self, name: str) -> float:
+        """Share of the unexplained chi-square that an effect would take away, 0 to 1."""
+        if self.excess <= 0:
+            return 0.0
+        return float(np.clip(self[name].statistic / self.excess, 0.0, 1.0))
+
+
+def diagnose(
+    fit: JointFit,
+    catalogue: Sequence[Effect],
+    *,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Score every effect of the catalogue that the fitted model does not have.
+
+    Parameters
+    ----------
+    seed : of the simulated nulls
+    progress : called with the name of each effect before it is scored
+    """
+    fitted = fitted_basis(fit.at)
+    scores = []
+    for effect in catalogue:
+        if effect.name in fit.model.has:
+            continue
+        if progress:
+            progress(effect.name)
+        scores.append(score_effect(fit, effect, fitted, seed))
+    scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))
+    return Diagnosis(
+        tuple(scores), frozenset(holm_significant(scores, ALPHA)), max(fit.chi2 - fit.dof, 0.0)
+    )

@@ -1,0 +1,62 @@
+"""From the law that the presses show by themselves to the second rung of the ladder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from identify.fit.contact_law import ContactLaw
+from identify.fit.free_compliance import PressWiseFit
+from identify.fit.joint_fit import JointFit, fit_jointly, try_fit
+from identify.map.gaussian_map import GaussianMap
+from identify.select.accepted_effect import Addition
+from identify.select.candidates import Rival
+from identify.select.step import Rung
+
+_EVALUATIONS, _RIVAL_EVALUATIONS = 40, 15
+
+
+def follow(
+    law: ContactLaw, rung: Rung, start: GaussianMap, say: Callable[[str], None]
+) -> tuple[JointFit, list[Addition]] | None:
+    """Fit the map beside the effects of a law; None where that explains the scan no better.
+
+    The rivals of each effect are those of the law: its criterion is the presses', in which the map
+    has no say.
+
+    Parameters
+    ----------
+    rung : the one without the effects
+    start : map to start from, beside the rung's own
+    """
+    if not law.names:
+        return None
+    say(f"fitting the map with {', '.join(law.names)}")
+    # A map that was fitted without the effects, or to straightened readings: either may be a trap
+    fits = [joint_fit(law.found, rung, stiffness) for stiffness in (start, rung.fit.map)]
+    fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.bic, default=None)
+    if fit is None or fit.bic >= rung.fit.bic:
+        return None
+    fit = fit_jointly(fit.model, fit.map)
+    additions = []
+    for name in law.names:
+        rivals = [Rival(name, law.found.chi2, law.criterion(law.found), fit)]
+        for other, own in law.rivals(name):
+            say(f"trying {other}")
+            beside = joint_fit(own, rung, fit.map, _RIVAL_EVALUATIONS)
+            if beside is not None:
+                # As good as the effect found, as far as the laws can be trusted
+                rivals.append(Rival(other, own.chi2, rivals[0].criterion, beside))
+        additions.append(Addition(name, tuple(rivals), borne_out=True))
+    return fit, additions
+
+
+def joint_fit(
+    found: PressWiseFit, rung: Rung, start: GaussianMap, evaluations: int = _EVALUATIONS
+) -> JointFit | None:
+    """Fit the map and the effects of a law, from the law's values."""
+    model = rung.fit.model
+    for part in found.parts:
+        if part.effect.name not in model.has:
+            values = found.values[part.effect.name]
+            model = model.with_effect(part.effect, values, rung.fit.at.state)
+    return try_fit(model, start, rounds=0, max_evaluations=evaluations)

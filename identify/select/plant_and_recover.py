@@ -1,0 +1,136 @@
+"""Planting an effect in a scan and finding it again: the check of an effect that needs a body.
+
+The scan is the conformance kit's, pressed on a block of finite elements with one hard spot, of
+which only the background is sought. Truth and model are the same here, on purpose: what is checked
+is that the score sees the effect, and that a refit from its first estimate returns what was
+planted. What a whole map would hide of it is another question (`palpmap limits`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body.mechanics import BodyMechanics
+from identify.effects.base import Effect, Values
+from identify.effects.conformance.checks import Fault
+from identify.effects.conformance.example_scan import Trial, trial
+from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.map.parameters import parameter_space
+from identify.measurement.chain import Chain
+from identify.measurement.model import MeasurementModel
+from identify.measurement.noise import Noise
+from identify.select.candidates import fit_with
+from identify.select.score_test import Score, fitted_basis, score_effect
+
+NOT_PLANTED = "not planted: "  # with which a finding begins where the check was not made
+_DIVISIONS = (5, 5, 3)
+_MAP = GaussianMap(6000.0, (Inclusion(9000.0, 0.040, 0.060, 0.030, 0.015),))
+_NOISE = Noise(1e-5, 2e-3)
+_SIGMAS = 15.0  # standard errors that are planted, where the bounds leave room
+_SEEN = 1e-3  # chance of the score under the null
+_SPREAD = 5.0  # standard errors that what is found may be off by
+_PART = 0.1  # ... or of what was planted: the law may bend over so many standard errors
+
+
+def planted_and_found(effect: Effect, own: Trial) -> str:
+    """Plant the effect in a known map, score it and refit; for `conformance.check_effect`.
+
+    Raises
+    ------
+    Fault
+        The score does not see what was planted, or the refit returns something else.
+    """
+    plain = _fit(own, effect, None)
+    score = score_effect(plain, effect, fitted_basis(plain.at))
+    if score.untestable:
+        return NOT_PLANTED + score.untestable
+    values = _values(effect, plain, score)
+    if values is None:
+        return NOT_PLANTED + "within its bounds this scan does not show it beside the map"
+    fit = _fit(own, effect, values)
+    score = score_effect(fit, effect, fitted_basis(fit.at))
+    said = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+    if score.p_value > _SEEN:
+        raise Fault(f"planted {said}: the score does not see it, p = {score.p_value:.2g}")
+    found = fit_with(fit, effect, score)
+    if found is None:
+        raise Fault(f"planted {said}: no refit is possible from {dict(score.values)}")
+    for p in effect.amplitudes:
+        name = f"{effect.name}.{p.name}"
+        off, deviation = found.values[name] - values[p.name], found.std[name]
+        if not abs(off) <= max(_SPREAD * deviation, _PART * abs(values[p.name] - (p.null or 0))):
+            raise Fault(
+                f"planted {said}: {p.name} came back as {found.values[name]:.3g} "
+                f"+- {deviation:.2g} {p.unit}"
+            )
+    back = ", ".join(f"{found.values[f'{effect.name}.{n}']:.3g}" for n in values)
+    return f"{said}; found {back}"
+
+
+@cache
+def _mechanics() -> BodyMechanics:
+    readings, state = trial().readings, trial().state
+    first = readings.first
+    contacts = Contacts(
+        readings.point_m[first], readings.direction[first], readings.radius_m[first]
+    )
+    mesh = block_mesh(tuple(np.array(state.box_m)[1].tolist()), _DIVISIONS)
+
+    def at(nu: float) -> PalpationModel:
+        return PalpationModel(mesh, nu, contacts)
+
+    # errors of mesh and pressure that an effect may scale: what the presses' places make of them
+    far = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
+    far /= far.max()
+    return BodyMechanics(
+        at(state.poisson_ratio), None, at, model_error=0.02 * far, tip_gain=0.1 * far**2
+    )
+
+
+def _fit(own: Trial, effect: Effect, values: Values | None) -> JointFit:
+    """Fit the map alone to a scan with the effect planted (without for None)."""
+    rng = np.random.default_rng(0)
+    readings, mechanics = own.readings, _mechanics()
+    space = parameter_space(_MAP, np.array(own.state.box_m), ["background_pa"])
+    state = mechanics.state().changed(background_pa=_MAP.background_pa)
+    body = mechanics.evaluate(_MAP, effect.body(state, values) if values else state)
+    coarse = mechanics.coarse.contacts
+    chain = Chain(
+        readings, [effect] if values else [], coarse.radius_m, coarse.profile,
+        mechanics.poisson_ratio,
+    )  # fmt: skip
+    travel = chain.predict(
+        body.compliance, body.local_modulus, readings.force_n, {effect.name: values or {}}
+    )
+    noisy = readings.force_n + _NOISE.force_n * rng.standard_normal(len(travel))
+    model = MeasurementModel(
+        replace(readings, force_n=noisy),
+        travel + _NOISE.displacement_m * rng.standard_normal(len(travel)),
+        _NOISE,
+        mechanics,
+        space,
+    )
+    return fit_jointly(model, _MAP, rounds=0)
+
+
+def _values(effect: Effect, plain: JointFit, score: Score) -> dict[str, float] | None:
+    """Return amplitudes of `_SIGMAS` standard errors, at the shape that these were found for."""
+    readings, state = plain.model.readings, plain.at.state
+    values = {p.name: score.values[p.name] for p in effect.shapes}
+    room = 0.0
+    for p, error in zip(
+        (q for q in effect.bounded(readings, state) if q.null is not None),
+        score.errors,
+        strict=True,
+    ):
+        assert p.null is not None
+        size = _SIGMAS * error * p.typical
+        up, down = min(size, p.upper - p.null), min(size, p.null - p.lower)
+        values[p.name] = p.null + up if up >= down else p.null - down
+        room = max(room, max(up, down) / max(error * p.typical, 1e-300))
+    return values if room >= _SIGMAS / 2 else None

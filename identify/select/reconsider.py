@@ -1,0 +1,97 @@
+"""A second look at earlier additions, beside what was found since.
+
+Which effect did best was decided while another one was still missing, and may have been decided by
+it: presses made row by row that sink ever deeper look like a tilt along the columns, so that a
+first touch declared late is taken for a tilted surface. Once the other effect is in the model, the
+earlier one is compared with its rivals of then once more. Whatever does clearly better takes its
+place, as does a special case that does as well; who comes near makes its group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.measurement.model import MeasurementModel
+from identify.select.accepted_effect import Addition
+from identify.select.candidates import MARGIN, Rival, beaten, carried_on, doubted, in_earnest, refit
+
+
+def look_again(
+    fit: JointFit,
+    additions: Sequence[Addition],
+    say: Callable[[str], None],
+    the_last_too: bool = False,
+) -> tuple[JointFit, list[Addition], dict[str, str]]:
+    """Compare each addition but the last with its rivals, beside all others.
+
+    The last was compared beside the present ones, and is compared again only if one is replaced, or
+    if it is said. What the presses by themselves bear out stands as it is.
+
+    Returns
+    -------
+    The fit, the additions, and by the names of those that were replaced what stands there now.
+    """
+    additions, exchanged = list(additions), {}
+    for index, addition in enumerate(additions):
+        is_last = index == len(additions) - 1
+        if addition.borne_out or (is_last and not exchanged and not the_last_too):
+            continue
+        rivals = _beside_the_rest(fit, addition, say)
+        winner = rivals[0]
+        tried = addition.tried or addition.rivals
+        additions[index] = replace(addition, rivals=rivals, tried=tried)
+        if _takes_over(winner, addition.name, rivals):
+            additions[index] = replace(additions[index], name=winner.name)
+            exchanged[addition.name] = winner.name
+            say(f"refitting with {winner.name} in place of {addition.name}")
+            fit = fit_jointly(winner.fit.model, winner.fit.map)
+    return fit, additions, exchanged
+
+
+def with_exchanged(fit: JointFit, exchanged: Mapping[str, str], now: JointFit) -> JointFit:
+    """Refit an earlier model with what has replaced its effects since."""
+    parts = {part.effect.name: part for part in now.model.started(now.u).effects}
+    effects = {  # by name: what replaces one may have been there beside it
+        own.effect.name: own
+        for own in (
+            parts[exchanged[own.effect.name]] if own.effect.name in exchanged else own
+            for own in fit.model.effects
+        )
+    }
+    return fit_jointly(replace(fit.model, effects=tuple(effects.values())), fit.map)
+
+
+def _beside_the_rest(
+    fit: JointFit, addition: Addition, say: Callable[[str], None]
+) -> tuple[Rival, ...]:
+    """Return an addition and its rivals, each refitted beside all other effects, best first."""
+    found = [Rival(addition.name, fit.chi2, fit.bic, fit)]
+    best = next(rival for rival in addition.rivals if rival.name == addition.name)
+    for rival in addition.rivals:
+        if rival.name in fit.model.has or beaten(rival.chi2, addition.before, best.chi2):
+            continue
+        say(f"trying {rival.name} in place of {addition.name}")
+        own = refit(_exchanged(fit, addition.name, rival), rival.fit.map, rounds=0)
+        if own is None:
+            continue
+        own = carried_on(own, rival.fit, fit.chi2)
+        if not doubted(own, rival.name) and (own.chi2 > fit.chi2 or in_earnest(fit, own)):
+            found.append(Rival(rival.name, own.chi2, own.bic, own))
+    return tuple(sorted(found, key=lambda rival: rival.criterion))
+
+
+def _takes_over(winner: Rival, name: str, rivals: Sequence[Rival]) -> bool:
+    """Whether a rival is better beyond doubt, or does with less what it is a special case of."""
+    present = next(rival for rival in rivals if rival.name == name)
+    clearly = winner.criterion < present.criterion - MARGIN
+    return clearly or (winner.name != name and winner.name in present.contains)
+
+
+def _exchanged(fit: JointFit, name: str, rival: Rival) -> MeasurementModel:
+    """Return the model of a fit with a rival, as it was fitted then, in place of an effect."""
+    (part,) = (part for part in rival.fit.model.effects if part.effect.name == rival.name)
+    now = fit.model.started(fit.u)
+    parts = tuple(part if own.effect.name == name else own for own in now.effects)
+    return replace(now, effects=parts)

@@ -1,0 +1,268 @@
+"""Score every effect of a catalogue from the present fit, without refitting.
+
+With the whitened residual r, the derivatives G of all that was fitted and those A of an effect's
+amplitudes at their null, all at the latent force:
+
+    A_perp = A - G (G'G)^-1 G'A        S = r' A_perp (A_perp'A_perp)^-1 A_perp' r ~ chi2_q
+
+What the curvature of the map leaves in r on average is taken off first
+(`identify.fit.curvature_bias`). Shape parameters are searched on a grid and the search is paid for
+(`score_null`). What an effect shares with the fitted map, nobody can see: `visible` is what the
+projection leaves of it. Source: Rao's score test; Neyman's C(alpha) for the projection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.effects.base import Effect, EffectParameter
+from identify.fit.joint_fit import JointFit
+from identify.measurement.chain import Chain
+from identify.measurement.model import Linearised, MeasurementModel
+from identify.optimize.result import InadmissibleError
+from identify.residual.hypothesis_tests import orthonormal
+from identify.select.null_distribution import score_null
+
+_STEP = 1e-4  # of an amplitude's typical size
+_VISIBLE = 1e-5  # share of a pattern below which the map has absorbed it
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What an effect would add to the whitened readings, per unit of its amplitudes.
+
+    Attributes
+    ----------
+    effect : which
+    shapes : g candidates of the shape parameters
+    columns : (g, m, q) derivative by each amplitude in units of its typical size
+    """
+
+    effect: Effect
+    shapes: Sequence[Mapping[str, float]]
+    columns: np.ndarray
+
+
+@dataclass(frozen=True)
+class Score:
+    """How much better an effect would explain the scan.
+
+    Attributes
+    ----------
+    name : of the effect
+    statistic : decrease of chi-square, to first order
+    log_p : natural logarithm of the chance under pure noise, the search over the grid counted
+    values : first estimate of all parameters
+    sizes : (q,) amplitudes in typical sizes, `errors` their standard errors
+    visible : share of the effect's pattern that the fitted parameters leave
+    beyond : (m, q) orthonormal basis of its pattern beyond the fitted parameters
+    rms_m : what the effect of this size contributes to the readings, root mean square, m
+    untestable : why the scan cannot show it, or None
+    """
+
+    name: str
+    statistic: float
+    log_p: float
+    values: Mapping[str, float]
+    sizes: np.ndarray
+    errors: np.ndarray
+    visible: float
+    beyond: np.ndarray
+    rms_m: float
+    untestable: str | None = None
+
+    @property
+    def p_value(self) -> float:
+        """Chance under pure noise, not less than 1e-300."""
+        return float(np.exp(max(self.log_p, np.log(1e-300))))
+
+
+def effect_patterns(
+    model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
+) -> Pattern:
+    """Return the patterns of an effect at its null, beside what the model already has.
+
+    `most` limits the candidates of its shape to so many, evenly over its grid.
+    """
+    parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
+    amplitudes = [parameters[p.name] for p in effect.amplitudes]
+    shapes = effect.grid(model.readings, at.state)
+    if most is not None and len(shapes) > most:
+        shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
+    null = effect.null
+    rows = np.empty((len(shapes), len(at.residual), len(amplitudes)))
+    chain = Chain(
+        model.readings,
+        [*(part.effect for part in model.effects), effect],
+        model.chain.radius_m,
+        model.chain.profile,
+        model.chain.poisson_ratio,
+    )
+    base = model.chain.predict(
+        at.body.compliance, at.body.local_modulus, at.latent_force_n, at.values
+    )
+    for g, shape in enumerate(shapes):
+        for a, amplitude in enumerate(amplitudes):
+            step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
+            size = null[amplitude.name] + step * amplitude.typical
+            values = {**null, **shape, amplitude.name: size}
+            if effect.link == "body":
+                dc, de = at.body.change(effect.body(at.state, values))
+                press = model.readings.press
+                moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
+            else:
+                moved = (
+                    chain.predict(
+                        at.body.compliance,
+                        at.body.local_modulus,
+                        at.latent_force_n,
+                        {**at.values, effect.name: values},
+                    )
+                    - base
+                )
+            rows[g, :, a] = at.whitened(moved / step, model.readings.press)
+    far = _far_patterns(model, at, effect, amplitudes[0], shapes)
+    return Pattern(
+        effect, [*shapes, *(s for s, _ in far)], np.concatenate([rows, *(r for _, r in far)])
+    )
+
+
+def _far_patterns(
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    amplitude: EffectParameter,
+    shapes: Sequence[Mapping[str, float]],
+) -> list[tuple[Mapping[str, float], np.ndarray]]:
+    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Effect.levels`."""
+    null, press, found = effect.null, model.readings.press, []
+    for level in effect.levels(at.state) if effect.link == "body" else ():
+        for shape in shapes:
+            state = effect.body(at.state, {**null, **shape, amplitude.name: level})
+            dc, de = at.body.exact_change(state)
+            moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
+            size = (level - null[amplitude.name]) / amplitude.typical
+            found.append((shape, at.whitened(moved / size, press)[None, :, None]))
+    return found
+
+
+def fitted_basis(at: Linearised) -> np.ndarray:
+    """Orthonormal basis (m, r) of all that was fitted."""
+    return orthonormal(at.jacobian)
+
+
+def beyond(pattern: Pattern, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Project what was fitted out of a pattern.
+
+    Returns
+    -------
+    columns (g, m, q) beyond, an orthonormal basis (g, m, q) of them (zero where nothing is left),
+    visible (g,) share that is left
+    """
+    a = pattern.columns
+    left = a - np.einsum("mr,grq->gmq", fitted, np.einsum("mr,gmq->grq", fitted, a))
+    length = np.linalg.norm(a, axis=1)
+    kept = np.linalg.norm(left, axis=1)
+    visible = np.sqrt(np.sum(kept**2, axis=1) / np.maximum(np.sum(length**2, axis=1), 1e-300))
+    scaled = left / np.maximum(kept, 1e-300)[:, None, :]
+    if a.shape[2] == 1:
+        basis = scaled
+    else:
+        basis, _ = np.linalg.qr(scaled)
+    basis[visible < _VISIBLE] = 0.0
+    return left, basis, visible
+
+
+def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 0) -> Score:
+    """Score one effect from a fit.
+
+    Parameters
+    ----------
+    fitted : basis of what was fitted, `fitted_basis(fit.at)`
+    seed : of the simulated null
+    """
+    chain = fit.model.chain
+    reason = effect.untestable(chain.readings) or effect.redundant(chain.profile, chain.nonlinear)
+    if reason is None:
+        try:
+            pattern = effect_patterns(fit.model, fit.at, effect)
+        except InadmissibleError as error:
+            reason = str(error)
+        else:
+            if not np.isfinite(pattern.columns).all():
+                reason = "the model has no finite answer to it at this map"
+            elif len(pattern.shapes) == 0:
+                reason = "the scan leaves no candidate of its shape to be told from another effect"
+    if reason is not None:
+        return unscored(effect, reason, len(fit.at.residual))
+    left, basis, visible = beyond(pattern, fitted)
+    sign = side(effect.bounded(fit.model.readings, fit.at.state))
+    one_sided = sign != 0
+    if visible.max() < _VISIBLE:
+        return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
+    residual = fit.at.residual - fit.expected_residual
+    t = np.einsum("gmq,m->gq", basis, residual)
+    signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
+    best = int(np.argmax(signed))
+    null = score_null(
+        sign * basis if one_sided else basis,
+        one_sided,
+        np.random.default_rng(seed),
+        float(signed[best]),
+    )
+    sizes, *_ = np.linalg.lstsq(left[best], residual, rcond=1e-10)
+    errors = np.sqrt(np.diag(np.linalg.pinv(left[best].T @ left[best])))
+    if one_sided and signed[best] < 0:
+        sizes = np.zeros_like(sizes)
+    values = dict(pattern.shapes[best])
+    for amplitude, size in zip(effect.amplitudes, sizes, strict=True):
+        assert amplitude.null is not None
+        values[amplitude.name] = amplitude.null + float(size) * amplitude.typical
+    moved = (pattern.columns[best] @ sizes) * fit.at.sigma_m
+    statistic = max(float(signed[best]), 0.0) ** 2 if one_sided else float(signed[best])
+    return Score(
+        name=effect.name,
+        statistic=statistic,
+        log_p=null.log_p(float(signed[best])),
+        values=values,
+        sizes=sizes,
+        errors=errors,
+        visible=float(visible[best]),
+        beyond=basis[best],
+        rms_m=float(np.sqrt(np.mean(moved**2))),
+    )
+
+
+def side(parameters: Sequence[EffectParameter]) -> float:
+    """+1 or -1 where a single amplitude can only rise or fall from its null, else 0."""
+    own = [p for p in parameters if p.null is not None]
+    if len(own) != 1:
+        return 0.0
+    return 1.0 if own[0].null == own[0].lower else -1.0 if own[0].null == own[0].upper else 0.0
+
+
+def unscored(effect: Effect, reason: str, readings: int) -> Score:
+    """Return the score of an effect that this scan cannot show."""
+    none = np.zeros(len(effect.amplitudes))
+    return Score(effect.name, 0.0, 0.0, effect.null, none, none, 0.0,
+                 np.zeros((readings, len(none))), 0.0, reason)  # fmt: skip
+
+
+def cosine(one: Score, other: Score) -> float:
+    """Largest cosine between two effects' patterns beyond what was fitted, 0 to 1."""
+    product = one.beyond.T @ other.beyond
+    return float(np.linalg.svd(product, compute_uv=False).max(initial=0.0))
+
+
+def holm_significant(scores: Sequence[Score], alpha: float) -> set[str]:
+    """Names of the effects that stay significant under Holm's correction over the catalogue."""
+    tested = sorted((s for s in scores if s.untestable is None), key=lambda s: s.log_p)
+    found: set[str] = set()
+    for rank, score in enumerate(tested):
+        if score.log_p > np.log(alpha / (len(tested) - rank)):
+            break
+        found.add(score.name)
+    return found

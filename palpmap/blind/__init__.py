@@ -1,0 +1,1 @@
+"""Blind trials: hide an effect, seal the answer, judge what was found."""

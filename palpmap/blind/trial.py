@@ -1,0 +1,194 @@
+"""`palpmap blind`: a scan with something hidden in it, whose answer is sealed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan_file import write_scan
+from palpmap.blind.seal import FOLDER, seal
+from palpmap.console import Output, to_type
+from palpmap.run_folder import RunFolder
+from palpmap.study.study import About, Body, Map, Noise, Probe, Study, write_study
+
+if TYPE_CHECKING:
+    from sim.body.true_map import TruthMap
+
+RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
+PRESSES_PER_SIDE = 9
+MIXED: dict[str, Any] = {"shuffled": True, "force_shares": (0.5, 1.5)}
+"""What a mixed scan has beside the plain one's places, see `models.press_program.grid_program`."""
+SIZES = (0.01, 0.10)
+SMALLEST_OUTSIDER = 0.03  # below it, to call noise what is left can be the right answer
+KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
+"""What may be hidden, with its probability."""
+
+WORDS = ("none", "single", "pair", "outsider", "structured", "compliance")
+ALIKE = frozenset({"finite_strain", "strain_stiffening"})
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is drawn for a trial.
+
+    Attributes
+    ----------
+    seed : of everything in it
+    effects, sizes : names and shares of the signal
+    radii : number of tip radii
+    mixed : whether the places come in random order, every other one pressed three times as hard
+    """
+
+    seed: int
+    effects: tuple[str, ...]
+    sizes: tuple[float, ...]
+    radii: int
+    mixed: bool = True
+
+
+def run_blind(
+    *,
+    effects: Sequence[str],
+    size: float | None,
+    radii: int,
+    mixed: bool,
+    out: Path | None,
+    seed: int,
+    output: Output,
+) -> bool:
+    """Make a blind trial: scan.csv, study.toml and the sealed answer.
+
+    Parameters
+    ----------
+    effects : what may be hidden: names of effects, or words of `WORDS`; empty for anything
+    size : share of the signal, None to draw 1 to 10 %
+    radii : 1 or 2 tip radii
+    mixed : places in random order with two forces, or row by row with one
+    """
+    if out is not None and (out / FOLDER).exists():
+        raise InputError(
+            f"{out}: holds a blind trial already, with its answer and perhaps results; choose "
+            "another --out"
+        )
+    trial = draw_trial(seed, effects, size, radii, mixed)
+    settings = {"effects": list(effects), "size": size, "radii": radii, "mixed": mixed}
+    with (
+        RunFolder("blind", out, seed=seed, settings=settings) as run,
+        output.progress() as progress,
+    ):
+        task = progress.add_task("hiding an effect and pressing", total=1)
+        presses = make_trial(run.path, trial)
+        progress.update(task, completed=1, description="done")
+    study = run.path / "study.toml"
+    output.result(
+        {"schema": 1, "run": str(run.path), "presses": presses, "seed": seed},
+        f"{presses} presses with {radii} tip radi{'i' if radii > 1 else 'us'}; something may be "
+        "hidden in them.",
+        f"Next: {to_type('explain', study, '--out', run.path / 'explained')}",
+        f"Then: {to_type('reveal', run.path)}",
+    )
+    return True
+
+
+def draw_trial(
+    seed: int,
+    effects: Sequence[str] = (),
+    size: float | None = None,
+    radii: int = 1,
+    mixed: bool = True,
+) -> Trial:
+    """Draw what is hidden in a trial.
+
+    Parameters
+    ----------
+    effects : names of effects, or words of `WORDS`, of which one is drawn; empty for anything
+
+    Raises
+    ------
+    InputError
+        An unknown name, a size or a number of radii that make no sense.
+    """
+    if radii not in RADII_M:
+        raise InputError(f"found {radii} tip radii, expected 1 or 2")
+    if size is not None and not 0 < size <= 0.5:
+        raise InputError(f"found a size of {size:g}, expected more than 0 and at most 0.5")
+    rng = np.random.default_rng([seed, 11])
+    kinds = list(KINDS)
+    weights = list(KINDS.values())
+    word = str(rng.choice(effects)) if effects else str(rng.choice(kinds, p=weights))
+    names = _draw_effects(word, rng)
+    low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
+    sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
+    return Trial(seed, names, tuple(sizes), radii, mixed)
+
+
+def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
+    from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS, hidden_effect
+
+    if "+" in word:
+        return tuple(hidden_effect(name).name for name in word.split("+"))
+    if word not in WORDS:
+        return (hidden_effect(word).name,)
+    if word == "none":
+        return ()
+    structured = [e.name for e in HIDDEN if e.category == "structured"]
+    if word == "pair":
+        while True:
+            first, second = (str(name) for name in rng.choice(structured, 2, replace=False))
+            if not {first, second} <= ALIKE:
+                return first, second
+    choice = {
+        "single": INSIDERS,
+        "outsider": OUTSIDERS,
+        "structured": structured,
+        "compliance": [e.name for e in HIDDEN if e.category == "compliance"],
+    }[word]
+    return (str(rng.choice(choice)),)
+
+
+def draw_map(seed: int) -> "TruthMap":
+    """Draw a body: background 4 to 8 kPa and one inclusion in the middle, 2 to 6 times as stiff."""
+    from sim.body.true_body import PAPER_SIZE_M
+    from sim.body.true_map import Inclusion, TruthMap
+
+    rng = np.random.default_rng([seed, 12])
+    background = float(rng.uniform(4000, 8000))
+    x, y = rng.uniform(0.35, 0.65, 2) * PAPER_SIZE_M[:2]
+    centre = (float(x), float(y), PAPER_SIZE_M[2] - float(rng.uniform(0.008, 0.022)))
+    weight = background * (float(rng.uniform(2, 6)) - 1)
+    return TruthMap(background, (Inclusion(weight, centre, float(rng.uniform(0.008, 0.014))),))
+
+
+def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> int:
+    """Make a trial's scan, study and sealed answer in a folder; return the number of presses."""
+    from sim.bench.planted_scan import planted_scan
+    from sim.planted.catalogue import hidden_effect
+
+    radii = RADII_M[trial.radii]
+    grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
+    scan, truth = planted_scan(
+        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
+    )
+    for effect in truth["effects"]:
+        effect["kin"] = list(hidden_effect(effect["name"]).kin)
+    write_scan(scan, folder / "scan.csv")
+    write_study(_study(folder, trial, truth), folder / "study.toml")
+    seal(folder, {"schema": 1, **truth})
+    return len(scan.press_ids)
+
+
+def _study(folder: Path, trial: Trial, truth: dict[str, Any]) -> Study:
+    """Return what the experimenter knows: block, tip, noise, one inclusion."""
+    from sim.body.true_body import HiddenBody
+
+    known = HiddenBody()
+    return Study(
+        study=About(name=f"blind trial {trial.seed}", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
+        body=Body(shape="block", size_m=known.size_m, poisson_ratio=known.poisson_ratio),  # pyright: ignore[reportCallIssue]
+        probe=Probe(tip="flat", radius_m=RADII_M[trial.radii][0]),
+        noise=Noise(**truth["noise"]),
+        map=Map(inclusions=1),
+    )

@@ -1,0 +1,1 @@
+"""What the commands do, behind their command lines in `palpmap.cli`."""

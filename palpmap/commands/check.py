@@ -1,0 +1,147 @@
+"""`palpmap check`: read a study and its scan, and say what is there."""
+
+import os
+from typing import Any
+
+import numpy as np
+
+from models.scan import Scan
+from models.scan_checks import PHASES
+from models.scan_file import read_scan
+from palpmap.run_folder import sha256
+from palpmap.study.body_model import cell_size_m
+from palpmap.study.checks import refuse_contradictions, refuse_effect, too_few
+from palpmap.study.placement import Placement, place_scan
+from palpmap.study.study import Study, load_study
+
+SMALL_STRAIN_SHARE = 0.15
+SLANTED_DEG = 30.0
+FINEST_NOISE = 0.01  # of the smallest step between two readings
+
+
+def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a study and its scan, place the presses on the body, and sum up what was found.
+
+    Returns
+    -------
+    dict
+        A JSON record: counts of presses, samples by phase and ignored rows, ranges of force,
+        displacement and time, noise, placement, hashes, and notes that a user should read.
+
+    Raises
+    ------
+    InputError
+        At the first fault in study or scan.
+    """
+    study = load_study(path)
+    scan = read_scan(study.scan, study.study.units_checked)
+    placement = place_scan(scan, study)
+    refuse_contradictions(placement, study)
+    if study.effects:
+        _refuse_effects(study, placement)
+    used = scan.used()
+    radii, presses = np.unique(scan.contact_radii, return_counts=True)
+    return {
+        "schema": 1,
+        "study": study.name,
+        "scan": str(study.scan),
+        "sha256": {"study": sha256(path), "scan": sha256(study.scan)},
+        "body": study.body.model_dump(mode="json", exclude_none=True),
+        "cell_size_m": cell_size_m(study.body),
+        "presses": len(scan.press_ids),
+        "rows": len(scan),
+        "ignored_rows": scan.ignored_rows,
+        "samples": {
+            phase: count for phase in PHASES if (count := int(np.sum(scan.phase == phase)))
+        },
+        "force_n": _range(used.force_n),
+        "displacement_m": _range(used.displacement_m),
+        "time_s": _range(scan.time_s) if scan.has_time else None,
+        "tip": study.probe.tip,
+        "probe_radius_m": {f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
+        "noise": study.noise.model_dump(),
+        "inclusions": study.map.inclusions,
+        "effects": [effect.name for effect in study.effects],
+        "placement": {
+            "projected": placement.projected,
+            "largest_distance_m": float(placement.distance_m.max()),
+            "largest_angle_deg": float(placement.angle_deg.max()),
+        },
+        "can_be_fitted": too_few(placement, study) is None,
+        "notes": _notes(study, scan, placement),
+    }
+
+
+def _refuse_effects(study: Study, placement: Placement) -> None:
+    """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
+    from identify.catalogue.catalogue import effect_named
+    from identify.effects.readings import Readings
+
+    readings = Readings.of(placement.scan)
+    for entry in study.effects:
+        if entry.file is None:
+            refuse_effect(effect_named(entry.name), readings, entry.initial)
+
+
+def _range(values: np.ndarray) -> list[float]:
+    return [float(values.min()), float(values.max())]
+
+
+def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
+    """Sentences about what was assumed, ignored or cannot be seen."""
+    notes = []
+    if few := too_few(placement, study):
+        notes.append(f"Not yet enough to fit the map: {few}.")
+    if scan.ignored_rows:
+        notes.append(f"{scan.ignored_rows} approach and retract rows are not used by models.")
+    if placement.projected:
+        notes.append(
+            "A block stands in for the body: contact points were moved onto its top by up to "
+            f"{placement.distance_m.max() * 1e3:.2f} mm and directions turned to its normal by up "
+            f"to {placement.angle_deg.max():.1f} degrees."
+        )
+    size = study.body.size_m
+    if size is not None and study.body.thickness_assumed:
+        notes.append(
+            f"The thickness of {size[2] * 1e3:g} mm is assumed, not measured: depths "
+            "and moduli depend on it."
+        )
+    if not scan.has_time:
+        notes.append("No times: creep, drift and other effects in time cannot be seen.")
+    unknown = [name for name, value in study.noise.model_dump().items() if value is None]
+    if unknown:
+        notes.append(f"Noise not given for {' and '.join(unknown)}: it will be estimated.")
+    notes += _noise_notes(study, scan)
+    slanted = int(np.sum(placement.angle_deg > SLANTED_DEG - 1e-3))
+    if slanted and not placement.projected:
+        notes.append(
+            f"{slanted} presses are {SLANTED_DEG:g} degrees or more off the surface's normal (up "
+            f"to {placement.angle_deg.max():.0f}): the model takes the whole tip to be in contact."
+        )
+    other = int(np.sum(~np.isclose(scan.contact_radii, study.probe.radius_m, rtol=1e-3)))
+    if other:
+        notes.append(f"{other} presses were made with another tip radius than probe.radius_m.")
+    if size is not None:
+        share = float(scan.used().displacement_m.max()) / size[2]
+        if share > SMALL_STRAIN_SHARE:
+            notes.append(
+                f"The tip goes in by {share:.0%} of the body's thickness: beyond about 10 % the "
+                "linear model is no longer right."
+            )
+    return notes
+
+
+def _noise_notes(study: Study, scan: Scan) -> list[str]:
+    """Say of each stated noise that no reading of such a resolution can have it."""
+    notes = []
+    for name, unit in (("displacement_m", "m"), ("force_n", "N")):
+        values, stated = np.unique(getattr(scan.used(), name)), getattr(study.noise, name)
+        steps = np.diff(values)
+        steps = steps[steps > 1e-12 * np.abs(values).max()]  # else the rounding of a computer
+        if stated is not None and len(steps) and stated < FINEST_NOISE * steps.min():
+            notes.append(
+                f"noise.{name} is {stated:g} {unit}, far below the smallest step between two "
+                f"readings, {steps.min():.2g} {unit}: every test will find structure; state the "
+                "sensor's noise, or leave it out to have it estimated."
+            )
+    return notes

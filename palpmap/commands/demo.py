@@ -1,0 +1,121 @@
+"""`palpmap demo`: scan, identify, compare on the virtual laboratory, in one run folder."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from models.scan_file import read_scan
+from palpmap.commands.fit import finish_fit, fit_record, step_recorder
+from palpmap.commands.scan import (
+    DEFAULT_FORCE_N,
+    PAPER_FORCE_N,
+    PRESSES_PER_SIDE,
+    build_laboratory,
+    default_study,
+    grid_plan_of,
+    make_scan,
+    scan_record,
+    scan_table,
+)
+from palpmap.console import Output, to_type
+from palpmap.recording.recorder import Recording
+from palpmap.report.fit_console import summary
+from palpmap.result.finding import Finding, matched
+from palpmap.run_folder import RunFolder
+from palpmap.study.body_model import build_body_model
+from palpmap.study.map_fit import fit_study
+from palpmap.study.placement import place_scan
+
+#: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
+TOLERANCES = {
+    "background_pa": ("relative", 0.02),
+    "weight_pa": ("relative", 0.15),
+    "x_m": ("absolute", 0.0005),
+    "y_m": ("absolute", 0.0005),
+    "z_m": ("absolute", 0.003),
+    "radius_m": ("relative", 0.05),
+}
+
+
+def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) -> bool:
+    """Scan the built-in phantom with the robot, find its map, and compare.
+
+    Returns
+    -------
+    bool
+        Whether all presses were made as promised and the map was found within `TOLERANCES`.
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    force_n = PAPER_FORCE_N if paper_force else DEFAULT_FORCE_N
+    stage_s: dict[str, float] = {}
+    with (
+        RunFolder("demo", out, seed=seed, settings={"force_n": force_n}) as run,
+        output.progress() as progress,
+        Recording(run / "recording.rrd", "virtual phantom", seed=seed) as recording,
+    ):
+
+        @contextmanager
+        def stage(name: str, total: int | None = None) -> Iterator[Callable[[], None]]:
+            task, start = progress.add_task(name, total=total), time.perf_counter()
+            yield lambda: progress.advance(task)
+            stage_s[name] = time.perf_counter() - start
+            progress.update(task, total=total or 1, completed=total or 1)
+
+        with stage("solving the body"):
+            known = default_study()
+            plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
+            laboratory = build_laboratory(run.path, known, plan, seed, paper_force=paper_force)
+        with stage("scanning", len(laboratory.plan)) as advance:
+            scanned = make_scan(run.path, laboratory, recording, advance)
+        study = laboratory.study
+        placement = place_scan(read_scan(study.scan, study.study.units_checked), study)
+        with stage("building the model"):
+            body = build_body_model(study, placement.scan.used())
+        with stage("fitting the map") as advance:
+            fit = fit_study(
+                study, placement, body, callback=step_recorder(recording, body, advance)
+            )
+        with stage("comparing and drawing"):
+            finding = finish_fit(run.path, study, fit, body, recording, stage_s)
+    presses = scan_record(scanned)
+    deviations = deviations_from_truth(finding)
+    passed = presses["kept"] and all(deviation[2] for deviation in deviations.values())
+    times = Table.grid(padding=(0, 2))
+    times.add_row("[bold]seconds[/bold]", *(f"{name} {s:.1f}" for name, s in stage_s.items()))
+    report, recorded = run / "report.html", run / "recording.rrd"
+    output.result(
+        {
+            **fit_record(finding),
+            "run": str(run.path),
+            "scan": presses,
+            "passed": passed,
+            "deviations": {
+                name: {"deviation": value, "tolerance": limit, "within": within}
+                for name, (value, limit, within) in deviations.items()
+            },
+            "seconds": stage_s,
+        },
+        scan_table(presses),
+        *summary(finding),
+        times,
+        f"Report:    {escape(str(report))}",
+        f"Recording: {escape(str(recorded))}",
+        f"Open it:   {escape(to_type('review', run.path))}",
+    )
+    return passed
+
+
+def deviations_from_truth(finding: Finding) -> dict[str, tuple[float, float, bool]]:
+    """Return deviation, tolerance and whether it is kept, for each parameter of the true map."""
+    assert finding.truth is not None  # the laboratory wrote it
+    result = {}
+    for name, true in matched(finding.fit.map, finding.truth).items():
+        kind, limit = TOLERANCES[name.split(".")[-1]]
+        deviation = finding.fit.parameters[name].value - true
+        if kind == "relative":
+            deviation /= true
+        result[name] = (deviation, limit, abs(deviation) <= limit)
+    return result

@@ -1,0 +1,119 @@
+"""`palpmap explain`: find what a study lacks, unattended, until what is left is noise."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from identify.effects.base import Effect
+from identify.select.forward_selection import Explanation
+from identify.select.step import Rung
+from models.scan_file import read_scan
+from palpmap.commands.limits import hiding
+from palpmap.console import Output, to_type
+from palpmap.report.explain_console import explain_summary, rung_line
+from palpmap.result.explain_record import explain_record
+from palpmap.result.next_scan import REPEAT, next_lines, proposal_records, propose, repeat_record
+from palpmap.run_folder import RunFolder, write_record
+from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
+from palpmap.study.open_study import Problem, own_effects, pose
+from palpmap.study.outlying_presses import WithoutSuspects, climbed, weighed, without_suspects
+from palpmap.study.study import Study, load_study
+from palpmap.study.versions import version_of
+
+
+def run_explain(
+    *,
+    study: Path,
+    out: Path | None,
+    seed: int,
+    effects: Sequence[Path] = (),
+    output: Output,
+) -> bool:
+    """Explain a study's scan and leave a run folder with result.json, report and recording.
+
+    Parameters
+    ----------
+    study : study file
+    out : run folder, None for a new one
+    seed : of the simulated nulls
+    effects : files of the user's own effects; they are executed
+    output : where progress and result go
+
+    Returns
+    -------
+    bool
+        Whether the scan is explained, or nothing is missing.
+    """
+    known = load_study(study)
+    refuse_own_folder(study, out)
+    own = own_effects(known, effects)
+    inputs = [study, known.scan, *effects]
+    with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
+        scan = read_scan(known.scan, known.study.units_checked)
+        kept = keep_inputs(known, scan, run.path)
+        explained, problem, without = explain_study(known, own, seed, output)
+        files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
+        record = write_explanation(run.path, problem, explained, kept, files, without)
+        output.result(
+            {**record, "run": str(run.path)},
+            *explain_summary(record, explained, problem),
+            *next_lines(record, run.path),
+            f"Report: {run / 'report.html'}",
+            f"Recording: {to_type('review', run.path)}",
+        )
+    return explained.verdict in ("nothing_missing", "explained")
+
+
+def explain_study(
+    study: Study, own: Sequence[Effect], seed: int, output: Output
+) -> tuple[Explanation, Problem, WithoutSuspects | None]:
+    """Run the loop on a study with progress shown.
+
+    Returns
+    -------
+    what it found, what it worked on, and what it finds without presses that stand out, if any do
+    """
+    with output.progress() as progress:
+        task = progress.add_task("reading", total=None)
+
+        def say(text: str) -> None:
+            progress.update(task, description=text)
+
+        def on_rung(rung: Rung) -> None:
+            if not output.quiet and not output.json:
+                progress.console.print(rung_line(rung), highlight=False)
+
+        problem = pose(study, own, say, lambda step: progress.advance(task))
+        explained = climbed(problem, seed, say, on_rung)
+        without = without_suspects(problem, own, seed, explained, say)
+        progress.update(task, description="done", total=1, completed=1)
+    return weighed(explained, without), problem, without
+
+
+def write_explanation(
+    run: Path,
+    problem: Problem,
+    explained: Explanation,
+    kept: Study,
+    files: Mapping[str, Path] | None = None,
+    without: WithoutSuspects | None = None,
+) -> dict[str, Any]:
+    """Write result.json, next scans, the explained study, report and recording into a run folder.
+
+    `kept` is the study that names the run folder's own copies, `files` are those of the user's own
+    effects, by name; `without` is what the loop finds without presses that stand out.
+    """
+    from palpmap.commands.write_explain_run import write_explain_files
+
+    for stale in (*run.glob("next_scan_*.csv"), run / REPEAT):  # of an earlier command there
+        stale.unlink(missing_ok=True)
+    record = explain_record(explained, problem, without)
+    proposals = propose(explained, problem)
+    record["next_presses"] = proposal_records(proposals, problem, run)
+    if record["suspects_left"]:
+        record["next_presses"].append(repeat_record(record["suspects_left"], problem, run))
+    record |= hiding(explained, problem)
+    write_record(run / "result.json", record)
+    version_of(kept, explained.final.fit, run / "study.toml", files)
+    write_explain_files(run, problem, explained, record)
+    return record

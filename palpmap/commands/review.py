@@ -1,0 +1,142 @@
+"""`palpmap review`: look at the recording of a run, or say what is in it."""
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models.errors import InputError
+from palpmap.console import Output, complain, to_type
+from palpmap.recording.integrity import examine, readable
+from palpmap.recording.viewer import ViewerError, has_display, open_window, render, viewer_program
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from palpmap.recording.reader import RecordingSummary
+
+RECORDING = "recording.rrd"
+PICTURE = "recording.png"
+
+
+def run_review(run: Path, png: bool, summary: bool, output: Output) -> bool:
+    """Open a recording, render it to a picture, or print what is in it.
+
+    Parameters
+    ----------
+    run : run folder, or .rrd file
+    png : render the layout at the end of the run to recording.png beside the recording
+    summary : print what the recording holds
+    output : where to speak
+
+    Returns
+    -------
+    bool
+        Whether all went well: with `summary`, whether the recording is whole.
+
+    Raises
+    ------
+    InputError
+        If there is no recording of palpmap.
+    """
+    recording = find_recording(run)
+    integrity = examine(recording)
+    if summary:
+        return _summarize(recording, output)
+    with readable(recording, integrity) as file:
+        if png:
+            return _render(recording, file, output)
+        return _open(recording, file, output)
+
+
+def find_recording(run: Path) -> Path:
+    """Return the recording of a run folder, or the recording itself.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if run.is_file():
+        return run
+    if not run.exists():
+        raise InputError(f"there is no {run}; give a run folder or a recording (.rrd)")
+    recording = run / RECORDING
+    if not recording.is_file():
+        raise InputError(
+            f"there is no {RECORDING} in {run}; give a folder that 'palpmap demo', 'scan', 'fit' "
+            "or 'explain' wrote with --out and, in the case of 'explain', to its end"
+        )
+    return recording
+
+
+def _open(recording: Path, file: Path, output: Output) -> bool:
+    if not has_display():
+        output.result(
+            {"recording": str(recording), "opened": False},
+            f"There is no display here. On a machine with one: "
+            f"{shlex.join([viewer_program(), str(recording)])}\n"
+            f"Without: {to_type('review', recording, '--png')}, or --summary",
+        )
+        return True
+    output.say(f"showing {recording}; close the window to go on")
+    code = open_window(file)
+    if code != 0:
+        complain(
+            f"the viewer ended with exit code {code}; try palpmap review {recording} --png, or "
+            "--summary"
+        )
+    return code == 0
+
+
+def _render(recording: Path, file: Path, output: Output) -> bool:
+    picture = recording.with_suffix(".png")
+    try:
+        render(file, picture)
+    except ViewerError as error:
+        complain(str(error))
+        return False
+    except PermissionError as error:
+        raise InputError(f"{picture} cannot be written; make its folder writable") from error
+    output.result({"picture": str(picture)}, f"picture: {picture}")
+    return True
+
+
+def _summarize(recording: Path, output: Output) -> bool:
+    from palpmap.recording.reader import read_summary
+
+    found = read_summary(recording)
+    output.result(found.record(), *_tables(found))
+    if not found.closed:
+        complain(f"{recording} was {found.ending()}")
+    elif found.missing:
+        complain(f"{recording} lacks: {', '.join(found.missing)}")
+    return found.whole
+
+
+def _tables(found: "RecordingSummary") -> list["Table | str"]:
+    """Say what a recording holds: facts, then spans, values and entities."""
+    from rich.table import Column, Table
+
+    seed = "" if found.seed is None else f", seed {found.seed}"
+    facts = "\n".join(
+        [
+            f"{found.name}{seed} (palpmap {found.palpmap}), "
+            f"{found.bytes / 1e6:.1f} MB: {found.path}",
+            f"recording: {found.ending()}",
+            f"missing: {', '.join(found.missing) or 'nothing'}"
+            + ("" if found.layout else "; no layout is embedded"),
+        ]
+    )
+    spans = Table("timeline", "first", "last", box=None)
+    for name, (first, last) in found.spans.items():
+        spans.add_row(name, f"{first:g}", f"{last:g}")
+    values = Table("last value of", "", box=None)
+    for name, value in found.last_values.items():
+        values.add_row(name, f"{value:.6g}")
+    entities = Table(Column("entity", overflow="fold"), "rows", "components", box=None)
+    for name, entity in found.entities.items():
+        rows = f"{entity.rows}" + " + static" * entity.static
+        entities.add_row(
+            name, rows, ", ".join(sorted({c.split(":")[0] for c in entity.components}))
+        )
+    return [facts, spans, values, entities]

@@ -1,0 +1,93 @@
+"""The scene of a virtual scan in its recording: arm, body, truth, and every frame."""
+
+# mujoco is a compiled module without type stubs
+# pyright: reportAttributeAccessIssue=false
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpmap.recording.frames import Frame as DrawnFrame
+from palpmap.recording.maps import map_views
+from palpmap.recording.recorder import Recording
+from palpmap.recording.scene import LinkShape, link_names
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from palpmap.commands.scan import Laboratory
+    from sim.scan.result import Frame
+
+
+def draw_scene(
+    recording: Recording, laboratory: "Laboratory", parameters: dict[str, float]
+) -> "Callable[[Frame], None]":
+    """Put arm, body and truth into the recording; return what draws a frame."""
+    from models.arm import LINKS
+    from sim.robot.laboratory import build_laboratory as build_arm
+
+    plan, body = laboratory.plan, laboratory.body
+    place = plan.body_in_world
+    shapes = arm_shapes(build_arm(plan.tip_radius_m, plan.body_size_m, place).model)
+    drawn = link_names(shapes)
+    order = [LINKS.index(name) for name in drawn]
+    modulus = laboratory.hidden.body.modulus  # with what is hidden in it
+    views = map_views(modulus, np.zeros(3), np.array(plan.body_size_m))
+    recording.truth(views, parameters)
+    recording.scene(
+        body.surface_nodes_m,
+        body.surface_triangles,
+        links=shapes,
+        body_modulus_pa=modulus(body.surface_nodes_m),
+        body_position_m=place.position_m,
+        body_quaternion=place.quaternion,
+        arrow_m_per_n=0.02 / plan.force_n,
+    )
+    to_body = place.rotation.T
+
+    def draw(frame: "Frame") -> None:
+        touching = frame.phase in ("touch", "load", "hold", "unload")
+        poses = np.hstack([frame.positions_m, frame.quaternions])[order]
+        recording.frame(
+            DrawnFrame(
+                frame.time_s,
+                poses,
+                frame.force_n,
+                max(frame.displacement_m, 0.0) if touching else 0.0,
+                plan.points_m[frame.press],
+                to_body @ frame.force_vector_n,
+                lambda: body.surface_displacement(frame.press, max(frame.force_n, 0.0)),
+            )
+        )
+
+    return draw
+
+
+def arm_shapes(model: "mujoco.MjModel") -> list[LinkShape]:
+    """Return the drawable geoms of the arm's links and the probe, from the compiled model."""
+    import mujoco
+
+    from models.arm import LINKS
+
+    kinds = {
+        mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+        mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+        mujoco.mjtGeom.mjGEOM_BOX: "box",
+        mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    }
+    shapes = []
+    for geom in range(model.ngeom):
+        link = model.body(model.geom_bodyid[geom]).name
+        kind = kinds.get(mujoco.mjtGeom(model.geom_type[geom]))
+        if link in LINKS and kind and model.geom_group[geom] < 3:
+            shapes.append(
+                LinkShape(
+                    link,
+                    kind,
+                    model.geom_size[geom].copy(),
+                    model.geom_pos[geom].copy(),
+                    model.geom_quat[geom].copy(),
+                    model.geom_rgba[geom].copy(),
+                )
+            )
+    return shapes

@@ -1,0 +1,46 @@
+"""The true map of a virtual scan: its scale, its record in truth.json, its values by name."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpmap.run_folder import write_record
+
+if TYPE_CHECKING:
+    from sim.body.true_body import HiddenBody
+    from sim.body.true_map import TruthMap
+
+
+def scaled_truth(size: tuple[float, float, float]) -> "TruthMap":
+    """Return the phantom's true map, its inclusion moved and scaled with the body."""
+    from sim.body.true_map import Inclusion, TruthMap
+
+    default, paper = TruthMap(), (0.096, 0.096, 0.048)
+    share = [s / p for s, p in zip(size, paper, strict=True)]
+    inclusions = tuple(
+        Inclusion(
+            inclusion.weight_pa,
+            tuple(c * s for c, s in zip(inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
+            inclusion.radius_m * min(share),
+        )
+        for inclusion in default.inclusions
+    )
+    return TruthMap(default.background_pa, inclusions)
+
+
+def true_parameters(truth: "TruthMap") -> dict[str, float]:
+    """Return the true map's values by parameter name."""
+    record = truth.record()
+    values = {"background_pa": record["background_pa"]}
+    for number, inclusion in enumerate(record["inclusions"], start=1):
+        values |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
+    return values
+
+
+def write_truth(run: Path, body: "HiddenBody", effects: Sequence[dict[str, Any]]) -> None:
+    """Write truth.json: the body with what is hidden in it, and what is hidden."""
+    beyond = {"gradient": body.gradient, "poisson_ratio": body.poisson_ratio}
+    said = {"body": body.truth.record()}
+    if effects:
+        said = {"body": said["body"] | beyond, "effects": list(effects)}
+    write_record(run / "truth.json", said)

@@ -1,0 +1,68 @@
+"""What `palpmap explain` leaves in its run folder beside result.json and the study's version."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+
+from identify.fit.files import write_fit
+from identify.select.forward_selection import Explanation
+from palpmap.figures.fit import save_figures
+from palpmap.figures.ladder import draw_cosines, draw_evidence, draw_ladder, draw_residuals
+from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
+from palpmap.figures.residual import draw_along, draw_tests
+from palpmap.figures.style import STYLE, png
+from palpmap.recording.explain import record_explanation
+from palpmap.report.explain_report import Told, write_explain_report
+from palpmap.result.evidence import evidences
+from palpmap.result.explain_finding import final_finding
+from palpmap.result.finding import Finding
+from palpmap.study.open_study import Problem
+
+_RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion")
+
+
+def write_explain_files(
+    run: Path, problem: Problem, explained: Explanation, record: Mapping[str, Any]
+) -> None:
+    """Write the last rung's fit.json and comparison.json, figures, report.html, recording.rrd.
+
+    Parameters
+    ----------
+    run : run folder
+    record : what result.json says; the report says no more than that
+    """
+    finding = final_finding(run, problem, explained)
+    write_fit(finding.fit, run / "fit.json")
+    finding.comparison.write(run / "comparison.json")
+    pictures = explain_pictures(finding, explained, record)
+    paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
+    write_explain_report(Told(finding, explained, record, problem, pictures), run / "report.html")
+    shown = {name: path for name, path in paths.items() if name.startswith(_RECORDED)}
+    record_explanation(run / "recording.rrd", finding, explained, record, problem, shown)
+
+
+def explain_pictures(
+    finding: Finding, explained: Explanation, record: Mapping[str, Any]
+) -> dict[str, bytes]:
+    """Draw all figures of an explanation: PNG by name."""
+    first = explained.ladder[0]
+    with rc_context(STYLE):
+        pictures = {
+            "ladder": png(draw_ladder(explained)),
+            "residuals": png(draw_residuals(explained, finding.origin_m)),
+            "maps": png(draw_maps(finding, explained)),
+            "presses": png(draw_presses(explained)),
+            "residual_along": png(draw_along(finding)),
+            "residual_tests": png(draw_tests(finding)),
+        }
+        for number, evidence in enumerate(evidences(explained), start=1):
+            pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
+        parameters = draw_parameters(finding, explained, record)
+        if parameters is not None:
+            pictures["parameters"] = png(parameters)
+        cosines = draw_cosines(first.diagnosis)
+        if cosines is not None:
+            pictures["confusion"] = png(cosines)
+    return pictures

@@ -1,0 +1,241 @@
+"""The ladder of an explanation: the error that falls, the residuals on the way, the evidence."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identify.select.diagnosis import ALIKE, Diagnosis
+from identify.select.forward_selection import Explanation
+from identify.select.step import Rung
+from palpmap.figures.style import (
+    BLACK,
+    BLUE,
+    DIFFERENCE_COLORS,
+    GREEN,
+    GREY,
+    ORANGE,
+    PINK,
+    new_figure,
+    panel_grid,
+    plain_log_ticks,
+)
+from palpmap.result.evidence import Axis, Curve, Evidence
+from palpmap.result.explain_words import rung_labels
+
+_MISFIT_COLORS = "magma_r"
+_PHASE_HUES = {"": BLUE, "load": BLUE, "hold": PINK, "unload": GREEN}
+
+
+def draw_ladder(explained: Explanation) -> Figure:
+    """Draw the error and the held-out error, step by step, down to the noise."""
+    figure = new_figure(10.4, 4.6)
+    axes = figure.subplots()
+    panel_grid(axes)
+    rungs = explained.ladder
+    at = np.arange(len(rungs))
+    rms = 1e6 * np.array([rung.fit.rms_m for rung in rungs])
+    apart = 1e6 * np.array([rung.held_out.rms_m for rung in rungs])
+    high = [rung.held_out.high_rms_m for rung in rungs]
+    noise = 1e6 * rungs[-1].comparison.expected_rms_m
+    axes.set_yscale("log")
+    axes.axhspan(noise / 30, noise, color="#eef0f3", zorder=0)
+    axes.axhline(noise, color=GREY, ls="--", lw=1.4)
+    axes.plot(at, rms, "o-", color=BLUE, ms=9, lw=2.2, label="error of the fit (rms)")
+    axes.plot(at, apart, "s--", color=ORANGE, ms=6, lw=1.4, label="error at presses left out")
+    lowest = min(rms.min(), apart.min())
+    if all(value is not None for value in high):
+        highest = 1e6 * np.array([float(value or 0) for value in high])
+        axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="error at forces left out")
+        apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
+    for x, value, rung in zip(at, rms, rungs, strict=True):  # beside the dot: the error falls
+        axes.annotate(
+            f"{value:.3g} µm\nχ²/dof {rung.fit.chi2_per_dof:.3g}", (x, value), (10, 4),
+            textcoords="offset points", ha="left", va="bottom", fontsize=10, color=BLUE,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
+        )  # fmt: skip
+    spread = max(rms.max(), apart.max()) / noise
+    axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)
+    axes.set_xlim(-0.55, max(len(rungs) - 0.45, 1.45))
+    axes.annotate(
+        f"the noise alone: {noise:.3g} µm", (1, noise), (-6, -4), ha="right", va="top",
+        xycoords=("axes fraction", "data"), textcoords="offset points", color="#4b515b",
+    )  # fmt: skip
+    axes.set_xticks(at, rung_labels(explained))
+    axes.tick_params(axis="x", labelsize=11, length=0)
+    plain_log_ticks(axes)
+    axes.set_ylabel("measured less modelled displacement, µm")
+    axes.set_title("The error, step by step")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=3, borderaxespad=0.0)
+    return figure
+
+
+def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
+    """Paint the residual of each press on the surface, at every rung on one colour scale.
+
+    Above: the mean residual; below: the rms over the press's readings in units of the noise, which
+    also shows what averages out within a press.
+    """
+    rungs = explained.ladder
+    points = 1e3 * (np.array([p.point_m for p in rungs[0].comparison.presses]) + origin_m)
+    right, up = widest_axes(points)
+    mean = [1e6 * np.array([p.mean_m for p in rung.comparison.presses]) for rung in rungs]
+    rms = [press_rms(rung) for rung in rungs]
+    reach = max(float(np.abs(v).max()) for v in mean)
+    largest = max(2.0, max(float(v.max()) for v in rms))
+    extent = np.ptp(points[:, [right, up]], axis=0)
+    wide = max(len(rungs), 2)
+    width = min(3.1 * wide + 1.2, 12.5)
+    ratio = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
+    figure = new_figure(width, 2 * 0.93 * (width - 1.2) / wide * ratio + 0.9)
+    grid = figure.subplots(2, len(rungs), squeeze=False, sharex=True, sharey=True)
+    panel = (width - 1.2) / wide * 72 * 0.62  # points across a panel's data
+    size = (panel / max(np.sqrt(len(points)), 2)) ** 2 * 0.62
+    rows = (
+        (mean, DIFFERENCE_COLORS, -reach, reach, "mean residual, µm"),
+        (rms, _MISFIT_COLORS, 1.0, largest, "rms in the press, noise = 1"),
+    )
+    for row, (values, colors, low, high, label) in enumerate(rows):
+        image = None
+        for column, value in enumerate(values):
+            axes = grid[row, column]
+            image = axes.scatter(
+                points[:, right], points[:, up], c=value, s=size, cmap=colors, vmin=low,
+                vmax=high, edgecolors=GREY, linewidths=0.4,
+            )  # fmt: skip
+            axes.set_aspect("equal")
+            axes.margins(0.12)
+            if row == 0:
+                axes.set_title(rung_labels(explained)[column])
+            else:
+                axes.set_xlabel(f"{'xyz'[right]}, mm")
+        grid[row, 0].set_ylabel(f"{'xyz'[up]}, mm")
+        if image is not None:
+            figure.colorbar(image, ax=list(grid[row]), label=label, shrink=0.85)
+    return figure
+
+
+def press_rms(rung: Rung) -> np.ndarray:
+    """Root mean square of each press's whitened residuals, (j,); 1 is noise."""
+    press = rung.fit.model.readings.press
+    return np.sqrt(np.bincount(press, rung.fit.at.residual**2) / np.bincount(press))
+
+
+def widest_axes(points: np.ndarray) -> tuple[int, int]:
+    """Return the two axes along which points (j, 3) spread most, in their own order."""
+    first, second = sorted(np.argsort(-np.ptp(points, axis=0), kind="stable")[:2])
+    return int(first), int(second)
+
+
+def draw_evidence(evidence: Evidence) -> Figure:
+    """Draw the residual before an addition, what the model with it says more, and what is left."""
+    shown = evidence.shown
+    figure = new_figure(10.4, 4.3)
+    for number, (axes, (axis, curves)) in enumerate(
+        zip(figure.subplots(1, len(shown), squeeze=False).flat, shown, strict=True)
+    ):
+        panel_grid(axes)
+        axes.axhline(0, color=GREY, lw=0.8)
+        for curve in curves:
+            _evidence_curve(axes, curve)
+        axes.set_xlabel(axis.label)
+        axes.set_title(_along(axis))
+        if number == 0:
+            axes.set_ylabel("mean residual in a bin, µm")
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + 0.24 * (high - low))
+        _evidence_legend(axes, curves)
+    return figure
+
+
+def _along(axis: Axis) -> str:
+    words = {
+        "force": "Along the force",
+        "order": "In the order of pressing",
+        "softness": "From stiff to soft places",
+        "time": "Within a press",
+        "cycle": "Within the found cycle",
+    }
+    return words.get(axis.name, f"Along {axis.name}")
+
+
+def _evidence_curve(axes: Axes, curve: Curve) -> None:
+    hue = _PHASE_HUES[curve.name]
+    axes.errorbar(
+        curve.at, 1e6 * curve.before_m, 1e6 * curve.error_m, fmt="o", ms=5.5, lw=1.2, color=hue
+    )
+    line = hue if curve.name else ORANGE
+    axes.plot(curve.at, 1e6 * curve.change_m, "-" if len(curve.at) > 1 else "_", color=line, lw=2.0,
+              ms=16, mew=2.0)  # fmt: skip
+    axes.errorbar(
+        curve.at, 1e6 * curve.after_m, 1e6 * curve.error_m, fmt="x", ms=4.5, lw=0.8, color=GREY
+    )
+
+
+def _evidence_legend(axes: Axes, curves: tuple[Curve, ...]) -> None:
+    """Name the marks once, in black, and the phases by their colour."""
+    from matplotlib.lines import Line2D
+
+    split = len(curves) > 1
+    dots, line = (BLACK, BLACK) if split else (BLUE, ORANGE)
+    handles = [
+        Line2D([], [], marker="o", ls="", color=dots, label="residual before"),
+        Line2D([], [], lw=2.0, color=line, label="what the effect adds"),
+        Line2D([], [], marker="x", ls="", color=GREY, label="left afterwards"),
+    ]
+    if split:
+        handles += [
+            Line2D([], [], marker="o", lw=2.0, color=_PHASE_HUES[c.name], label=c.name)
+            for c in curves
+        ]
+    columns = 2 if split else 1
+    axes.legend(handles=handles, fontsize=8.5, loc="upper left", ncols=columns)
+
+
+def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
+    """Draw how alike the effects look in this scan, beyond the map; None with fewer than two."""
+    tested = [i for i, score in enumerate(diagnosis.scores) if score.untestable is None]
+    if len(tested) < 2:
+        return None
+    cosines = diagnosis.cosines[np.ix_(tested, tested)]
+    order = alike_order(cosines)
+    cosines = cosines[np.ix_(order, order)]
+    names = [diagnosis.scores[tested[i]].name for i in order]
+    n = len(names)
+    side = max(0.34 * n, 2.0)
+    figure = new_figure(side + 3.4, side + 2.2)
+    axes = figure.subplots()
+    # With square cells the labels on the left would be cut
+    image = axes.imshow(cosines, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for i in range(n):
+        for j in range(n):
+            if i != j and cosines[i, j] >= 0.5:
+                alike = cosines[i, j] > ALIKE
+                axes.text(
+                    j, i, f"{100 * cosines[i, j]:.0f}", ha="center", va="center", fontsize=7.5,
+                    color="white" if cosines[i, j] > 0.6 else BLACK,
+                    fontweight="bold" if alike else "normal",
+                )  # fmt: skip
+            if i != j and cosines[i, j] > ALIKE:
+                axes.plot(
+                    [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
+                    [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
+                    color=ORANGE, lw=1.6,
+                )  # fmt: skip
+    axes.set_xticks(range(n), names, rotation=90)
+    axes.set_yticks(range(n), names)
+    axes.tick_params(length=0)
+    for side_of in axes.spines.values():
+        side_of.set_visible(False)
+    figure.colorbar(image, ax=axes, label="cosine of the patterns beyond the map", shrink=0.7)
+    return figure
+
+
+def alike_order(cosines: np.ndarray) -> np.ndarray:
+    """Order (e,) that puts effects beside those that they look like."""
+    from scipy.cluster.hierarchy import leaves_list, linkage
+    from scipy.spatial.distance import squareform
+
+    distance = np.clip(1 - (cosines + cosines.T) / 2, 0, None)
+    np.fill_diagonal(distance, 0)
+    tree = linkage(squareform(distance, checks=False), "average", optimal_ordering=True)
+    return leaves_list(tree)

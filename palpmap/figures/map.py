@@ -1,0 +1,220 @@
+"""The found stiffness map beside the true one, cut through the inclusion, and how sure it is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identify.body.state import ChangedMap
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
+from palpmap.result.finding import Finding
+
+CELLS = 160
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A plane through the body at `at_m` along the axis `normal` (0 x, 1 y, 2 z), body frame."""
+
+    normal: int
+    at_m: float
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """The axes drawn to the right and upwards."""
+        right, up = (a for a in range(3) if a != self.normal)
+        return right, up
+
+
+Law = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One field over both cuts: title, points (p, 3) -> values (p,), label, colours, sign."""
+
+    title: str
+    law: Law
+    label: str
+    colors: str = MODULUS_COLORS
+    signed: bool = False
+
+
+def draw_map(f: Finding) -> Figure:
+    """Draw true map, found map and their difference, from above and from the side.
+
+    Without a truth: the found map and its standard deviation.
+    """
+    columns = [Column("Found", lambda p: f.map.modulus(p) / 1e3, "Young's modulus, kPa")]
+    if f.truth is not None:
+        truth = f.truth
+        columns.insert(0, Column("True", lambda p: truth.modulus(p) / 1e3, columns[0].label))
+        columns.append(
+            Column(
+                "Found − true",
+                lambda p: (f.map.modulus(p) - truth.modulus(p)) / 1e3,
+                "difference of Young's modulus, kPa",
+                DIFFERENCE_COLORS,
+                signed=True,
+            )
+        )
+    elif f.fit.covariance_names:
+        columns.append(_uncertainty(f))
+    return _draw_columns(f, columns)
+
+
+def draw_uncertainty(f: Finding) -> Figure | None:
+    """Draw the found map's standard deviation, where `draw_map` does not; None without one."""
+    if f.truth is None or not f.fit.covariance_names:
+        return None
+    return _draw_columns(f, [_uncertainty(f)])
+
+
+def _uncertainty(f: Finding) -> Column:
+    names = f.fit.map.names  # the effects' own parameters are held
+    own = [i for i, name in enumerate(f.fit.covariance_names) if name in names]
+    free = [names.index(f.fit.covariance_names[i]) for i in own]
+    covariance = f.fit.covariance[np.ix_(own, own)]
+
+    def deviation(points: np.ndarray) -> np.ndarray:
+        gradient = f.map.gradient(points)[:, free]
+        variance = np.einsum("pk,kl,pl->p", gradient, covariance, gradient)
+        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.map.modulus(points))
+
+    return Column("How sure", deviation, "one standard deviation, %", "magma_r")
+
+
+def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
+    both = cuts(f)
+    width, height = _size(f, both[1])
+    ratio = max(height / width, 0.3)
+    across = _size(f, both[0])
+    upper = across[1] / across[0]
+    figure = new_figure(3.9 * len(columns) + 0.6, 3.7 * (upper + ratio) + 1.6)
+    grid = figure.subplots(2, len(columns), squeeze=False, height_ratios=[upper, ratio])
+    fields = [[sample(f, cut, column.law) for column in columns] for cut in both]
+    for i, column in enumerate(columns):
+        alike = [j for j, other in enumerate(columns) if other.label == column.label]
+        span = _span([fields[row][j] for row in (0, 1) for j in alike], column.signed)
+        image = None
+        for row, cut in enumerate(both):
+            axes = grid[row, i]
+            image = _show(axes, f, cut, fields[row][i], column.colors, span)
+            _decorate(axes, f, cut, column.title == "True")
+            axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
+            if i:
+                axes.set_ylabel("")
+        if image is not None:
+            figure.colorbar(
+                image, ax=list(grid[:, i]), location="bottom", shrink=0.85, pad=0.02,
+                label=column.label,
+            )  # fmt: skip
+    return figure
+
+
+def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
+    low = min(float(np.nanmin(v)) for v in fields)
+    high = max(float(np.nanmax(v)) for v in fields)
+    if signed:
+        reach = max(-low, high, 1e-6)
+        return -reach, reach
+    return low, max(high, low + 1e-6)
+
+
+def cuts(f: Finding) -> tuple[Cut, Cut]:
+    """Return a horizontal and a vertical cut through the found map's strongest inclusion.
+
+    The vertical one lies across x or y, whichever comes nearer to the other inclusions.
+    """
+    inclusions = f.map.inclusions
+    middle = (f.outline.lower_m + f.outline.upper_m) / 2
+    if not inclusions:
+        return Cut(2, float(middle[2])), Cut(1, float(middle[1]))
+    strongest = max(inclusions, key=lambda i: abs(i.weight_pa))
+    distance = {
+        axis: sum((_centre(i)[axis] - _centre(strongest)[axis]) ** 2 for i in inclusions)
+        for axis in (1, 0)
+    }
+    axis = min(distance, key=lambda a: distance[a])
+    at = np.clip(_centre(strongest), f.outline.lower_m, f.outline.upper_m)
+    return Cut(2, float(at[2])), Cut(axis, float(at[axis]))
+
+
+def sample(f: Finding, cut: Cut, law: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (rows, columns) of a field on a cut, NaN outside the body."""
+    lower, upper = f.outline.lower_m, f.outline.upper_m
+    right, up = cut.axes
+    cell = max(upper - lower) / CELLS
+    counts = [max(round((upper[a] - lower[a]) / cell), 2) for a in (right, up)]
+    u, v = (
+        lower[a] + (np.arange(n) + 0.5) / n * (upper[a] - lower[a])
+        for a, n in zip((right, up), counts, strict=True)
+    )
+    points = np.empty((counts[1] * counts[0], 3))
+    points[:, right], points[:, up] = (g.ravel() for g in np.meshgrid(u, v))
+    points[:, cut.normal] = cut.at_m
+    values = np.where(f.outline.inside(points), law(points), np.nan)
+    return values.reshape(counts[1], counts[0])
+
+
+def _centre(inclusion: Inclusion) -> np.ndarray:
+    return np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
+
+
+def _size(f: Finding, cut: Cut) -> tuple[float, float]:
+    extent = f.outline.upper_m - f.outline.lower_m
+    return float(extent[cut.axes[0]]), float(extent[cut.axes[1]])
+
+
+def _where(f: Finding, cut: Cut) -> str:
+    at = 1e3 * (cut.at_m + f.origin_m[cut.normal])
+    if cut.normal == 2:
+        depth = 1e3 * (f.outline.upper_m[2] - cut.at_m)
+        return f"from above, cut {depth:.0f} mm deep"
+    return f"from the side, cut at {'xyz'[cut.normal]} = {at:.0f} mm"
+
+
+def _show(
+    axes: Axes, f: Finding, cut: Cut, values: np.ndarray, colors: str, span: tuple[float, float]
+):
+    right, up = cut.axes
+    low = 1e3 * (f.outline.lower_m + f.origin_m)
+    high = 1e3 * (f.outline.upper_m + f.origin_m)
+    axes.set_xlabel(f"{'xyz'[right]}, mm")
+    axes.set_ylabel(f"{'xyz'[up]}, mm")
+    return axes.imshow(
+        values, origin="lower", cmap=colors, vmin=span[0], vmax=span[1],
+        extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
+    )  # fmt: skip
+
+
+def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
+    """Draw contact points and each inclusion's one-radius circle, dashed where it is the truth."""
+    right, up = cut.axes
+    points = 1e3 * (f.scan.contact_points + f.origin_m)
+    top = cut.normal == 2
+    if top:
+        axes.plot(points[:, right], points[:, up], ".", color="white", ms=3, alpha=0.55)
+    else:
+        axes.plot(points[:, right], points[:, up], "v", color="#222222", ms=3.5, clip_on=False)
+    if f.truth is not None:
+        _circles(axes, f, f.truth, cut, "--")
+    if not is_truth:
+        _circles(axes, f, f.map, cut, "-")
+    low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
+    axes.set_xlim(low[right], high[right])
+    axes.set_ylim(low[up], high[up])
+
+
+def _circles(axes: Axes, f: Finding, found: GaussianMap | ChangedMap, cut: Cut, line: str) -> None:
+    right, up = cut.axes
+    angle = np.linspace(0, 2 * np.pi, 73)
+    for inclusion in found.inclusions:
+        centre = 1e3 * (_centre(inclusion) + f.origin_m)
+        radius = 1e3 * inclusion.radius_m
+        x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)
+        axes.plot(x, y, line, color="black", lw=2.2)
+        axes.plot(x, y, line, color="white", lw=1.1)

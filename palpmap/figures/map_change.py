@@ -1,0 +1,208 @@
+"""What a missing effect had done to the map: maps, parameters, single presses, before and after."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from identify.body.state import ChangedMap
+from identify.map.gaussian_map import GaussianMap
+from identify.select.forward_selection import Explanation
+from identify.select.step import Rung
+from palpmap.figures.curves import MARKS, plain_name
+from palpmap.figures.map import Cut, cuts, sample
+from palpmap.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    MODULUS_COLORS,
+    ORANGE,
+    legend_below,
+    new_figure,
+    panel_grid,
+)
+from palpmap.result.finding import Finding, matched
+
+_PALE = 0.25  # of the colour, for what no interval counts
+
+
+def draw_maps(finding: Finding, explained: Explanation) -> Figure:
+    """Draw the map without and with the added effects, and the true one where it is known."""
+    first, last = explained.ladder[0], explained.final
+    shown: list[tuple[str, GaussianMap | ChangedMap]] = [("Found", last.fit.changed_map)]
+    if len(explained.ladder) > 1:
+        start = " + ".join(("map", *first.fit.model.has)) if first.fit.model.has else "map alone"
+        names = " + ".join(last.fit.model.has) or "map alone"
+        shown = [
+            (f"Before: {start}", first.fit.changed_map),
+            (f"After: with {names}", last.fit.changed_map),
+        ]
+    if finding.truth is not None:
+        shown.append(("True", finding.truth))
+    both = cuts(finding)
+    fields = [[sample(finding, cut, m.modulus) / 1e3 for _, m in shown] for cut in both]
+    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    judged = [v for row in fields for v in row[len(explained.ladder) > 1 :]]
+    low = min(float(np.nanmin(v)) for v in judged)
+    high = max(*(float(np.nanmax(v)) for v in judged), low + 1e-6)
+    below = any(np.nanmin(v) < low for row in fields for v in row)
+    above = any(np.nanmax(v) > high for row in fields for v in row)
+    heights = [_ratio(finding, cut) for cut in both]
+    width = 3.4 * len(shown) + 1.1
+    figure = new_figure(width, 3.3 * sum(heights) + 1.3)
+    grid = figure.subplots(2, len(shown), squeeze=False, height_ratios=heights)
+    image = None
+    for row, cut in enumerate(both):
+        for column, (title, stiffness) in enumerate(shown):
+            axes = grid[row, column]
+            image = _show(axes, finding, cut, fields[row][column], (low, high))
+            _circles(axes, finding, stiffness, cut)
+            if row == 0:
+                axes.set_title(_broken(title))
+            if column:
+                axes.set_ylabel("")
+    if image is not None:
+        extend = "both" if below and above else "min" if below else "max" if above else "neither"
+        label = "Young's modulus, kPa"
+        figure.colorbar(image, ax=grid, label=label, shrink=0.8, extend=extend)
+    return figure
+
+
+def _broken(title: str, width: int = 34) -> str:
+    import textwrap
+
+    return "\n".join(textwrap.wrap(title, width))
+
+
+def _ratio(finding: Finding, cut: Cut) -> float:
+    right, up = cut.axes
+    extent = finding.outline.upper_m - finding.outline.lower_m
+    return max(float(extent[up] / extent[right]), 0.3)
+
+
+def _show(axes: Axes, f: Finding, cut: Cut, values: np.ndarray, span: tuple[float, float]):
+    right, up = cut.axes
+    low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
+    axes.set_xlabel(f"{'xyz'[right]}, mm")
+    axes.set_ylabel(f"{'xyz'[up]}, mm")
+    return axes.imshow(
+        values, origin="lower", cmap=MODULUS_COLORS, vmin=span[0], vmax=span[1],
+        extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
+    )  # fmt: skip
+
+
+def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) -> None:
+    """Draw each inclusion one radius around its centre; dashed the true ones."""
+    right, up = cut.axes
+    angle = np.linspace(0, 2 * np.pi, 73)
+    pairs: list[tuple[GaussianMap | ChangedMap, str]] = [(own, "-")]
+    if f.truth is not None:
+        pairs.append((f.truth, "--"))
+    limits = axes.get_xlim(), axes.get_ylim()
+    for stiffness, line in pairs:
+        for inclusion in stiffness.inclusions:
+            centre = 1e3 * (np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m]) + f.origin_m)
+            radius = 1e3 * inclusion.radius_m
+            x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)
+            axes.plot(x, y, line, color="black", lw=2.2)
+            axes.plot(x, y, line, color="white", lw=1.1)
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
+
+
+def draw_parameters(
+    finding: Finding, explained: Explanation, record: Mapping[str, Any]
+) -> Figure | None:
+    """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
+
+    The last rung's intervals are those of result.json, pale what an unseen effect may add; those
+    of the rungs before are 1.96 standard errors. None where the whole map was held, or where there
+    is nothing beside the intervals of one rung.
+    """
+    rungs, last, parameters = explained.ladder, explained.final, record["parameters"]
+    shifts = record.get("unseen_shifts", {})
+    names = [n for n in last.fit.map.names if n in last.fit.std]
+    if not names or (len(rungs) < 2 and not shifts):
+        return None
+    true = {} if finding.truth is None else matched(last.fit.map, finding.truth)
+    columns = min(len(names), 6)
+    rows = -(-len(names) // columns)
+    figure = new_figure(10.4, 2.5 * rows + 0.3)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    at = np.arange(len(rungs))
+    for axes in grid.flat[len(names) :]:
+        axes.set_axis_off()
+    for axes, name in zip(grid.flat, names, strict=False):
+        panel_grid(axes)
+        scale, shift = (1e-3, 0.0) if name.endswith("_pa") else (1e3, _shift(finding, name))
+        value = np.array([scale * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
+        error = np.array([1.96 * scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        low, high = value - error, value + error
+        low[-1], high[-1] = (scale * parameters[name][end] for end in ("lower95", "upper95"))
+        colors = [GREY] * (len(rungs) - 1) + [BLUE]
+        for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
+            axes.vlines(x, below, above, color=hue, lw=1.8)
+            axes.plot(x, v, "o", color=hue, ms=5)
+        if name in shifts:
+            further = scale * shifts[name]["shift"]
+            ends = low[-1] - further, high[-1] + further
+            axes.plot(
+                [len(rungs) - 1] * 2, ends, color=BLUE, alpha=_PALE, lw=7, solid_capstyle="butt"
+            )
+        if name in true:
+            axes.axhline(scale * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
+        words = ["before", *[""] * (len(rungs) - 2), "after"] if len(rungs) > 1 else ["found"]
+        axes.set_xticks(at, words)
+        axes.set_xlim(-0.6, len(rungs) - 0.4)
+        axes.set_title(f"{plain_name(name)}\n{'kPa' if name.endswith('_pa') else 'mm'}", size=9)
+    return figure
+
+
+def _shift(finding: Finding, name: str) -> float:
+    axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
+    return 0.0 if axis is None else float(finding.origin_m[axis])
+
+
+def draw_presses(explained: Explanation) -> Figure:
+    """Draw force against displacement of three presses, with the model before and after."""
+    first, last = explained.ladder[0], explained.final
+    compliance = last.fit.at.body.compliance
+    worst = max(range(len(compliance)), key=lambda j: first.comparison.presses[j].misfit)
+    chosen: dict[int, str] = {}
+    for j, words in (
+        (worst, "largest misfit before"),
+        (int(np.argmin(compliance)), "stiffest place"),
+        (int(np.argmax(compliance)), "softest place"),
+    ):
+        chosen[j] = f"{chosen[j]}, {words}" if j in chosen else words
+    figure = new_figure(10.4, 3.9)
+    for axes, (j, words) in zip(
+        figure.subplots(1, len(chosen), squeeze=False).flat, chosen.items(), strict=True
+    ):
+        _press(axes, first, last, j)
+        axes.set_title(f"Press {last.comparison.presses[j].press}: {words}")
+    legend_below(figure, figure.axes)
+    return figure
+
+
+def _press(axes: Axes, first: Rung, last: Rung, press: int) -> None:
+    panel_grid(axes)
+    model = last.fit.model
+    rows = model.readings.press == press
+    force = model.readings.force_n
+    for phase, mark in MARKS.items():
+        at = rows & (model.readings.phase == phase)
+        if at.any():
+            axes.plot(
+                1e3 * model.displacement_m[at], force[at], mark, ms=4.5, color=BLUE, ls="",
+                mfc=BLUE if phase == "load" else "white", label=f"measured, {phase}",
+            )  # fmt: skip
+    if first is not last:
+        axes.plot(
+            1e3 * first.fit.at.predicted_m[rows], force[rows], color=GREY, lw=1.4, label="before"
+        )
+    axes.plot(1e3 * last.fit.at.predicted_m[rows], force[rows], color=ORANGE, lw=1.6, label="after")
+    axes.set_xlabel("displacement, mm")
+    axes.set_ylabel("force, N")

@@ -1,0 +1,1 @@
+"""The six tests of the paper, repeated on its own mesh."""

@@ -1,0 +1,322 @@
+"""Recording of an explanation: step by step, the residual on the body, the error, the candidates.
+
+The timeline `iteration` counts the rungs of the ladder: 0 is the model that the loop started from,
+each further one has one effect more. `sim_time` plays the scan, then the rungs, one second each.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+from identify.residual.statement import length
+from identify.select.forward_selection import Explanation
+from identify.select.step import Rung
+from palpmap import __version__
+from palpmap.commands.fit import deepest_rows
+from palpmap.figures.ladder import press_rms
+from palpmap.recording import entities as parts
+from palpmap.recording import style as style
+from palpmap.recording.explain_layout import (
+    BEFORE,
+    CANDIDATES,
+    ERROR,
+    MISFIT_BEFORE,
+    MISFIT_MAP,
+    explain_layout,
+)
+from palpmap.recording.explain_text import about_text, candidates_text
+from palpmap.recording.fit import log_iteration, log_residuals, style_parameters
+from palpmap.recording.layout import Stage
+from palpmap.recording.maps import (
+    MapViews,
+    log_map,
+    log_outlines,
+    map_views,
+    modulus_colors,
+    residual_colors,
+)
+from palpmap.recording.scene import lifted, vertex_normals
+from palpmap.recording.stream import Log, RecordingFile
+from palpmap.result.explain_words import headline, rung_labels, step_evidence, verdict_detail
+from palpmap.result.finding import Finding, matched
+from palpmap.study.open_study import Problem
+
+RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
+_LIFT_M = 0.004
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A rung as `recording_fit.log_iteration` wants it."""
+
+    iteration: int
+    parameters: Mapping[str, float]
+    chi2_per_dof: float
+    rms_m: float
+
+
+@dataclass(frozen=True)
+class _Painted:
+    """What is painted on the body: points (j, 3) m, and by rung mean residual (µm) and rms."""
+
+    ids: NDArray[np.int64]
+    points_m: NDArray[np.float64]
+    mean_um: list[NDArray[np.float64]]
+    rms: list[NDArray[np.float64]]
+
+    @property
+    def limit_um(self) -> float:
+        """Mean residual at the ends of the colour scale, the same for all rungs."""
+        return float(max(np.abs(values).max() for values in self.mean_um))
+
+    @property
+    def largest_rms(self) -> float:
+        """Rms at the end of the colour scale, in units of the noise."""
+        return max(2.0, float(max(values.max() for values in self.rms)))
+
+
+def record_explanation(
+    path: Path,
+    finding: Finding,
+    explained: Explanation,
+    record: Mapping[str, Any],
+    problem: Problem,
+    figures: Mapping[str, Path],
+) -> None:
+    """Write the recording of an explanation.
+
+    Parameters
+    ----------
+    path : .rrd file, replaced
+    finding : the last rung
+    record : result.json
+    figures : PNG files by name, each shown in a tab
+    """
+    file = RecordingFile(path, finding.name)
+    shown = (*RECORDED_PARTS, *(["truth"] if finding.truth is not None else []))
+    planned = len(finding.scan.press_ids)
+    file.static(
+        parts.RUN,
+        rr.AnyValues(
+            name=finding.name, palpmap=__version__, planned_presses=planned, parts=list(shown)
+        ),
+    )
+    style.style_plots(file)
+    _style_errors(file)
+    stage, surface = _log_scene(file, finding, problem)
+    painted = _painted(explained, surface)
+    now = _log_scan(file, finding, surface.dot_m)
+    views = _views(finding, explained)
+    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    span = _span([views[-1], *_true_views(finding)])
+    true = {} if finding.truth is None else matched(finding.fit.map, finding.truth)
+    names = list(explained.final.fit.values)
+    style_parameters(file, names, list(true))
+    for view in _true_views(finding):
+        log_map(file.static, parts.TRUE_MAP, view, span)
+        log_outlines(file.static, parts.TRUE_MAP, true, view, style.TRUE)
+    _paint_before(file, painted)
+    last = int(finding.scan.press_ids[-1])
+    absent = _absent(explained)
+    for number, rung in enumerate(explained.ladder):
+        log = file.at(sim_time=now + 1 + number, press=last, iteration=number)
+        step = _Step(number, {**absent, **rung.fit.values}, rung.fit.chi2_per_dof, rung.fit.rms_m)
+        log_iteration(log, step, true)
+        _log_rung(log, rung, number, painted)
+        log_map(log, parts.FOUND_MAP, views[number], span)
+        log_outlines(log, parts.FOUND_MAP, _map_parameters(rung), views[number], style.FOUND)
+        modulus = rung.fit.changed_map.modulus(surface.vertices_m)
+        colors = modulus_colors(modulus, span)
+        log(parts.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
+        _log_events(log, explained, problem, number)
+    _log_comparison(file, finding, explained)
+    for name, picture in figures.items():
+        file.static(f"{parts.FIGURES}/{name}", rr.EncodedImage(path=picture))
+    text = about_text(finding.name, explained, record)
+    file.static(parts.ABOUT, rr.TextDocument(text, media_type="text/markdown"))
+    known = finding.truth is not None
+    ends = painted.limit_um, painted.largest_rms
+    file.show(explain_layout(stage, *ends, list(figures), names, known))
+    file.close()
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """The body's surface: vertices (n, 3) m with normals (n, 3); `dot_m`, size of a press's dot."""
+
+    vertices_m: NDArray[np.float64]
+    normals: NDArray[np.float32]
+    dot_m: float
+
+
+def _log_scene(file: RecordingFile, finding: Finding, problem: Problem) -> tuple[Stage, _Surface]:
+    mesh = problem.body.coarse.mesh
+    used, local = np.unique(mesh.boundary[:, :3], return_inverse=True)
+    vertices, triangles = mesh.nodes[used], local.reshape(-1, 3).astype(np.int32)
+    normals = vertex_normals(vertices, triangles)
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    file.static(
+        parts.SURFACE,
+        rr.Mesh3D(
+            vertex_positions=vertices, triangle_indices=triangles, vertex_normals=normals
+        ),
+    )  # fmt: skip
+    for entity in (parts.RESIDUAL_MAP, BEFORE, MISFIT_MAP, MISFIT_BEFORE):
+        file.static(
+            f"{entity}/body",
+            rr.Mesh3D(
+                vertex_positions=vertices,
+                triangle_indices=triangles,
+                vertex_normals=normals,
+                albedo_factor=style.DARK_GREY,
+            ),
+        )
+    dot = 0.1 * float((upper - lower).max()) / np.sqrt(len(finding.scan.press_ids))
+    return Stage(lower, upper, np.zeros(3)), _Surface(vertices, normals, dot)
+
+
+def _log_scan(file: RecordingFile, finding: Finding, dot_m: float) -> float:
+    """Log the presses as measured; return the time at which the last was read, s."""
+    scan = finding.scan
+    times = _press_times(finding)
+    _send(file, parts.MEASURED, finding, 1e3 * scan.at_largest_force(scan.displacement_m))
+    points = rr.Points3D(scan.contact_points, radii=dot_m, colors=style.TRUE)
+    file.static(parts.PRESSES_MADE, points)
+    return float(times.max())
+
+
+def _press_times(finding: Finding) -> NDArray[np.float64]:
+    scan = finding.scan
+    if not scan.has_time:
+        return np.arange(len(scan.press_ids), dtype=float)
+    times = scan.time_s[deepest_rows(scan)]
+    return times - float(scan.time_s.min())
+
+
+def _send(
+    file: RecordingFile, entity: str, finding: Finding, values: NDArray[np.float64]
+) -> None:  # fmt: skip
+    when = [
+        rr.TimeColumn(parts.SIM_TIME, duration=_press_times(finding)),
+        rr.TimeColumn(parts.PRESS, sequence=finding.scan.press_ids.astype(np.int64)),
+    ]
+    file.stream.send_columns(entity, when, rr.Scalars.columns(scalars=values))
+
+
+def _views(finding: Finding, explained: Explanation) -> list[MapViews]:
+    box = finding.outline.lower_m, finding.outline.upper_m
+    return [map_views(rung.fit.changed_map.modulus, *box) for rung in explained.ladder]
+
+
+def _true_views(finding: Finding) -> list[MapViews]:
+    if finding.truth is None:
+        return []
+    box = finding.outline.lower_m, finding.outline.upper_m
+    return [map_views(finding.truth.modulus, *box)]
+
+
+def _span(views: list[MapViews]) -> tuple[float, float]:
+    return min(v.range_pa[0] for v in views), max(v.range_pa[1] for v in views)
+
+
+def _map_parameters(rung: Rung) -> dict[str, float]:
+    stiffness = rung.fit.map
+    return dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
+
+
+def _painted(explained: Explanation, surface: _Surface) -> _Painted:
+    presses = explained.final.comparison.presses
+    points = np.array([p.point_m for p in presses])
+    return _Painted(
+        np.array([p.press for p in presses], np.int64),
+        lifted(points, surface.vertices_m, surface.normals, _LIFT_M),
+        [
+            1e6 * np.array([p.mean_m for p in rung.comparison.presses])
+            for rung in explained.ladder
+        ],
+        [press_rms(rung) for rung in explained.ladder],
+    )  # fmt: skip
+
+
+def _paint_before(file: RecordingFile, painted: _Painted) -> None:
+    colors = residual_colors(painted.mean_um[0], painted.limit_um)
+    file.static(f"{BEFORE}/points", _dots(painted, colors))
+    file.static(f"{MISFIT_BEFORE}/points", _dots(painted, _rms_colors(painted, 0)))
+
+
+def _dots(painted: _Painted, colors: NDArray[np.uint8]) -> rr.Points3D:
+    extent = float(np.ptp(painted.points_m, axis=0).max())
+    radius = 0.45 * extent / np.sqrt(len(painted.points_m)) if extent > 0 else 0.005
+    return rr.Points3D(painted.points_m, radii=radius, colors=colors)
+
+
+def _rms_colors(painted: _Painted, number: int) -> NDArray[np.uint8]:
+    """Colours (j, 3): dark is noise or less, bright is the largest of all rungs."""
+    share = (painted.rms[number] - 1) / (painted.largest_rms - 1)
+    return colormaps["magma"](np.clip(0.15 + 0.85 * share, 0.15, 1), bytes=True)[..., :3]
+
+
+def _style_errors(file: RecordingFile) -> None:
+    for name, color, label in (
+        ("rms_um", style.MEASURED, "error of the fit"),
+        ("held_out_um", style.FOUND, "error at presses left out"),
+        ("noise_um", style.GREY, "noise alone"),
+        ("chi2_per_dof", style.MODELLED, "chi2/dof"),
+    ):
+        file.static(f"{ERROR}/{name}", rr.SeriesLines(colors=color, names=label, widths=2.5))
+
+
+def _absent(explained: Explanation) -> dict[str, float]:
+    """Amplitudes of the effects before they were added: without them a plot would be one point."""
+    return {
+        f"{part.effect.name}.{name}": null
+        for part in explained.final.fit.model.effects
+        for name, null in part.effect.null.items()
+    }
+
+
+def _log_rung(log: Log, rung: Rung, number: int, painted: _Painted) -> None:
+    for name, value in (
+        ("rms_um", 1e6 * rung.fit.rms_m),
+        ("held_out_um", 1e6 * rung.held_out.rms_m),
+        ("noise_um", 1e6 * rung.comparison.expected_rms_m),
+        ("chi2_per_dof", rung.fit.chi2_per_dof),
+    ):
+        log(f"{ERROR}/{name}", rr.Scalars(value))
+    log_residuals(log, painted.ids, painted.points_m, painted.mean_um[number], painted.limit_um)
+    log(f"{MISFIT_MAP}/points", _dots(painted, _rms_colors(painted, number)))
+    log(CANDIDATES, rr.TextDocument(candidates_text(rung), media_type="text/markdown"))
+
+
+def _log_events(log: Log, explained: Explanation, problem: Problem, number: int) -> None:
+    rung = explained.ladder[number]
+    label = rung_labels(explained)[number].replace("\n", ", ")
+    log(
+        parts.EVENTS,
+        rr.TextLog(
+            f"{label}: error {length(rung.fit.rms_m, signed=False)}, at presses left out "
+            f"{length(rung.held_out.rms_m, signed=False)}, chi2/dof {rung.fit.chi2_per_dof:.3g}",
+            level="INFO",
+        ),
+    )
+    if number:
+        log(parts.EVENTS, rr.TextLog(step_evidence(explained, problem, number), level="INFO"))
+    level = "INFO" if rung.comparison.is_noise else "WARN"
+    log(parts.EVENTS, rr.TextLog(rung.comparison.statement, level=level))
+    if rung is explained.final:
+        sure = explained.verdict in ("nothing_missing", "explained")
+        text = f"{headline(explained)} {verdict_detail(explained)}"
+        log(parts.EVENTS, rr.TextLog(text, level="INFO" if sure else "WARN"))
+
+
+def _log_comparison(file: RecordingFile, finding: Finding, explained: Explanation) -> None:
+    """Log what the last model says of each press near its largest force, and its residual."""
+    fit, mean = explained.final.fit, finding.scan.at_largest_force
+    _send(file, parts.MODELLED, finding, 1e3 * mean(fit.at.predicted_m))
+    _send(file, parts.RESIDUAL, finding, 1e6 * mean(fit.residual_m))

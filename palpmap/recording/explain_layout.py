@@ -1,0 +1,110 @@
+"""The layout of an explanation's recording: residual before and now, error, maps, words."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from palpmap.recording import entities as parts
+from palpmap.recording.layout import Stage, eye_at, from_above, map_view, plot_view
+
+BEFORE = "before"  # the first rung's residual, always there
+MISFIT_MAP = "misfits"  # rms of each press in units of the noise
+MISFIT_BEFORE = "misfits_before"
+ERROR = "error"
+CANDIDATES = "candidates"
+PRESSES = "Each press, mm"  # a tab, as there is nothing in it on the timeline that it opens with
+_DARK = (24, 26, 30)
+
+
+def explain_layout(
+    stage: Stage,
+    limit_um: float,
+    largest_rms: float,
+    figures: Sequence[str],
+    parameters: Sequence[str],
+    known: bool,
+) -> rrb.Blueprint:
+    """Lay out the residual before and now, the error, the maps, and the words.
+
+    Parameters
+    ----------
+    limit_um : mean residual at the ends of its colour scale
+    largest_rms : rms at the bright end of its colour scale, in units of the noise
+    figures : names of the figures, each shown in a tab
+    parameters : names of the parameters, each plotted beside those of its unit
+    known : whether there is a true map
+    """
+    left = _pictures(stage, limit_um, largest_rms, known)
+    right = _curves_and_words(figures, parameters)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[1, 1.25]),
+        rrb.TimePanel(timeline=parts.ITERATION, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) -> rrb.Vertical:
+    """Lay out the residual before and now, its size, the maps and the body."""
+    limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
+    residual = f"residual, red +{limit}, blue -{limit} um"
+    size = f"size, dark 1, bright {most} x noise"
+    center = stage.center_m
+    eye = center + np.linalg.norm(stage.size_m) * np.array([-0.55, -1.05, 0.75])
+    body = rrb.Spatial3DView(
+        origin="world",
+        name="The body, coloured by the found modulus",
+        background=_DARK,
+        line_grid=False,
+        eye_controls=eye_at(center, eye),
+    )
+    maps = [map_view(parts.FOUND_MAP, "Found: Young's modulus", stage)]
+    if known:
+        maps.append(map_view(parts.TRUE_MAP, "Truth: Young's modulus", stage))
+    return rrb.Vertical(
+        rrb.Horizontal(
+            from_above(BEFORE, f"Before: {residual}", stage),
+            from_above(parts.RESIDUAL_MAP, f"Now: {residual}", stage),
+        ),
+        rrb.Horizontal(
+            from_above(MISFIT_BEFORE, f"Before: {size}", stage),
+            from_above(MISFIT_MAP, f"Now: {size}", stage),
+        ),
+        rrb.Horizontal(*maps, body),
+    )
+
+
+def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.Vertical:
+    """Lay out figures, error and parameters by step, candidates and text."""
+    tabs = [
+        rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
+        for name in figures
+    ]
+    events = rrb.TextLogView(
+        origin=parts.EVENTS,
+        name="Events",
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+    )
+    plots = [(parts.MODULI, "Parameters: kPa"), (parts.LENGTHS, "Parameters: mm")]
+    if any(parts.parameter_entity(name)[0].startswith(parts.OTHERS) for name in parameters):
+        plots.append((parts.OTHERS, "Of the effects"))
+    return rrb.Vertical(
+        rrb.Tabs(*tabs, active_tab=0) if tabs else events,
+        rrb.Horizontal(
+            plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um"), False),
+            *(plot_view(origin, name, whole=False) for origin, name in plots),
+        ),
+        rrb.Horizontal(
+            rrb.TextDocumentView(origin=CANDIDATES, name="Candidates at this step"),
+            rrb.Tabs(
+                rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"),
+                events,
+                plot_view("presses", PRESSES, ("measured_mm", "modelled_mm")),
+                active_tab=0,
+            ),
+        ),
+        row_shares=[2.0, 1.1, 1.5],
+    )

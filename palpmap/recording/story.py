@@ -1,0 +1,70 @@
+"""The text beside the pictures: what is seen, and what was found so far."""
+
+from collections.abc import Collection, Mapping
+
+from palpmap.recording import entities as parts
+
+_SEEN = {
+    "robot": (
+        "**Scene**: the arm touches the body, ramps to its set force, holds, unloads and goes on. "
+        "The body is drawn with its computed deformation, to scale; the arrow is the contact "
+        "force, white dots are presses made. Below: force and travel of the tip against time."
+    ),
+    "truth": "**Truth**: Young's modulus that the virtual body has; white circle: inclusion.",
+    "fit": (
+        "**Found**: the present estimate, on the colour scale of the truth where there is one; "
+        "orange circles: inclusions. Below: parameters (pale: true values) and misfit "
+        "(log10 of the rms in um and of chi-square per degree of freedom)."
+    ),
+    "presses": "**Each press**: displacement as measured (dots) and as modelled (crosses).",
+    "comparison": (
+        "**Residual**: measured minus modelled displacement, painted where the press was; red "
+        "gave way more than modelled, blue less. Noise looks like confetti; patches mean that the "
+        "model misses something."
+    ),
+}
+
+_TIMELINES = (
+    f"**Timelines** (choose below): `{parts.SIM_TIME}` plays the scan, then the iterations, one "
+    f"second each; `{parts.PRESS}` shows each press at its largest force; `{parts.ITERATION}` "
+    "shows the fit step by step, where force, travel and presses have no place."
+)
+
+_UNITS = {"_pa": (1e-3, "kPa"), "_m": (1e3, "mm")}
+
+
+def story(
+    name: str,
+    present: Collection[str],
+    found: Mapping[str, float],
+    true: Mapping[str, float],
+) -> str:
+    """Markdown text of a recording.
+
+    Parameters
+    ----------
+    name : what the run is called
+    present : names of parts that there are
+    found, true : parameters in SI units by name; empty where there are none
+    """
+    lines = [f"### {name}", ""]
+    if found:
+        lines += _table(found, true)
+    for part, text in _SEEN.items():
+        if part in present:
+            lines += [text, ""]
+    return "\n".join([*lines, _TIMELINES])
+
+
+def _table(found: Mapping[str, float], true: Mapping[str, float]) -> list[str]:
+    known = any(name in true for name in found)
+    lines = ["| parameter | found |" + " true |" * known, "|---|---|" + "---|" * known]
+    for name, value in found.items():
+        ending = next((e for e in _UNITS if name.endswith(e)), "")
+        factor, unit = _UNITS.get(ending, (1.0, ""))
+        label = name.removesuffix(ending).replace("_", " ")
+        cells = [label, f"{factor * value:.4g} {unit}"]
+        if known:
+            cells.append(f"{factor * true[name]:.4g} {unit}" if name in true else "")
+        lines.append("| " + " | ".join(cells) + " |")
+    return [*lines, ""]

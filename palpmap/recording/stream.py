@@ -1,0 +1,66 @@
+"""One .rrd file under construction: places on the timelines, flushes, layout."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from palpmap.recording import entities as parts
+
+Log = Callable[..., None]
+"""``log(entity, *archetypes)``, bound to a place on the timelines."""
+
+
+class RecordingFile:
+    """A Rerun stream into a file.
+
+    Parameters
+    ----------
+    path : path of the .rrd file; an existing one is replaced
+    name : name of the recording, shown by the viewer
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        self.stream = rr.RecordingStream(parts.APPLICATION)
+        rr.set_log_time_enabled(False, recording=self.stream)
+        rr.set_log_tick_enabled(False, recording=self.stream)
+        self.stream.save(path)
+        self.stream.send_recording_name(name)
+
+    def static(self, entity: str, *what: rr.AsComponents) -> None:
+        """Log what is true at all times."""
+        self.stream.log(entity, *what, static=True)
+
+    def at(
+        self,
+        sim_time: float | None = None,
+        press: int | None = None,
+        iteration: int | None = None,
+    ) -> Log:
+        """Bind a place: s on `sim_time`, numbers on the others; None leaves a timeline out."""
+
+        def log(entity: str, *what: rr.AsComponents) -> None:
+            self.stream.reset_time()
+            if sim_time is not None:
+                self.stream.set_time(parts.SIM_TIME, duration=float(sim_time))
+            if press is not None:
+                self.stream.set_time(parts.PRESS, sequence=int(press))
+            if iteration is not None:
+                self.stream.set_time(parts.ITERATION, sequence=int(iteration))
+            self.stream.log(entity, *what)
+
+        return log
+
+    def show(self, blueprint: rrb.Blueprint) -> None:
+        """Embed a layout; the viewer opens with the last one embedded."""
+        self.stream.send_blueprint(blueprint)
+
+    def flush(self) -> None:
+        """Hand all that was logged to the operating system."""
+        self.stream.flush()
+
+    def close(self) -> None:
+        """Write the footer, which marks a whole recording."""
+        self.stream.flush()
+        self.stream.disconnect()

@@ -1,0 +1,1 @@
+"""The report of a run: HTML page and console tables."""

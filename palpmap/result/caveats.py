@@ -1,0 +1,52 @@
+"""What a fit rests on, in sentences for the report."""
+
+import numpy as np
+
+from identify.fit.result import Fit
+from palpmap.study.study import Study
+
+SMALL_STRAIN = 0.1
+
+
+def limits_of(
+    fit: Fit, study: Study, displacement_m: np.ndarray, height_m: float
+) -> tuple[str, ...]:
+    """Say in sentences what the result rests on."""
+    limits = [
+        "The map is a background and Gaussian inclusions; other shapes are only approximated.",
+        f"Poisson's ratio {study.body.poisson_ratio:g} was given, not found.",
+        "The intervals count the noise"
+        + ("" if fit.model_error is None else " and the mesh's own error")
+        + ", not physics that the model leaves out.",
+    ]
+    deepest = float(np.max(displacement_m))
+    share = deepest / height_m
+    text = (
+        f"The model is linear in the force. The deepest press reaches {1e3 * deepest:.2g} mm, "
+        f"{100 * share:.2g} % of the body's height"
+    )
+    beyond = ", more than small strain bears: expect errors of that order"
+    limits.append(text + (beyond if share > SMALL_STRAIN else "") + ".")
+    if study.body.shape == "surface":
+        limits.append(
+            "Meshes of one closed surface differ by about 0.3 % in what a press feels, as each "
+            "cuts the surface's curves elsewhere; small tips on strongly curved places feel the "
+            "facets more, up to some percent."
+        )
+    if study.body.thickness_assumed:
+        limits.append("The body's thickness was assumed; moduli and depths scale with it.")
+    if study.body.project_points:
+        limits.append("A block stands in for a curved body.")
+    if study.probe.tip == "sphere":
+        limits.append("The tip is a sphere: its contact grows with the force.")
+    if fit.discretization_error is not None:
+        largest = float(np.max(np.abs(fit.discretization_error)))
+        limits.append(
+            f"The coarse mesh is off the finer model by up to {100 * largest:.2g} %; this was "
+            "corrected, and what the finer one may be off by itself widens the intervals."
+        )
+    else:
+        limits.append("No finer model was compared: the mesh's own error is not counted.")
+    if fit.noise.estimated:
+        limits.append("Noise that the study does not give was estimated from the scan.")
+    return tuple(limits)

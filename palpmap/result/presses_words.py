@@ -1,0 +1,95 @@
+"""What the presses show by themselves: as data for result.json, and in words."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from identify.effects.units import force, percent
+from identify.fit.free_compliance import PressWiseFit
+from palpmap.study.open_study import Problem
+
+
+def presses_record(problem: Problem) -> dict[str, Any] | None:
+    """Return what the presses show alone, None where that was not asked."""
+    law = problem.law
+    if law is None:
+        return None
+    largest = problem.model.readings.largest_force_n
+    return {
+        "effects": list(law.names),
+        "values": {name: dict(law.found.values[name]) for name in law.names},
+        "as_good": {name: [other for other, _ in law.rivals(name)] for name in law.names},
+        "largest_force_n": largest,
+        "before": _record(law.plain, largest),
+        "after": _record(law.found, largest),
+        "share_taken": law.share,
+        "map_error": problem.model.press_error,
+    }
+
+
+def _record(fit: PressWiseFit, largest_n: float) -> dict[str, float]:
+    return {
+        "rms_n": fit.rms_n,
+        "typical_n": fit.typical_n,
+        "share_of_largest_force": fit.rms_n / largest_n,
+        "chi2_per_dof": fit.chi2_per_dof,
+        "noise_share": fit.noise_share,
+    }
+
+
+def counted(problem: Problem) -> dict[str, int]:
+    """Return how many presses were used and how many were too many, as plain data."""
+    return {
+        "presses_used": problem.model.readings.presses,
+        "presses_left_out": problem.left_out,
+    }
+
+
+def left_out_sentences(record: Mapping[str, Any]) -> list[str]:
+    """Say of a record with `counted` in it how many presses were used, if not all were.
+
+    >>> left_out_sentences({"presses_used": 200, "presses_left_out": 100})
+    ['200 of 300 presses, evenly spread, were used: time and memory grow with their number.']
+    """
+    used, left = record["presses_used"], record["presses_left_out"]
+    why = "time and memory grow with their number"
+    says = f"{used} of {used + left} presses, evenly spread, were used: {why}."
+    return [says] if left else []
+
+
+def presses_sentences(record: Mapping[str, Any]) -> list[str]:
+    """Return what result.json says of the presses, in sentences; none where there is nothing."""
+    says, found = left_out_sentences(record), record["presses_alone"]
+    if found is None:
+        return says
+    before, after = found["before"], found["after"]
+    alone = "The presses by themselves, each with a compliance of its own and no map: "
+    if found["effects"]:
+        says.append(
+            f"{alone}with {' and '.join(found['effects'])} the error of the middle press falls "
+            f"from {force(before['typical_n'])} to {force(after['typical_n'])}, that of all from "
+            f"{force(before['rms_n'])} to {force(after['rms_n'])} "
+            f"({percent(before['share_of_largest_force'])} and "
+            f"{percent(after['share_of_largest_force'])} of the largest force). What remains is "
+            f"noise in {percent(after['noise_share'])} of the presses, "
+            f"{percent(before['noise_share'])} before."
+        )
+        says += [
+            f"{' or '.join(others)} in place of {name} does as well there."
+            for name, others in found["as_good"].items()
+            if others
+        ]
+    else:
+        says.append(
+            f"{alone}no effect of contact, response or instrument is called for by most of them. "
+            f"Their error is {force(after['rms_n'])}, "
+            f"{percent(after['share_of_largest_force'])} of the largest force; it is noise in "
+            f"{percent(after['noise_share'])} of the presses."
+        )
+    if found["map_error"]:
+        says.append(
+            f"The map misses the compliance of an ordinary press by {percent(found['map_error'])}: "
+            "more than noise, so that its numbers are rough and no effect of the body is offered. "
+            "Its form (a background with Gaussian inclusions), the body's shape or its thickness "
+            "is not what was pressed."
+        )
+    return says

@@ -1,0 +1,1 @@
+"""The study: what is known of an experiment, read, checked and opened."""

@@ -1,0 +1,92 @@
+"""The study file's table `[body]`, and the kinds of values that all its tables share."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NotNegative = Annotated[Real, Field(ge=0)]
+Side = Literal["x0", "x1", "y0", "y1"]  # of a block, where x or y is 0 or greatest
+
+
+def _three(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) == 3:
+        return tuple(value)
+    raise ValueError("three numbers [x, y, z] in m")
+
+
+def _sides(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(set(map(str, value))) == len(value):
+        return tuple(value)
+    raise ValueError('a list of sides, each once, as ["x0", "y1"]')
+
+
+def _path(value: Any) -> Any:
+    if isinstance(value, str) and value.strip():
+        return Path(value)
+    if isinstance(value, Path):
+        return value
+    raise ValueError("the name of a file, as text")
+
+
+Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_three)]
+Size = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
+File = Annotated[Path, BeforeValidator(_path)]
+
+
+class Table(BaseModel):
+    """A table of a study file: frozen, without unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Body(Table):
+    """`[body]`: the soft body.
+
+    A block's corner stands at `origin_m` in the scan's frame, x and y in [0, size], z up from the
+    base. With `project_points` a block stands in for a body with a curved surface: contact points
+    are moved along z onto its top and directions are replaced by the top's normal. `cell_size_m` is
+    the size of the finite elements of the coarser of two meshes (`palpmap.study.body_model`).
+    """
+
+    shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")
+    size_m: Size | None = None
+    cell_size_m: Positive | None = None
+    file: File | None = None
+    poisson_ratio: Real = Field(ge=0, le=0.4999, description="Poisson's ratio, 0 to 0.4999")
+    support: Literal["base-bonded", "base-sliding", "base-elastic"] = "base-bonded"
+    base_normal_m_per_pa: NotNegative | None = None
+    base_tangential_m_per_pa: NotNegative | None = None
+    held_sides: Annotated[tuple[Side, ...], BeforeValidator(_sides)] = ()
+    origin_m: Point = (0.0, 0.0, 0.0)
+    project_points: bool = Field(False, strict=True)
+    thickness_assumed: bool = Field(False, strict=True)
+
+    @model_validator(mode="after")
+    def _shape_has_its_keys(self) -> "Body":
+        if self.shape == "block" and (self.size_m is None or self.file is not None):
+            raise ValueError('size_m = [x, y, z] in m and no file, as shape is "block"')
+        if self.shape == "surface" and (self.file is None or self.size_m is not None):
+            raise ValueError('file = "... .stl" and no size_m, as shape is "surface"')
+        if self.shape == "surface" and (self.project_points or self.thickness_assumed):
+            raise ValueError('project_points and thickness_assumed only with shape = "block"')
+        return self
+
+    @model_validator(mode="after")
+    def _support_has_its_keys(self) -> "Body":
+        springs = (self.base_normal_m_per_pa, self.base_tangential_m_per_pa)
+        if self.support == "base-elastic" and None in springs:
+            raise ValueError(
+                "base_normal_m_per_pa and base_tangential_m_per_pa (0 holds the base in that "
+                'direction), as support is "base-elastic"'
+            )
+        if self.support != "base-elastic" and springs != (None, None):
+            raise ValueError(
+                "no base_normal_m_per_pa and base_tangential_m_per_pa, as support is "
+                f'"{self.support}"; they belong to support = "base-elastic"'
+            )
+        if self.held_sides and self.shape != "block":
+            raise ValueError('held_sides only with shape = "block"; a surface has no named sides')
+        return self

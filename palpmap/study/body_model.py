@@ -1,0 +1,206 @@
+"""From a study and its scan to the finite element models that the fit works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
+from models.errors import InputError
+from models.scan import Scan
+from palpmap.study.body import Body
+from palpmap.study.study import Study
+
+if TYPE_CHECKING:
+    from fem.mesh.surface import Surface
+
+COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
+MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
+REFINEMENT = 1.5
+SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
+SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """The model that is searched with, and the one that its result must agree with.
+
+    Attributes
+    ----------
+    search : quick, cruder than `coarse` and without the near field of the presses: starts are
+        tried on it
+    coarse : with near field and derivatives; the fit corrects it towards `fine`
+    fine : of a block two meshes extrapolated, right to 0.2 to 1 %, see `RefinedModel`; of a closed
+        surface the finer mesh as it is, right to about 0.3 % where cells of size h cut off little
+        of a curve of radius R under a tip of radius a, h^2/(8 R) << a. Convex facets are felt too
+        hard: a dome of 50 mm under a tip of 3 mm by 1.4 % on cells of 8 mm, by 5 % on 12 mm. Meshes
+        of one surface differ at random (each cuts its corners elsewhere), so that an extrapolation
+        would add to the error
+    note : what stands in for what, for the reader of a report; empty where nothing does
+    """
+
+    search: PalpationModel
+    coarse: PalpationModel
+    fine: PalpationModel | RefinedModel
+    note: str
+
+
+def build_body_model(study: Study, scan: Scan) -> BodyModel:
+    """Build the models of a study's body, pressed where the placed scan says.
+
+    Parameters
+    ----------
+    scan : in the body's frame, see `palpmap.study.placement.place_scan`
+
+    Raises
+    ------
+    InputError
+        A press that would push the body off the base on which it slides.
+    fem.errors.MeshError
+        A tip that hangs over an edge, or a surface that cannot be meshed.
+    """
+    contacts, note = contacts_of(study, scan)
+    meshes = _meshes(study)
+    nu, support = study.body.poisson_ratio, support_of(study.body)
+    search = PalpationModel(
+        _search_mesh(study, meshes[0]), nu, contacts, near_field=False, support=support
+    )
+    if study.body.support == "base-sliding":
+        _check_held(search, scan)
+    coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
+    fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
+    return BodyModel(search, coarse, fine, note)
+
+
+def support_of(body: Body) -> Support:
+    """Return what holds a study's body.
+
+    >>> from palpmap.study.study import Body
+    >>> support_of(Body(shape="block", size_m=(0.1, 0.1, 0.05), poisson_ratio=0.3,
+    ...                 support="base-sliding", held_sides=("x0",)))
+    Support(surface='base', normal=0.0, tangential=inf, held=('x0',))
+    """
+    normal, tangential = body.base_normal_m_per_pa or 0.0, body.base_tangential_m_per_pa or 0.0
+    if body.support == "base-sliding":
+        tangential = np.inf
+    return Support("base", normal, tangential, body.held_sides)
+
+
+def _check_held(model: PalpationModel, scan: Scan) -> None:
+    """Refuse presses that nothing but a sliding base resists; the modulus does not matter."""
+    try:
+        model.evaluate(1.0)
+    except SolverError as error:
+        raise InputError(
+            f'study, key body.support: found "base-sliding", but {error}; press straight onto the '
+            'base, give held_sides, or support = "base-elastic" with a tangential compliance'
+        ) from error
+
+
+def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:
+    """Return the presses as contacts of fixed size, and what is to be said of them.
+
+    A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
+    a = sqrt(R d) that the sphere has at half the press's largest depth.
+    """
+    points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
+    if study.probe.tip == "flat":
+        return Contacts(points, directions, radii), ""
+    deepest = np.zeros(len(points))
+    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
+    contact = np.minimum(np.sqrt(radii * typical / 2), radii)
+    note = (
+        "The tip is a sphere, whose contact grows with the force; the linear model holds it at "
+        f"the size of half the depth (radius {1e3 * contact.min():.2g} to "
+        f"{1e3 * contact.max():.2g} mm)."
+    )
+    return Contacts(points, directions, contact, "hertz"), note
+
+
+def cell_size_m(body: Body) -> float:
+    """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
+
+    >>> cell_size_m(Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.3))
+    0.012
+
+    Raises
+    ------
+    InputError
+        Cells so small that the finer mesh could not be computed with, or so large that fewer than
+        two fit the body's smallest edge.
+    """
+    if body.cell_size_m is None:
+        cells = COARSE_CELLS if body.size_m is not None else SURFACE_EDGES[0] ** 3
+        return float(np.cbrt(_volume(body) / cells))
+    if body.cell_size_m < smallest_cell_m(body):
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make "
+            f"{_volume(body) / body.cell_size_m**3:,.0f} cells of this body; expected at least "
+            f"{smallest_cell_m(body):.3g} m"
+        )
+    largest = _shortest_edge(body) / 2
+    if body.cell_size_m > largest * (1 + 1e-9):
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, expected at most "
+            f"{largest:.3g} m, so that at least two cells fit the body's smallest edge; make it "
+            "smaller or leave it out"
+        )
+    return body.cell_size_m
+
+
+def smallest_cell_m(body: Body) -> float:
+    """Return the least size of cells with which can be computed, m."""
+    return float(f"{np.cbrt(_volume(body) / MOST_CELLS):.3g}")
+
+
+def _volume(body: Body) -> float:
+    return float(np.prod(body.size_m)) if body.size_m is not None else _surface(body).volume
+
+
+def _shortest_edge(body: Body) -> float:
+    """Return the smallest edge of the body's bounding box, m."""
+    edges = np.ptp(_surface(body).vertices, axis=0) if body.size_m is None else body.size_m
+    return float(np.min(edges))
+
+
+def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
+    """Divide a block into cubes of about a size, at least three a side.
+
+    >>> block_divisions((0.096, 0.096, 0.048), 0.012)
+    [8, 8, 4]
+    """
+    return [max(round(edge / cell_m), 3) for edge in size_m]
+
+
+def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
+    """Return the mesh on which starts are tried; of a closed surface another would cost more."""
+    if study.body.size_m is None:
+        return coarse
+    counts = block_divisions(study.body.size_m, cell_size_m(study.body))
+    return block_mesh(study.body.size_m, [max(round(SEARCH * count), 3) for count in counts])
+
+
+def _meshes(study: Study) -> tuple[Mesh, Mesh]:
+    """Mesh the body twice, both quadratic, the second finer."""
+    cell_m = cell_size_m(study.body)
+    if study.body.size_m is not None:
+        coarse = block_divisions(study.body.size_m, cell_m)
+        finer = [round(REFINEMENT * count) for count in coarse]
+        return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, finer)
+    from fem import tetrahedralize_surface
+
+    surface = _surface(study.body)
+    coarse, finer = (
+        tetrahedralize_surface(surface.vertices, surface.triangles, length)
+        for length in (cell_m, cell_m * SURFACE_EDGES[0] / SURFACE_EDGES[1])
+    )
+    return coarse, finer
+
+
+def _surface(body: Body) -> Surface:
+    from fem import read_surface
+
+    return read_surface(str(body.file))

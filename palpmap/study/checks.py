@@ -1,0 +1,116 @@
+"""Scans that no fit can make anything of, each refused in a sentence."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+from palpmap.study.placement import Placement
+from palpmap.study.study import Study
+
+if TYPE_CHECKING:
+    from identify.effects.base import Effect
+    from identify.effects.readings import Readings
+
+_SAME_M, _SAME_DIRECTION = 1e-4, 1e-2  # presses that differ by less are repeats
+_FEWEST = 2  # one alone leaves nothing to judge the fit by
+_STEADY, _MOVED = 0.95, 0.2  # of the press's largest force and travel
+
+
+def refuse_unfit(placement: Placement, study: Study) -> None:
+    """Refuse a placed scan that cannot determine the study's map, or contradicts itself.
+
+    Raises
+    ------
+    InputError
+        Fewer different presses than the map has unknowns; a tip deeper than the body is high; a
+        force that stays the same while the tip goes in.
+    """
+    refuse_contradictions(placement, study)
+    if said := too_few(placement, study):
+        raise InputError(f"{study.scan}: {said}")
+
+
+def refuse_contradictions(placement: Placement, study: Study) -> None:
+    """Refuse a placed scan that contradicts itself or the study, however many presses it has."""
+    _refuse_steady(placement.scan.used(), study)
+    _refuse_too_deep(placement.scan, study)
+
+
+def too_few(placement: Placement, study: Study) -> str | None:
+    """Say what is missing where the presses cannot determine the study's map, else None."""
+    scan = placement.scan.used()
+    number = 0 if study.map.inclusions == "auto" else study.map.inclusions
+    unknowns = 1 + 5 * number - len(study.map.fixed)
+    found = different_presses(scan)
+    if found >= unknowns and len(scan.press_ids) >= _FEWEST:
+        return None
+    inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
+    why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
+    fewer = ", or state fewer inclusions (map.inclusions = 0 has none)" if number else ""
+    return (
+        f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
+        f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"
+    )
+
+
+def refuse_effect(effect: "Effect", readings: "Readings", initial: Mapping[str, float]) -> None:
+    """Refuse an effect that a scan cannot show, and values to start from that it does not have."""
+    reason = effect.untestable(readings)
+    if reason is not None:
+        raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
+    missing = [p.name for p in effect.parameters if p.name not in initial]
+    unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
+    if initial and (missing or unknown):
+        names = ", ".join(p.name for p in effect.parameters)
+        raise InputError(
+            f"effect '{effect.name}', key initial: expected values of {names}; "
+            f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
+        )
+
+
+def different_presses(scan: Scan) -> int:
+    """Return the number of presses that differ in place, direction or tip radius."""
+    kinds = np.column_stack(
+        [
+            scan.contact_points / _SAME_M,
+            scan.contact_directions / _SAME_DIRECTION,
+            scan.contact_radii / _SAME_M,
+        ]
+    )
+    return len(np.unique(np.rint(kinds), axis=0))
+
+
+def _refuse_too_deep(scan: Scan, study: Study) -> None:
+    size = study.body.size_m
+    if size is None or study.body.thickness_assumed:
+        return
+    row = int(np.argmax(np.where(scan.in_contact, scan.displacement_m, -np.inf)))
+    if scan.displacement_m[row] >= size[2]:
+        raise InputError(
+            f"{study.scan}, row {row + 1} (press {scan.press[row]}), column displacement_m: found "
+            f"{scan.displacement_m[row]:.4g} m, expected less than the body's height of "
+            f"{size[2]:g} m (body.size_m); this looks like centimetres (divide by 100) or "
+            "millimetres (divide by 1000), else correct the height"
+        )
+
+
+def _refuse_steady(scan: Scan, study: Study) -> None:
+    def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        low = np.full(len(scan.press_ids), np.inf)
+        high = -low
+        np.minimum.at(low, scan.press_index, values)
+        np.maximum.at(high, scan.press_index, values)
+        return low, high
+
+    (weakest, strongest), (least, most) = extremes(scan.force_n), extremes(scan.displacement_m)
+    steady = (weakest > _STEADY * strongest) & (least < _MOVED * most)
+    if np.mean(steady) > 0.5:
+        j = int(steady.argmax())
+        raise InputError(
+            f"{study.scan}, press {scan.press_ids[j]}: force_n stays at {strongest[j]:.4g} N while "
+            f"displacement_m goes from {least[j]:.4g} to {most[j]:.4g} m, and so in most presses; "
+            "expected the force that was measured at each reading, not the one that was set"
+        )

@@ -1,0 +1,366 @@
+"""The study file: what is known of an experiment, in TOML beside the scan that it names."""
+
+import difflib
+import os
+import re
+import tomllib
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import (
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+
+from models.errors import InputError
+from palpmap.study.body import Body, File, Positive, Real, Table
+
+SCHEMA = 1
+LARGEST_BODY_M = 1.0
+LARGEST_RADIUS_M = 0.05
+LARGEST_NOISE_M = 0.005
+SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
+SOFTEST_BODY_PA = 50.0
+UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
+EFFECTS = (
+    "viscoelasticity",
+    "finite_strain",
+    "strain_stiffening",
+    "anisotropy",
+    "skin_layer",
+    "extra_inclusion",
+    "stiffness_gradient",
+    "poisson_ratio",
+    "preconditioning",
+    "hysteresis",
+    "spherical_tip",
+    "base_compliance",
+    "base_sliding",
+    "tool_compliance",
+    "force_bias",
+    "force_drift",
+    "sensitivity_drift",
+    "force_saturation",
+    "contact_offset",
+    "touch_threshold",
+    "rigid_tip",
+    "inclusion_edge",
+    "inclusion_stretch",
+    "side_gradient",
+    "body_shift",
+    "surface_tilt",
+    "displacement_drift",
+    "breathing",
+    "mesh_error",
+)
+INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
+
+
+class About(Table):
+    """`[study]`: the experiment's name and its scan.
+
+    `units_checked` says that sizes which look like millimetres or grams are meant as they stand.
+    """
+
+    name: str = Field(min_length=1, description="a name for the study, as text")
+    scan: File = Field(description="the scan's file (.csv or .parquet), relative to this file")
+    units_checked: bool = Field(False, strict=True)
+    schema_version: int = Field(SCHEMA, alias="schema", ge=1, strict=True)
+
+
+class Probe(Table):
+    """`[probe]`: the tip that presses."""
+
+    tip: Literal["flat", "sphere"] = Field(description="'flat' or 'sphere'")
+    radius_m: Positive = Field(description="the tip's radius in m")
+
+
+class Noise(Table):
+    """`[noise]`: one standard deviation of each reading; None is estimated from the scan."""
+
+    displacement_m: Positive | None = None
+    force_n: Positive | None = None
+
+
+class Map(Table):
+    """`[map]`: number of inclusions; first guesses and fixed values by parameter name.
+
+    Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
+    positions are in the scan's frame.
+    """
+
+    inclusions: int | Literal["auto"] = 1
+    initial: dict[str, float] = Field(default_factory=dict)
+    fixed: dict[str, float] = Field(default_factory=dict)
+
+    @field_validator("inclusions", mode="before")
+    @classmethod
+    def _number_or_auto(cls, value: Any) -> Any:
+        if value == "auto" or (type(value) is int and value >= 0):
+            return value
+        raise ValueError('a whole number 0, 1, 2, ... or "auto"')
+
+    @field_validator("initial", "fixed", mode="before")
+    @classmethod
+    def _flatten(cls, value: Any) -> Any:
+        """`inclusion_1.x_m = 1` without quotation marks is a table in TOML; both are read."""
+        if not isinstance(value, dict):
+            raise ValueError("a table of parameter names and numbers")
+        flat = {}
+        for key, entry in value.items():
+            inner = entry.items() if isinstance(entry, dict) else [("", entry)]
+            flat |= {f"{key}.{name}" if name else key: number for name, number in inner}
+        for name, number in flat.items():
+            if type(number) not in (int, float) or not isfinite(number):
+                raise ValueError(f"a number for '{name}', not {number!r}")
+            if name.endswith(("background_pa", "radius_m")) and number <= 0:
+                raise ValueError(f"a number greater than 0 for '{name}', not {number!r}")
+        return flat
+
+    @model_validator(mode="after")
+    def _names_exist(self) -> "Map":
+        count = 9 if self.inclusions == "auto" else self.inclusions
+        known = ["background_pa"] + [
+            f"inclusion_{i}.{value}" for i in range(1, count + 1) for value in INCLUSION_VALUES
+        ]
+        for name in [*self.initial, *self.fixed]:
+            if name not in known:
+                near = _nearest(name, known)
+                raise ValueError(
+                    f"parameters of {self.inclusions} inclusions; '{name}' is none{near}"
+                )
+        both = self.initial.keys() & self.fixed.keys()
+        if both:
+            raise ValueError(f"'{min(both)}' in [map.initial] or [map.fixed], not in both")
+        given = {**self.initial, **self.fixed}
+        background = given.get("background_pa", inf)
+        for name, value in given.items():
+            if name.endswith("weight_pa") and value <= -background:
+                raise ValueError(
+                    f"'{name}' above minus the background, {-background:g} Pa, so that the "
+                    f"modulus stays positive, not {value:g} Pa"
+                )
+        return self
+
+
+class Effect(Table):
+    """One entry of `[[effects]]`: an effect that the model has.
+
+    `name` is one of the catalogue's, or with `file` (Python code, which is executed) the user's
+    own; `initial` are values to start from, by parameter.
+    """
+
+    name: str = Field(min_length=1, description="the effect's name")
+    file: File | None = None
+    initial: dict[str, Real] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_known(self) -> "Effect":
+        if self.file is None and self.name not in EFFECTS:
+            near = _nearest(self.name, list(EFFECTS))
+            raise ValueError(
+                "an effect of the catalogue (`palpmap effects` lists them), or with file = ... one "
+                f"of your own, not '{self.name}'{near}"
+            )
+        return self
+
+
+class Study(Table):
+    """A study file; paths are absolute after `load_study`."""
+
+    study: About = Field(description="the table [study] with name and scan")
+    body: Body = Field(description="the table [body]")
+    probe: Probe = Field(description="the table [probe]")
+    noise: Noise = Field(default_factory=Noise)
+    map: Map = Field(default_factory=Map)
+    effects: tuple[Effect, ...] = ()
+
+    @field_validator("effects")
+    @classmethod
+    def _each_once(cls, value: tuple[Effect, ...]) -> tuple[Effect, ...]:
+        names = [effect.name for effect in value]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"each effect once, but '{twice[0]}' is named twice; remove one")
+        return value
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return self.study.name
+
+    @property
+    def scan(self) -> Path:
+        """Path of the scan."""
+        return self.study.scan
+
+
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Read and check a study file; relative paths in it start at its folder.
+
+    Raises
+    ------
+    InputError
+        Naming file, TOML key, what was found and what is expected; for text that is not TOML,
+        the line.
+    """
+    path = Path(path)
+    if not path.is_file():
+        kind = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {kind}, expected a study file (.toml); check the path")
+    if path.suffix.lower() in (".csv", ".parquet"):
+        raise InputError(
+            f"{path}: found a scan, expected a study file (.toml); write one that names the scan"
+        )
+    try:
+        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: found the byte 0x{error.object[error.start]:02x} at position {error.start}, "
+            "expected UTF-8 text; save the file as UTF-8"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: found text that is not TOML: {error}; correct it") from error
+    about = tables.get("study")
+    schema = about.get("schema", SCHEMA) if isinstance(about, dict) else SCHEMA
+    if isinstance(schema, int) and schema > SCHEMA:
+        raise InputError(
+            f"{path}, key study.schema: found {schema}, expected at most {SCHEMA}; update palpmap"
+        )
+    try:
+        study = Study.model_validate(tables)
+    except ValidationError as error:
+        raise InputError(_sentence(path, error)) from error
+    if not study.study.units_checked:
+        _check_units(path, study)
+    folder = path.resolve().parent
+    body = study.body
+    if body.file is not None:
+        body = body.model_copy(update={"file": folder / body.file})
+    about = study.study.model_copy(update={"scan": folder / study.study.scan})
+    effects = tuple(
+        entry if entry.file is None else entry.model_copy(update={"file": folder / entry.file})
+        for entry in study.effects
+    )
+    return study.model_copy(update={"study": about, "body": body, "effects": effects})
+
+
+def write_study(study: Study, path: str | os.PathLike[str]) -> None:
+    """Write a study file that `load_study` reads; paths inside its folder are written relative."""
+    import tomli_w
+
+    folder = Path(path).resolve().parent
+
+    def relative(file: Path) -> str:
+        inside = file.is_absolute() and file.is_relative_to(folder)
+        return (file.relative_to(folder) if inside else file).as_posix()
+
+    tables = study.model_dump(by_alias=True, exclude_defaults=True)
+    tables["study"] |= {"scan": relative(study.scan), "schema": SCHEMA}
+    tables["body"]["support"] = study.body.support
+    if study.body.file is not None:
+        tables["body"]["file"] = relative(study.body.file)
+    for table, entry in zip(tables.get("effects", ()), study.effects, strict=False):
+        if entry.file is not None:
+            table["file"] = relative(entry.file)
+    tables.setdefault("map", {})["inclusions"] = study.map.inclusions
+    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8")
+
+
+def _check_units(path: Path, study: Study) -> None:
+    """Refuse sizes that only make sense in millimetres or grams."""
+    lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
+    lengths += [("body.cell_size_m", study.body.cell_size_m or 0.0, LARGEST_BODY_M)]
+    lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
+    lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
+    lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]
+    for table in ("initial", "fixed"):
+        for name, value in getattr(study.map, table).items():
+            if name.endswith("_m"):
+                lengths.append((f"map.{table}.{name}", abs(value), 3.0))
+    for key, value, limit in lengths:
+        if value > limit:
+            raise InputError(
+                f"{path}, key {key}: found {value:g} m, expected at most {limit:g} m; this looks "
+                f"like millimetres: divide by 1000 ({UNITS_ESCAPE})"
+            )
+    for name in ("base_normal_m_per_pa", "base_tangential_m_per_pa"):
+        value = getattr(study.body, name) or 0.0
+        if value > SOFTEST_BASE_M_PER_PA:
+            raise InputError(
+                f"{path}, key body.{name}: found {value:g} m/Pa, expected at most "
+                f"{SOFTEST_BASE_M_PER_PA:g} m/Pa; this looks like mm/kPa: multiply by 1e-6 "
+                f"({UNITS_ESCAPE})"
+            )
+    for table in ("initial", "fixed"):
+        background = getattr(study.map, table).get("background_pa", inf)
+        if background < SOFTEST_BODY_PA:
+            raise InputError(
+                f"{path}, key map.{table}.background_pa: found {background:g} Pa, expected at "
+                f"least {SOFTEST_BODY_PA:g} Pa; this looks like kilopascals: multiply by 1000 "
+                f"({UNITS_ESCAPE})"
+            )
+    noise = study.noise.force_n or 0.0
+    if noise > 2.0:
+        raise InputError(
+            f"{path}, key noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
+            f"grams: divide by 101.97 ({UNITS_ESCAPE})"
+        )
+
+
+_EXPECTED = {
+    "float_type": "a number without quotes",
+    "int_type": "a whole number without quotes",
+    "bool_type": "true or false, without quotes",
+    "string_type": "text in quotes",
+    "tuple_type": "a list in square brackets",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+}
+"""What pydantic's kinds of faults are to a person who writes TOML."""
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    match = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
+    return f"; the nearest right one is '{match[0]}'" if match else ""
+
+
+def _sentence(path: Path, error: ValidationError) -> str:
+    """Turn the first fault into a sentence; the number of further ones is said."""
+    # A misspelt key is a missing one too: the misspelling explains more.
+    faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
+    fault = faults[0]
+    key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
+    fields = _fields_of_table(fault["loc"][:-1])
+    last = str(fault["loc"][-1])
+    found = fault["input"]
+    expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
+    expected = expected.removeprefix("Input should be ")
+    if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
+        expected = 'a table for each effect: write [[effects]], and name = "..." below it'
+    if fault["type"] == "extra_forbidden":
+        what = f"unknown key{_nearest(last, list(fields))}; expected {', '.join(fields)}"
+    elif fault["type"] == "missing":
+        what = f"the key is missing; add {fields[last].description}"
+    elif isinstance(found, dict) or last == "effects":
+        what = f"expected {expected}"
+    else:
+        what = f"found {found!r}, expected {expected}"
+        if fault["type"] == "literal_error":
+            what += _nearest(str(found), re.findall("'([^']+)'", expected))
+    others = len(faults) - 1
+    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
+    return f"{path}, key {key}: {what}{more}"
+
+
+def _fields_of_table(location: tuple[int | str, ...]) -> dict[str, FieldInfo]:
+    table: Any = Study
+    for part in location:
+        inner = Effect if isinstance(part, int) else table.model_fields[part].annotation
+        table = inner if isinstance(inner, type) and issubclass(inner, Table) else table
+    return {field.alias or name: field for name, field in table.model_fields.items()}

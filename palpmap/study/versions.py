@@ -1,0 +1,80 @@
+"""Versions of a study: study.toml, study.v2.toml, ... Nothing is ever overwritten.
+
+An added effect makes the next version, which names the effect with the values that were found.
+`study.history.json` beside `study.toml` holds the ladder.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from identify.fit.joint_fit import JointFit
+from models.errors import InputError
+from palpmap.run_folder import read_record, write_record
+from palpmap.study.study import Effect, Study, write_study
+
+_VERSION = re.compile(r"^(?P<stem>.+?)(?:\.v(?P<number>\d+))?\.toml$")
+
+
+def version_of(
+    study: Study, fit: JointFit, path: Path, files: Mapping[str, Path] | None = None
+) -> Study:
+    """Write a study that has the effects of a fit, starting from its values; return it.
+
+    Parameters
+    ----------
+    files : of the user's own effects, by name; where they stand now, whatever the study's folder
+    """
+    kept = {entry.name: entry.file for entry in study.effects}
+    known = {**kept, **{name: file.resolve() for name, file in (files or {}).items()}}
+    entries = tuple(
+        Effect(
+            name=part.effect.name,
+            file=known.get(part.effect.name),
+            initial={k: float(v) for k, v in fit.at.values[part.effect.name].items()},
+        )
+        for part in fit.model.effects
+    )
+    changed = study.model_copy(update={"effects": entries})
+    write_study(changed, path)
+    return changed
+
+
+def next_version(path: Path) -> Path:
+    """Return the path of the first version that does not exist yet.
+
+    >>> next_version(Path("nowhere/study.v2.toml")).as_posix()
+    'nowhere/study.v3.toml'
+    """
+    match = _VERSION.match(path.name)
+    if match is None:
+        raise InputError(f"{path}: expected a study file (.toml)")
+    number = int(match["number"] or 1) + 1
+    while (target := path.with_name(f"{match['stem']}.v{number}.toml")).exists():
+        number += 1
+    return target
+
+
+def history_file(path: Path) -> Path:
+    """Return the file that holds the ladder of a study and its versions."""
+    match = _VERSION.match(path.name)
+    if match is None:
+        raise InputError(f"{path}: expected a study file (.toml)")
+    return path.with_name(f"{match['stem']}.history.json")
+
+
+def read_history(path: Path) -> list[dict[str, Any]]:
+    """Return the versions of a study, oldest first; empty where none were added."""
+    file = history_file(path)
+    if not file.is_file():
+        return []
+    versions = read_record(file).get("versions")
+    if not isinstance(versions, list):
+        raise InputError(f"{file}, key versions: expected a list; remove the file to start anew")
+    return versions
+
+
+def write_history(path: Path, versions: list[dict[str, Any]]) -> None:
+    """Write the versions of a study."""
+    write_record(history_file(path), {"versions": versions})

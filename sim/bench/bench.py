@@ -1,0 +1,196 @@
+"""The bench press: a scan of a virtual block without the arm, as fast as the body is known.
+
+A press follows its force program exactly: ramp to the peak force, hold, unload to zero. Everything
+is computed on a fine grid in time (about 1 ms) and noise-free, effect by effect,
+
+    F(t) -> C F -> contact -> response -> sensors -> samples,
+
+then sampled, and noise is added to both columns. The effects are those of `sim.hidden`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from models.press_program import PressProgram
+from models.scan import Scan
+from sim.body.soft_body import DIVISIONS, block_compliance
+from sim.body.true_body import HiddenBody
+from sim.planted.effect import HiddenEffect
+
+PARTS = ("load", "hold", "unload")
+SAMPLES = (8, 8, 6)
+STEP_S = 1e-3
+DISPLACEMENT_NOISE_M = 2e-5
+FORCE_NOISE_N = 5e-3
+
+Planted = tuple[HiddenEffect, Mapping[str, float]]
+"""An effect and its values by name."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What is pressed and how: the scene that a hidden effect acts in.
+
+    Attributes
+    ----------
+    program : the presses
+    body : the block, as it is (with what is hidden in it)
+    samples : rows of the scan a press in loading, holding and unloading, evenly in each
+    divisions : of the truth's finer mesh
+    """
+
+    program: PressProgram
+    body: HiddenBody
+    samples: tuple[int, int, int] = SAMPLES
+    divisions: tuple[int, int, int] = DIVISIONS
+
+    @cached_property
+    def _parts(self) -> list[np.ndarray]:
+        """Duration of each part of each press, three of (j,) s."""
+        return [self.program.ramp_s, self.program.hold_s, self.program.unload_s]
+
+    @cached_property
+    def _steps(self) -> list[int]:
+        """Steps of a sample in each part: the same for all presses, so that arrays are full."""
+        return [
+            max(int(np.ceil(part.max() / count / STEP_S)), 1)
+            for part, count in zip(self._parts, self.samples, strict=True)
+        ]
+
+    @cached_property
+    def within_s(self) -> np.ndarray:
+        """Time since the beginning of its press, (j, t) s, from 0."""
+        columns = [np.zeros((len(self.program), 1))]
+        for part, count, steps in zip(self._parts, self.samples, self._steps, strict=True):
+            share = np.arange(1, count * steps + 1) / (count * steps)
+            columns.append(columns[-1][:, -1:] + part[:, None] * share)
+        return np.hstack(columns)
+
+    @cached_property
+    def time_s(self) -> np.ndarray:
+        """Absolute time, (j, t) s."""
+        return self.program.start_s[:, None] + self.within_s
+
+    @property
+    def begin_s(self) -> float:
+        """When the first press begins, s."""
+        return float(self.time_s[0, 0])
+
+    @cached_property
+    def part(self) -> np.ndarray:
+        """Number of the part (see `PARTS`) at each step, (t,)."""
+        counts = [c * s for c, s in zip(self.samples, self._steps, strict=True)]
+        return np.concatenate([[0], np.repeat(np.arange(3), counts)])
+
+    @cached_property
+    def sampled(self) -> np.ndarray:
+        """Steps that become rows of the scan, (s,)."""
+        every = np.repeat(self._steps, self.samples)
+        return np.cumsum(every)
+
+    @cached_property
+    def force_n(self) -> np.ndarray:
+        """True force, (j, t) N."""
+        ramp, hold, unload = (part[:, None] for part in self._parts)
+        t = self.within_s
+        share = np.minimum(t / ramp, np.clip((ramp + hold + unload - t) / unload, 0, 1))
+        return self.program.force_n[:, None] * share
+
+    @property
+    def points_m(self) -> np.ndarray:
+        """Contact points on the top, (j, 2) m."""
+        return np.column_stack([self.program.x_m, self.program.y_m])
+
+    def compliance(
+        self,
+        radius_m: np.ndarray | None = None,
+        profile: str = "flat",
+        converged: bool = True,
+        body: HiddenBody | None = None,
+        upright: bool = False,
+    ) -> np.ndarray:
+        """Compliance of the presses, (j,) m/N; see `sim.body.soft_body.block_compliance`.
+
+        Parameters
+        ----------
+        radius_m : (j,) of the contacts, the tips' own if None
+        body : another one than the bench's
+        """
+        radius = self.program.radius_m if radius_m is None else radius_m
+        return block_compliance(
+            body or self.body, self.points_m, radius, profile, self.divisions, converged, upright
+        )
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """Noise-free readings, both (j, s) for s samples a press.
+
+    Attributes
+    ----------
+    force_n : as the sensor reads it
+    displacement_m : as the robot reports it
+    """
+
+    force_n: np.ndarray
+    displacement_m: np.ndarray
+
+
+def press(bench: Bench, planted: Sequence[Planted] = ()) -> Pressed:
+    """Make all presses, noise-free.
+
+    Parameters
+    ----------
+    planted : hidden effects with their values; within each link in this order
+    """
+    body = bench.body
+    for effect, values in planted:
+        body = effect.body(body, values)
+    bench = replace(bench, body=body)
+    force = bench.force_n
+    travel = bench.compliance()[:, None] * force
+    for effect, values in planted:
+        travel = effect.contact(bench, travel, values)
+    for effect, values in planted:
+        travel = effect.response(bench, travel, values)
+    for effect, values in planted:
+        force, travel = effect.sensor(bench, force, travel, values)
+    return Pressed(force[:, bench.sampled], travel[:, bench.sampled])
+
+
+def record(
+    bench: Bench,
+    pressed: Pressed,
+    seed: int,
+    displacement_noise_m: float = DISPLACEMENT_NOISE_M,
+    force_noise_n: float = FORCE_NOISE_N,
+) -> Scan:
+    """Return the scan: readings with noise.
+
+    Parameters
+    ----------
+    seed : of the noise
+    displacement_noise_m, force_noise_n : one standard deviation of a reading
+    """
+    presses, samples = pressed.force_n.shape
+    rng = np.random.default_rng([seed, 2])
+    program = bench.program
+    top = np.full(presses, bench.body.size_m[2])
+    points = np.column_stack([bench.points_m, top])
+    count = presses * samples
+    return Scan(
+        press=np.repeat(np.arange(presses), samples),
+        time_s=bench.time_s[:, bench.sampled].ravel(),
+        phase=np.tile(np.array(PARTS)[bench.part[bench.sampled]], presses),
+        point_m=np.repeat(points, samples, axis=0),
+        direction=np.tile([0.0, 0.0, -1.0], (count, 1)),
+        force_n=pressed.force_n.ravel() + force_noise_n * rng.standard_normal(count),
+        displacement_m=pressed.displacement_m.ravel()
+        + displacement_noise_m * rng.standard_normal(count),
+        probe_radius_m=np.repeat(program.radius_m, samples),
+    )

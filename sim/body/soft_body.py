@@ -1,0 +1,250 @@
+"""The soft body of the virtual laboratory: the finite element model of all planned presses.
+
+All contacts are solved at once, with one factorisation. The body is linear, so that under a force
+F at press j the whole body moves by F times the solution for 1 N there: what comes back to the
+contact at each exchange is that column of the tetrahedral solution, not a law fitted to it. The
+tip's travel is that of two meshes extrapolated (`fem.palpation.richardson`), the surface that of
+the finer one. The meshes are the laboratory's own (finer than the identifier's and cut
+differently), and so is its stiffness map.
+
+`block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps what it has solved.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh, promote_to_tet10
+from fem.contact.unilateral import half_space_matrix, patch_grid
+from fem.palpation.response import Response
+from fem.palpation.richardson import RefinedResponse
+from fem.palpation.rigid_punch import travel_under
+from sim.body.true_body import HiddenBody
+
+DIVISIONS = (14, 14, 7)
+COARSENING = 0.7
+SKINNED = 10 / 7  # times as many cells a side: what a skin does is felt within a tip's radius
+PATCHES = 12  # across a tip, where its pressure is solved for
+UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
+SPLIT = "alternating"
+Divisions = tuple[int, int, int]
+
+
+class SoftBody:
+    """A block bonded to its base, pressed by a flat tip.
+
+    Parameters
+    ----------
+    size_m : edges of the block, from the body frame's origin
+    modulus : Young's modulus (p,) Pa at points (p, 3) m
+    poisson_ratio : of the whole body
+    tip_radius_m : of the flat tip
+    points_m, directions : (j, 3) contacts, body frame, in the order of the presses
+    divisions : of the finer mesh, see `fem.block_mesh`
+
+    Attributes
+    ----------
+    compliance_m_per_n : (j,) of the presses
+    modulus : the truth
+    surface_nodes_m : (n, 3) nodes of the free surface, undeformed
+    surface_triangles : (t, 3) corners of its triangles, seen from outside anticlockwise
+    """
+
+    def __init__(
+        self,
+        size_m: tuple[float, float, float],
+        modulus: Callable[[np.ndarray], np.ndarray],
+        poisson_ratio: float,
+        tip_radius_m: float,
+        points_m: np.ndarray,
+        directions: np.ndarray,
+        divisions: tuple[int, int, int] = DIVISIONS,
+    ) -> None:
+        coarser = [max(round(COARSENING * count), 1) for count in divisions]
+        mesh, other = (block_mesh(size_m, counts, split=SPLIT) for counts in (divisions, coarser))
+        radius = np.full(len(points_m), tip_radius_m)
+        contacts = Contacts(points_m, directions, radius, "flat")
+        fine = PalpationModel(mesh, poisson_ratio, contacts)
+        model = RefinedModel(PalpationModel(other, poisson_ratio, contacts), fine)
+        self.modulus = modulus
+        solved = model.evaluate(modulus(model.points_m))
+        self._response = solved.fine
+        self.compliance_m_per_n = np.asarray(solved.compliance)
+        self.nodes, self.cells = len(mesh.nodes), len(mesh.cells)
+        quadratic = np.vstack([mesh.surface(name) for name in ("top", "sides")])
+        self._surface, local = np.unique(_split(quadratic), return_inverse=True)
+        self.surface_triangles = local.reshape(-1, 3)
+        self.surface_nodes_m = mesh.nodes[self._surface]
+        self._unit_displacement = lru_cache(maxsize=4)(self._solve_surface)
+
+    def displacement(self, press: int, force_n: float) -> float:
+        """Depth of the tip at a press under a force, m."""
+        return float(self.compliance_m_per_n[press]) * force_n
+
+    def tangent(self, press: int, force_n: float) -> float:
+        """Local stiffness at a press, N/m; the same at every force."""
+        del force_n
+        return 1.0 / float(self.compliance_m_per_n[press])
+
+    def surface_displacement(self, press: int, force_n: float) -> np.ndarray:
+        """Displacement of `surface_nodes_m` under a force at a press, (n, 3) m.
+
+        The mesh's own field: the sharp dimple at the tip's rim, which `displacement` has in it,
+        is rounded off.
+        """
+        return force_n * self._unit_displacement(press)
+
+    def _solve_surface(self, press: int) -> np.ndarray:
+        return self._response.displacement(press)[self._surface]
+
+
+def block_compliance(
+    body: HiddenBody,
+    points_m: np.ndarray,
+    radius_m: np.ndarray,
+    profile: str = "flat",
+    divisions: tuple[int, int, int] = DIVISIONS,
+    converged: bool = True,
+    upright: bool = False,
+) -> np.ndarray:
+    """Compliance of presses straight down on the top of a block, (j,) m/N.
+
+    Meshes and solutions are kept in memory: the same presses on another map cost one solution, and
+    the same body nothing.
+
+    Parameters
+    ----------
+    body : the block
+    points_m : (j, 2) x and y, in the frame in which the body is shifted
+    radius_m : (j,) of the contact
+    profile : of the pressure, see `fem.Contacts`
+    divisions : of the finer mesh
+    converged : False for a coarse mesh alone, which is about a hundredth too stiff
+    upright : the flat tip keeps the surface under it level; else its pressure is the half-space's
+    """
+    rows = np.column_stack([points_m - np.array(body.shift_m), radius_m])
+    unique, back = np.unique(rows, axis=0, return_inverse=True)
+    where = (unique.tobytes(), profile, divisions, converged)
+    shape = (body.size_m, body.poisson_ratio, body.skin_thickness_m)
+    solved = _kept(
+        _SOLVED, (body, upright, *where), lambda: _solve(body, shape, where, unique, upright)
+    )
+    return solved[back.ravel()]
+
+
+_MODELS: OrderedDict[Hashable, Any] = OrderedDict()
+_SOLVED: OrderedDict[Hashable, Any] = OrderedDict()
+_LARGEST = {id(_MODELS): 2, id(_SOLVED): 256}  # a model of two tip radii takes 0.8 GB
+
+
+def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:
+    """Return what is kept under a key, made if it is not there; the oldest is dropped."""
+    if key not in store:
+        store[key] = make()
+    store.move_to_end(key)
+    while len(store) > _LARGEST[id(store)]:
+        store.popitem(last=False)
+    return store[key]
+
+
+def forget_models() -> None:
+    """Free the models that `block_compliance` keeps, gigabytes; their solutions stay."""
+    _MODELS.clear()
+
+
+def _solve(
+    body: HiddenBody,
+    shape: tuple,
+    where: tuple[bytes, str, Divisions, bool],
+    presses: np.ndarray,
+    upright: bool,
+) -> np.ndarray:
+    _, profile, divisions, converged = where
+    model = _kept(
+        _MODELS, (shape, where), lambda: _model(body, profile, divisions, converged, presses)
+    )
+    response = _respond(model, body)
+    result = np.array(response.compliance)
+    if upright:
+        own = response.fine if isinstance(response, RefinedResponse) else response
+        result *= 1 - _upright_gain(own, body)
+    result.flags.writeable = False
+    return result
+
+
+def _upright_gain(response: Response, body: HiddenBody) -> np.ndarray:
+    """Relative part (j,) of the compliance that a tip loses which stays level.
+
+    Forces q on a grid of patches that add up to nothing join the pressure, so that the
+    complementary energy C + 2 q.u + q.G q is least: u is the travel under the tip, G the influence
+    of patches on the half-space with the modulus at the contact. There C + q.u is left of it.
+    """
+    contacts = response.model.contacts
+    modulus = body.modulus(contacts.points_m)
+    centres, side = patch_grid(1.0, PATCHES, disc=True)
+    system = np.ones((len(centres) + 1, len(centres) + 1))
+    system[-1, -1] = 0  # the last row: the forces add up to nothing
+    gain = np.empty(len(contacts))
+    for j, radius in enumerate(contacts.radius_m):
+        system[:-1, :-1] = half_space_matrix(centres * radius, side * radius, body.poisson_ratio)
+        system[:-1, :-1] /= modulus[j]
+        travel = travel_under(response, j, centres)
+        forces = np.linalg.solve(system, np.append(-travel, 0.0))[:-1]
+        gain[j] = -(forces @ travel) / response.compliance[j]
+    return gain
+
+
+def _respond(model: PalpationModel | RefinedModel, body: HiddenBody) -> Response | RefinedResponse:
+    modulus = body.modulus(model.points_m)
+    support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
+    fibres = None
+    if body.fibre_share:
+        along = np.array([np.cos(body.fibre_angle_rad), np.sin(body.fibre_angle_rad), 0.0])
+        fibres = (along, body.fibre_share * modulus)
+    return model.evaluate(modulus, support, fibres)
+
+
+def _model(
+    body: HiddenBody,
+    profile: str,
+    divisions: tuple[int, int, int],
+    converged: bool,
+    presses: np.ndarray,
+) -> PalpationModel | RefinedModel:
+    top = np.full(len(presses), body.size_m[2])
+    points = np.column_stack([presses[:, :2], top])
+    contacts = Contacts(points, np.array([0.0, 0.0, -1.0]), presses[:, 2], profile)
+    share = COARSENING if converged else UNCONVERGED
+    if body.skin_thickness_m:
+        x, y, z = (round(SKINNED * count) for count in divisions)
+        divisions = (x, y, z)
+    coarser = [max(round(share * count), 1) for count in divisions]
+    coarse = PalpationModel(_layered(body, coarser), body.poisson_ratio, contacts)
+    if not converged:
+        return coarse
+    fine = PalpationModel(_layered(body, list(divisions)), body.poisson_ratio, contacts)
+    return RefinedModel(coarse, fine)
+
+
+def _layered(body: HiddenBody, divisions: list[int]) -> Mesh:
+    """Mesh of the block; a skin gets a layer of cells of its own."""
+    if not body.skin_thickness_m:
+        return block_mesh(body.size_m, divisions, split=SPLIT)
+    height, below = body.size_m[2], divisions[2]
+    flat = block_mesh(body.size_m, [*divisions[:2], below + 1], order=1, split=SPLIT)
+    inside = np.linspace(0, height - body.skin_thickness_m, below + 1)
+    levels = np.append(inside, height)
+    layer = np.rint(flat.nodes[:, 2] / height * (below + 1)).astype(int)
+    nodes = np.column_stack([flat.nodes[:, :2], levels[layer]])
+    return promote_to_tet10(Mesh(nodes, flat.cells, flat.surfaces))
+
+
+def _split(triangles: np.ndarray) -> np.ndarray:
+    """Four flat triangles for each quadratic one, (4 t, 3)."""
+    corners = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+    return triangles[:, corners].reshape(-1, 3)

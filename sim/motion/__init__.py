@@ -1,0 +1,1 @@
+"""Motion of the arm: planner, clearance, paths, scripted motions."""

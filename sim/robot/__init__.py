@@ -1,0 +1,1 @@
+"""The arm: simulation, kinematics, force control, coupling of contact and body."""

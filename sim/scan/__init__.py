@@ -1,0 +1,1 @@
+"""A whole scan by the arm: program, presses, first touch, result."""

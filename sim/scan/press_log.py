@@ -1,0 +1,183 @@
+"""From the log of one press to what the robot reports: rows of the scan, statistics, series.
+
+Displacement is what a real robot would know: noisy joint angles through the kinematics, along the
+press direction, since first touch as found from the samples themselves (`sim.scan.touch_point`).
+The encoders' noise is set so that its image along the press direction has the declared standard
+deviation: sd_q = sd_d / |n' J|.
+"""
+
+# mujoco and pinocchio are compiled modules without type stubs
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from models.scan import Scan
+from sim.motion.planner import PlannedPress
+from sim.motion.scan_plan import ScanPlan
+from sim.motion.settings import ScanSettings
+from sim.robot.contact_coupling import Body
+from sim.robot.inverse_kinematics import TipKinematics
+from sim.scan.result import PHASES, PressResult, PressStatistics, Series
+from sim.scan.touch_point import depth_at_zero_force
+
+LOAD, HOLD, UNLOAD = (PHASES.index(name) for name in ("load", "hold", "unload"))
+
+
+@dataclass(frozen=True)
+class PressLog:
+    """Raw samples of a press, t rows.
+
+    Attributes
+    ----------
+    press, fem_calls : number of the press, pairs exchanged
+    time_s, phase, wanted_n, true_force_n : (t,)
+    wrist_n : (t, 3) measured force on the body, axes of the probe
+    tip_m : (t, 3) true tip centre, world
+    q : (t, 7) true joint angles
+    """
+
+    press: int
+    fem_calls: int
+    time_s: np.ndarray
+    phase: np.ndarray
+    wanted_n: np.ndarray
+    true_force_n: np.ndarray
+    wrist_n: np.ndarray
+    tip_m: np.ndarray
+    q: np.ndarray
+
+
+def press_result(
+    log: PressLog,
+    plan: ScanPlan,
+    planned: PlannedPress,
+    settings: ScanSettings,
+    kinematics: TipKinematics,
+    body: Body,
+    rng: np.random.Generator,
+) -> PressResult:
+    """Reduce one press's log.
+
+    Parameters
+    ----------
+    log : of the press
+    plan, planned : of the scan and of this press
+    settings : noise and sampling
+    kinematics : of the tip
+    body : whose own law the settled pairs are compared with
+    rng : source of the encoders' noise
+    """
+    contact = np.flatnonzero(np.isin(log.phase, (LOAD, HOLD, UNLOAD)))
+    lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
+    noise = settings.displacement_noise_m / lever * rng.standard_normal((len(contact), 7))
+    poses = [kinematics.pose(q) for q in log.q[contact] + noise]
+    tips = np.array([tip for tip, _ in poses])
+    turns = np.array([turn for _, turn in poses])
+    depth = (tips - planned.point_m) @ planned.direction
+    # row by row: probe axes -> world
+    vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[contact])
+    force = vectors @ planned.direction
+    moving = log.phase[contact] != HOLD
+    zero = depth_at_zero_force(
+        depth[moving], force[moving], settings.displacement_noise_m, settings.force_noise_n
+    )
+    true_depth = (log.tip_m - planned.point_m) @ planned.direction
+    rows = _sample_rows(log.phase[contact], settings)
+    picked = contact[rows]
+    scan = _scan(log, plan, picked, tips[rows], turns[rows], vectors[rows], depth[rows] - zero)
+    displacement = np.full(len(log.time_s), np.nan)
+    displacement[contact] = depth - zero
+    series = Series(
+        time_s=log.time_s,
+        press=np.full(len(log.time_s), log.press),
+        phase=log.phase,
+        force_n=log.wrist_n[:, 2],
+        displacement_m=displacement,
+        wanted_n=log.wanted_n,
+        q=log.q,
+        true_force_n=log.true_force_n,
+        true_depth_m=true_depth,
+    )
+    statistics = _statistics(log, plan, planned, body, true_depth, zero)
+    return PressResult(statistics, scan, series, log.true_force_n[picked], true_depth[picked])
+
+
+def _sample_rows(phase: np.ndarray, settings: ScanSettings) -> np.ndarray:
+    """Return the indices of the scan's rows: evenly over each phase, its end included."""
+    rows = []
+    for code, count in (
+        (LOAD, settings.load_samples),
+        (HOLD, settings.hold_samples),
+        (UNLOAD, settings.unload_samples),
+    ):
+        of_phase = np.flatnonzero(phase == code)
+        rows.append(of_phase[np.arange(1, count + 1) * len(of_phase) // count - 1])
+    return np.concatenate(rows)
+
+
+def _scan(
+    log: PressLog,
+    plan: ScanPlan,
+    picked: np.ndarray,
+    tips: np.ndarray,
+    turns: np.ndarray,
+    vectors: np.ndarray,
+    displacement: np.ndarray,
+) -> Scan:
+    """Rows of the table, in the body frame."""
+    count = len(picked)
+    rotation = plan.body_in_world.rotation
+    direction = plan.directions[log.press]
+    position = (tips - np.asarray(plan.body_in_world.position_m)) @ rotation
+    turned = [pin.Quaternion(rotation.T @ turn).coeffs() for turn in turns]  # x, y, z, w
+    force = vectors @ rotation
+    return Scan(
+        press=np.full(count, log.press),
+        time_s=log.time_s[picked],
+        phase=np.array(PHASES)[log.phase[picked]],
+        point_m=np.tile(plan.points_m[log.press], (count, 1)),
+        direction=np.tile(direction, (count, 1)),
+        force_n=force @ direction,
+        displacement_m=displacement,
+        probe_radius_m=np.full(count, plan.tip_radius_m),
+        force_vector_n=force,
+        tip_pose=np.hstack([position, np.roll(turned, 1, axis=1)]),
+    )
+
+
+def _statistics(
+    log: PressLog,
+    plan: ScanPlan,
+    planned: PlannedPress,
+    body: Body,
+    true_depth: np.ndarray,
+    zero: float,
+) -> PressStatistics:
+    hold = np.flatnonzero(log.phase == HOLD)
+    settled = hold[len(hold) // 2 :]
+    force = log.true_force_n
+    mean, wanted = float(force[settled].mean()), plan.force_of(log.press)
+    outside = np.flatnonzero(np.abs(force[hold] / wanted - 1) > 0.01)
+    last = outside[-1] + 1 if len(outside) else 0
+    offset = log.tip_m[hold[-1]] - planned.point_m
+    own = np.array([body.displacement(log.press, f) for f in force[settled[::50]]])
+    step = float(log.time_s[1] - log.time_s[0])
+    return PressStatistics(
+        press=log.press,
+        set_force_n=wanted,
+        force_n=mean,
+        force_error=mean / wanted - 1,
+        overshoot=float(force.max() / wanted - 1),
+        contact_error_m=float(
+            np.linalg.norm(offset - (offset @ planned.direction) * planned.direction)
+        ),
+        settle_s=last * step,
+        fem_calls=log.fem_calls,
+        coupling_error=float(np.abs(true_depth[settled[::50]] / own - 1).max()),
+        touch_error_m=zero,
+        depth_share=float(true_depth.max()) / plan.thickness_m(log.press),
+    )

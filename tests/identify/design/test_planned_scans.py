@@ -1,0 +1,129 @@
+"""Planned scans are predicted as scans that were made are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body.mechanics import BodyMechanics
+from identify.catalogue.catalogue import CATALOGUE
+from identify.design.detection_limits import detection_limits
+from identify.design.predicted_limits import improvements, planned, that_fit
+from identify.design.scan_variants import BETWEEN_SCANS_S, presses_of, readings_of, variations
+from identify.effects.readings import Readings
+from identify.fit.cross_validation import folds
+from identify.fit.joint_fit import fit_jointly
+from tests.identify.select.loop_problem import NU, SIZE, TRUE, model, scan, timing, true_compliance
+
+
+@pytest.fixture(scope="module")
+def fit():
+    press, _, _, force = timing(0)
+    table = scan(true_compliance()[press] * force, force, 0)
+    return fit_jointly(model(table), TRUE)
+
+
+def design(fit, name):
+    designs = variations(presses_of(fit.model.readings), True)
+    return next(d for d in designs if d.name == name)
+
+
+def test_the_same_scan_once_more_has_the_limits_of_the_scan_that_was_made(fit):
+    now = {limit.name: limit.smallest_share for limit in detection_limits(fit, CATALOGUE)}
+    (same,) = improvements(fit, CATALOGUE, [design(fit, "same")])
+    again = {limit.name: limit.smallest_share for limit in same.limits}
+    told = [name for name, share in now.items() if share is not None]
+    assert len(told) > 15
+    for name in told:
+        # The pauses are others, and readings are where forces are set, not where noise puts them
+        assert again[name] == pytest.approx(now[name], rel=0.25), name
+    ratios = np.array([again[name] / now[name] for name in told])
+    assert np.median(ratios) == pytest.approx(1, abs=0.03)
+
+
+def test_the_clock_and_the_count_of_a_further_scan_go_on(fit):
+    present = fit.model.readings
+    presses = presses_of(present)
+    further = readings_of(presses, True, present)
+    assert further.elapsed_s[0] > present.elapsed_s[-1] + BETWEEN_SCANS_S
+    assert further.order.tolist() == list(range(25, 50))
+    alone = readings_of(presses, True)
+    assert alone.elapsed_s[0] == 0
+
+
+def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
+    # Tips of 4 mm, 5 mm from the sides; with 8 mm only the inner nine places are left to them
+    presses = presses_of(fit.model.readings)
+    near = replace(presses, point_m=presses.point_m + np.array([-0.004, 0, 0]))
+    two = replace(design(fit, "two_radii"), presses=replace(near, radius_m=np.full(25, 0.008)))
+    same = replace(design(fit, "same"), presses=presses)
+    (fitting, unchanged) = that_fit(fit, [two, same])
+    assert unchanged is same
+    assert len(fitting.presses) == 20
+    assert fitting.presses.point_m[:, 0].min() > 0.008
+    assert fitting.change.endswith("(without the 5 places too near an edge for the tip)")
+    planned(fit, fitting)  # meshes and solves
+    beside = replace(two, presses=replace(near, radius_m=np.full(25, 0.05)))
+    assert that_fit(fit, [beside]) == ()
+
+
+def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):
+    own = fit.model.mechanics
+    model_at, at = planned(fit, design(fit, "two_radii"))
+    error = model_at.mechanics.model_error
+    now = fit.at.body.compliance
+    assert_allclose(error * at.body.compliance, own.model_error * now, rtol=1e-9)
+    # Their own estimate for the other tip, from meshes made for it, is of that size
+    every = own.coarse.contacts
+    radius = design(fit, "two_radii").presses.radius_m
+    contacts = Contacts(every.points_m, every.directions, radius)
+    pair = [PalpationModel(block_mesh(SIZE, n), NU, contacts) for n in ((5, 5, 3), (8, 8, 5))]
+    from fem import RefinedModel
+
+    made = BodyMechanics(
+        pair[0], RefinedModel(*pair), lambda nu: PalpationModel(pair[0].mesh, nu, contacts)
+    ).corrected(fit.map, fit.at.state)
+    ratio = np.linalg.norm(error) / np.linalg.norm(made.model_error)
+    assert 0.5 < ratio < 2
+
+
+def test_effects_act_in_the_order_of_the_catalogue_whenever_they_were_added(fit):
+    named = {effect.name: effect for effect in CATALOGUE}
+    values = {
+        "hysteresis": {"loss": 0.2},
+        "viscoelasticity": {"g": 0.3, "tau_s": 1.0},
+    }
+    chains = []
+    for names in (tuple(values), tuple(reversed(values))):
+        own = fit.model
+        for name in names:
+            start = {**named[name].null, **{p.name: p.typical for p in named[name].parameters}}
+            own = own.with_effect(named[name], start, fit.at.state)
+        at = own.linearise(own.start(fit.map))
+        chains.append(at.predicted_m)
+    assert_allclose(chains[0], chains[1], rtol=0, atol=1e-15)
+    assert np.abs(chains[0] - fit.at.predicted_m).max() > 1e-5
+
+
+def test_presses_that_are_left_out_still_count_in_the_order():
+    press, _, _, force = timing(0)
+    table = scan(true_compliance()[press] * force, force, 0)
+    few = table.rows(np.isin(table.press, [0, 4, 8, 20]))
+    assert Readings.of(few).order.tolist() == [0, 4, 8, 20]
+    assert Readings.of(few).presses_made == 21
+    later = few.replace(press=few.press + 7)
+    assert Readings.of(later).order.tolist() == [0, 4, 8, 20]
+    stamps = few.replace(press=1_700_000_000 + 90 * few.press)
+    assert Readings.of(stamps).order.tolist() == [0, 1, 2, 3]
+
+
+def test_presses_left_out_together_are_no_lines_of_a_grid():
+    fold = folds(81)
+    assert np.bincount(fold).tolist() == [9] * 9
+    for number in range(9):
+        row, column = np.divmod(np.flatnonzero(fold == number), 9)
+        assert min(len(np.unique(row)), len(np.unique(column))) > 3
+    assert folds(5).tolist() != sorted(folds(5).tolist())
+    assert sorted(folds(5).tolist()) == [0, 1, 2, 3, 4]

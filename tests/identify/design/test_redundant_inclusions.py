@@ -1,0 +1,34 @@
+"""An inclusion that the readings do not ask for is told from one that they do."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.design.redundant_inclusions import unseen_inclusions
+from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.map.parameters import parameter_space
+from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing, true_compliance
+
+FAINT = Inclusion(300.0, 0.044, 0.018, 0.02, 0.008)
+
+
+def fitted(truth: GaussianMap, start: GaussianMap) -> JointFit:
+    press, _, _, force = timing(4)
+    table = scan(true_compliance(truth.modulus)[press] * force, force, 4)
+    own = model(table, replace(mechanics(), fine=None))
+    nodes = own.mechanics.coarse.mesh.nodes
+    box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
+    return fit_jointly(replace(own, space=parameter_space(start, box)), start)
+
+
+def test_of_a_homogeneous_body_no_inclusion_is_seen():
+    start = GaussianMap(TRUE.background_pa, (FAINT,))
+    assert unseen_inclusions(fitted(GaussianMap(5000.0), start)) == (1,)
+
+
+def test_the_one_that_is_there_is_kept_and_the_other_is_named():
+    (real,) = TRUE.inclusions
+    for start, unseen in (((real, FAINT), (2,)), ((FAINT, real), (1,)), ((real,), ())):
+        fit = fitted(TRUE, GaussianMap(TRUE.background_pa, start))
+        assert unseen_inclusions(fit) == unseen

@@ -1,0 +1,72 @@
+"""How dense candidates are in what finite elements say the presses feel, the background taken out.
+
+Slow: a body is solved. The kit's own check of body effects is a rough stand-in for this.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body.state import BodyState
+from identify.catalogue.catalogue import effect_named
+from identify.effects.conformance.worked_example import Inputs
+
+SIZE = (0.096, 0.096, 0.048)
+STATE = BodyState(((0.0, 0.0, 0.0), SIZE), 0.47)
+SIDE = np.linspace(0.012, 0.084, 9)
+POINTS = [(x, y, SIZE[2]) for x in SIDE for y in SIDE]
+READINGS = Inputs({"press": tuple(range(81)), "point_m": tuple(POINTS)}).readings()
+
+
+@pytest.fixture(scope="module")
+def response():
+    model = PalpationModel(block_mesh(SIZE, (8, 8, 4)), 0.47, Contacts(POINTS, (0, 0, -1), 0.005))
+    x, y, z = model.points_m.T
+    hard = np.exp(-((x - 0.04) ** 2 + (y - 0.058) ** 2 + (z - 0.034) ** 2) / (2 * 0.01**2))
+    modulus = 6000.0 + 18000.0 * hard
+    return model, modulus, model.evaluate(modulus)
+
+
+def without(background, patterns):
+    left = patterns - np.outer(background, background @ patterns) / (background @ background)
+    return left / np.linalg.norm(left, axis=0)
+
+
+@pytest.mark.slow
+def test_any_inclusion_is_like_one_of_the_candidates(response):
+    model, _, solved = response
+    inclusion = effect_named("extra_inclusion")
+
+    def felt(places):
+        moduli = [
+            inclusion.body(STATE, {"weight_pa": 1.0, **p}).added_pa(model.points_m) for p in places
+        ]
+        return without(solved.compliance, solved.sensitivity @ np.column_stack(moduli))
+
+    rng = np.random.default_rng(3)
+    anywhere = []
+    for _ in range(100):
+        radius, (x, y) = rng.uniform(0.006, 0.014), rng.uniform(0.012, 0.084, 2)
+        z = rng.uniform(0.018, SIZE[2] - 0.4 * radius)
+        anywhere.append({"x_m": x, "y_m": y, "z_m": z, "radius_m": radius})
+    alike = np.abs(felt(inclusion.grid(READINGS, STATE)).T @ felt(anywhere)).max(axis=0)
+    assert alike.min() > 0.85
+    assert np.median(alike) > 0.95
+
+
+@pytest.mark.slow
+def test_neighbouring_directions_of_fibres_are_alike(response):
+    _, modulus, solved = response
+    grid = effect_named("anisotropy").grid(READINGS, STATE)
+    angles = [c["angle_rad"] for c in grid]
+    patterns = without(
+        solved.compliance,
+        np.column_stack(
+            [solved.fibre_sensitivity((np.cos(a), np.sin(a), 0.0)) @ modulus for a in angles]
+        ),
+    )
+    assert np.diff(angles) == pytest.approx(np.pi / len(angles))
+    closed = [*patterns.T, patterns[:, 0]]  # half a turn further it is the first again
+    assert min(a @ b for a, b in pairwise(closed)) > 0.8

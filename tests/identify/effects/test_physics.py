@@ -1,0 +1,329 @@
+"""The laws of the effects against closed forms, differential equations and inverse laws."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+from identify.body.state import BodyState
+from identify.catalogue.catalogue import effect_named
+from identify.catalogue.viscoelasticity import lagging
+from identify.effects.base import Pressing
+from identify.effects.conformance.example_scan import trial
+from identify.effects.conformance.worked_example import Inputs
+
+BOX = ((0.0, 0.0, 0.0), (0.096, 0.096, 0.048))
+
+
+def readings(**given):
+    return Inputs(given).readings()
+
+
+def pressing(m, compliance=0.01, modulus=5000.0, radius=5e-3, nu=0.4, profile="flat"):
+    return Pressing(np.full(m, compliance), np.full(m, modulus), np.full(m, radius), nu, profile)
+
+
+# ---- response ----------------------------------------------------------------------------
+
+
+def test_creep_solves_its_differential_equation_on_uneven_steps():
+    time = np.array([0.2, 0.25, 0.6, 1.7, 1.9, 3.0])
+    travel = np.array([0.4, 0.5, 1.2, 1.2, 0.7, 0.1]) * 1e-3
+    own = readings(time_s=tuple(time), force_n=(0.2, 0.25, 0.3, 0.3, 0.2, 0.0))
+    touch = own.touch_time_s[0]
+    knots, values = np.append(touch, time), np.append(0.0, travel)
+
+    def by_time(t, z):
+        return (np.interp(t, knots, values) - z) / 0.7
+
+    exact = [0.0]
+    for start, end in pairwise(knots):
+        step = solve_ivp(by_time, (start, end), [exact[-1]], rtol=1e-10, atol=1e-15)
+        exact.append(step.y[0, -1])
+    assert_allclose(lagging(own, travel, 0.7), exact[1:], rtol=1e-7)
+
+
+def test_creep_forgets_between_presses_and_takes_rows_at_equal_times():
+    own = readings(press=(0, 0, 1, 1), time_s=(1.0, 2.0, 3.0, 4.0), force_n=(0.1, 0.2, 0.1, 0.2))
+    z = lagging(own, np.array([1.0, 2.0, 1.0, 2.0]), 0.5)
+    assert_allclose(z[2:], z[:2], rtol=1e-12)
+    twice = readings(time_s=(1.0, 2.0, 2.0), force_n=(0.1, 0.2, 0.2))
+    z = lagging(twice, np.array([1.0, 2.0, 2.0]), 0.5)
+    assert z[2] == z[1]
+
+
+def test_a_loop_closes_at_both_ends_whatever_its_width():
+    own = readings(
+        phase=("load", "load", "hold", "unload", "unload"), force_n=(0.15, 0.3, 0.3, 0.3, 0.0)
+    )
+    travel = 0.01 * own.force_n
+    looped = effect_named("hysteresis").response(own, own.force_n, travel, {"h": 0.2})
+    assert_allclose(looped, travel, rtol=1e-14)
+
+
+def test_loops_of_presses_to_different_forces_close_at_their_own():
+    own = readings(press=(0, 0, 1, 1), phase=("load", "unload") * 2, force_n=(0.3, 0.3, 0.1, 0.1))
+    travel = 0.01 * own.force_n
+    looped = effect_named("hysteresis").response(own, own.force_n, travel, {"h": 0.2})
+    assert_allclose(looped, travel, rtol=1e-14)
+
+
+def test_creep_is_proportional_to_the_travel_and_so_the_same_everywhere():
+    own = trial()
+    creep = effect_named("viscoelasticity")
+    values = {"g": 0.2, "tau_s": 0.6}
+    once = creep.response(own.readings, own.readings.force_n, own.travel_m, values)
+    thrice = creep.response(own.readings, own.readings.force_n, 3 * own.travel_m, values)
+    assert_allclose(thrice, 3 * once, rtol=1e-12)
+
+
+def test_candidates_of_the_time_constant_span_the_scan():
+    own = trial()
+    grid = [c["tau_s"] for c in effect_named("viscoelasticity").grid(own.readings, own.state)]
+    assert grid[0] <= own.readings.sampling_step_s
+    assert grid[-1] >= 3 * own.readings.press_length_s
+
+
+# ---- contact -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("profile", ["flat", "hertz"])
+@pytest.mark.parametrize("contact_radius", [2e-3, 5e-3])
+def test_a_ball_on_a_half_space_is_hertz_whatever_contact_the_model_assumed(
+    profile, contact_radius
+):
+    force, ball, modulus, nu = np.array([0.1, 0.2, 0.3]), 4e-3, 9000.0, 0.4
+    own = readings(force_n=tuple(force), radius_m=ball)
+    plane = modulus / (1 - nu**2)
+    # Johnson 3.36 and 3.42a: rigid punch 1/(2 E* a); Hertz pressure, force over mean travel, 0.6
+    share = 0.5 if profile == "flat" else 0.6
+    compliance = share / (plane * contact_radius)
+    given = pressing(3, compliance, modulus, contact_radius, nu, profile)
+    travel = effect_named("spherical_tip").contact(
+        own, given, force, compliance * force, {"share": 1.0}
+    )
+    assert_allclose(4 / 3 * plane * np.sqrt(ball) * travel**1.5, force, rtol=3e-4)
+
+
+def test_a_ball_is_smooth_through_no_force():
+    force = np.linspace(-0.01, 0.01, 201)
+    own = replace(readings(force_n=tuple(force)), force_n=np.append(force[:-1], 0.3))
+    ball = effect_named("spherical_tip")
+    travel = ball.contact(own, pressing(201), force, 0.01 * force, {"share": 1.0})
+    assert_allclose(travel, -travel[::-1], atol=1e-15)
+    slope = np.diff(travel) / np.diff(force)
+    assert slope.min() > 0
+    assert np.abs(np.diff(slope)).max() < 0.05 * slope.max()
+
+
+def test_large_strain_and_stiffening_invert_their_laws_and_begin_alike():
+    travel, a = np.linspace(0, 8e-3, 9), 5e-3
+    own = readings(force_n=tuple(100 * travel))
+    given = pressing(9, radius=a)
+    strain, fung = effect_named("finite_strain"), effect_named("strain_stiffening")
+    d = strain.contact(own, given, own.force_n, travel, {"s": 0.3})
+    assert_allclose(d * (1 + 0.3 * d / a * (1 + d / a)), travel, rtol=1e-12)
+    d = fung.contact(own, given, own.force_n, travel, {"b": 0.6})
+    assert_allclose(a / 0.6 * np.expm1(0.6 * d / a), travel, rtol=1e-12)
+    slight = [
+        effect.contact(own, given, own.force_n, 1e-3 * travel, {name: size}) - 1e-3 * travel
+        for effect, name, size in ((strain, "s", 0.1), (strain, "s", -0.1), (fung, "b", 0.2))
+    ]
+    assert_allclose(slight[0], slight[2], rtol=2e-3, atol=1e-15)
+    assert_allclose(slight[0], -slight[1], rtol=2e-3, atol=1e-15)
+
+
+# Travel over the linear one at these depths over a, neo-Hookean, nu = 0.49, a/h = 0.1, rigid flat
+# tip; recomputed in `test_fem_finite_strain_geometry`
+DEPTH, STICKING, SLIDING = (0.1, 0.2, 0.4), (1.0065, 1.0139, 1.0306), (1.0075, 1.0175, 1.0425)
+
+
+@pytest.mark.parametrize(("s", "ratio"), [(-0.056, STICKING), (-0.074, SLIDING)])
+def test_large_strain_has_the_form_that_finite_elements_gave(s, ratio):
+    travel = 5e-3 * np.array(DEPTH)
+    own = readings(force_n=tuple(100 * travel))
+    given = pressing(3, radius=5e-3)
+    d = effect_named("finite_strain").contact(own, given, own.force_n, travel, {"s": s})
+    assert_allclose(d / travel, ratio, atol=1.2e-3)
+
+
+@pytest.mark.parametrize(
+    ("height", "modulus", "upper"),
+    [(0.048, None, 0.0), (0.048, 6e3, 0.0), (0.012, 6e3, 2.0), (0.048, 2e3, 2.0)],
+)
+def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus, upper):
+    own = readings(force_n=(0.1, 0.3), radius_m=5e-3)  # 0.3 N: 4.2 mm in 6 kPa, 13 mm in 2 kPa
+    state = BodyState(((0.0, 0.0, 0.0), (0.1, 0.1, height)), 0.4, background_pa=modulus)
+    (s,) = effect_named("finite_strain").bounded(own, state)
+    assert (s.lower, s.upper) == (-0.5, upper)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter"), [("finite_strain", "s"), ("strain_stiffening", "b")]
+)
+def test_noise_at_no_force_stays_finite_at_the_bounds(name, parameter):
+    effect = effect_named(name)
+    travel = np.array([-2e-3, -1e-5, 0.0, 1e-9, 1e-5, 0.02])
+    for bound in (effect.parameters[0].lower, effect.parameters[0].upper):
+        own = readings(force_n=tuple(travel * 50))
+        out = effect.contact(own, pressing(6), own.force_n, travel, {parameter: bound})
+        assert np.all(np.isfinite(out))
+        assert np.all(np.diff(out) > 0)
+
+
+def test_stiffening_is_smooth_through_no_force():
+    travel = np.linspace(-1e-4, 1e-4, 201)
+    own = readings(force_n=tuple(100 * travel))
+    out = effect_named("strain_stiffening").contact(
+        own, pressing(201), own.force_n, travel, {"b": 5.0}
+    )
+    bend = np.diff(out, 2) / np.diff(travel)[0] ** 2  # -b / a at no force
+    assert_allclose(bend[98:101], -5.0 / 5e-3, rtol=0.01)
+
+
+# ---- instrument --------------------------------------------------------------------------
+
+
+def fitted_loss(true, read):
+    """Smallest rms error in N of the saturation's law within its bounds, loss chosen best."""
+    own = readings(force_n=tuple(read))
+    effect = effect_named("force_saturation")
+
+    def error(log_sharpness):
+        shape = {"sharpness": np.exp(log_sharpness)}
+        unit = effect.force(own, own.force_n, {"loss": 1.0, **shape}) - own.force_n
+        loss = max(unit @ (true - read) / (unit @ unit), 0.0)
+        back = effect.force(own, own.force_n, {"loss": loss, **shape})
+        return np.sqrt(np.mean((back - true) ** 2))
+
+    sharpness = effect.parameters[1]
+    bounds = np.log([sharpness.lower, sharpness.upper])
+    return minimize_scalar(error, bounds=bounds, method="bounded").fun
+
+
+def test_saturation_undoes_a_tanh_and_a_quadratic_loss():
+    true = np.linspace(0.01, 0.3, 30)
+    for read in (0.5 * np.tanh(true / 0.5), true * (1 - 0.4 * true)):
+        assert np.sqrt(np.mean((read - true) ** 2)) > 10e-3
+        assert fitted_loss(true, read) < 0.5e-3  # a tenth of a good sensor's noise
+
+
+def test_saturation_undoes_clipping_where_few_readings_are_clipped():
+    true = np.append(np.arange(1, 9) / 8 * 0.3, np.full(8, 0.3))
+    read = np.minimum(true, 0.28)
+    assert fitted_loss(true, read) < 1e-3
+
+
+def test_breathing_in_step_with_the_presses_is_no_candidate():
+    own = trial().readings
+    regular = 4.5 * own.press + (own.time_s - own.time_s[own.first][own.press])
+    even = replace(own, time_s=regular)
+    state = trial().state
+    breathing = effect_named("breathing")
+    frequency = np.array([c["frequency_hz"] for c in breathing.grid(even, state)])
+    resolution = 1 / even.elapsed_s[-1]
+    multiples = np.arange(1, 9) / 4.5
+    assert np.abs(frequency[:, None] - multiples).min() > 0.5 * resolution
+    assert np.abs(frequency - 0.25).min() < resolution
+    # Pauses at random keep step with nothing.
+    every = (2.0 - frequency.min()) / (resolution / 4)
+    free = breathing.grid(own, state)
+    assert len(frequency) < 0.92 * every
+    assert len(free) > 0.95 * (2.0 - free[0]["frequency_hz"]) * 4 * own.elapsed_s[-1]
+
+
+def test_breathing_counts_from_the_first_reading_so_that_clocks_do_not_matter():
+    early, late = trial(start_s=0.0), trial(start_s=1.7e9)
+    values = {"sine_m": 1e-4, "cosine_m": 5e-5, "frequency_hz": 0.3}
+    breathing = effect_named("breathing")
+    # times of 1.7e9 s are rounded to 2e-7 s
+    assert_allclose(early.out(breathing, values), late.out(breathing, values), atol=1e-9)
+
+
+# ---- body --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(0.096, 0.096, 0.048), (0.4, 0.3, 0.02), (0.03, 0.03, 0.06)])
+def test_candidate_inclusions_lie_in_the_body_below_the_presses(size):
+    x, y = (np.linspace(0.2, 0.8, 5) * side for side in size[:2])
+    points = [(a, b, size[2]) for a in x for b in y]
+    own = readings(press=tuple(range(25)), point_m=tuple(points))
+    state = BodyState(((0.0, 0.0, 0.0), size), 0.49)
+    grid = effect_named("extra_inclusion").grid(own, state)
+    assert 2 <= len(grid) <= 300
+    for candidate in grid:
+        assert x[0] <= candidate["x_m"] <= x[-1]
+        assert y[0] <= candidate["y_m"] <= y[-1]
+        assert 0 < candidate["z_m"] < size[2]
+
+
+def test_candidate_inclusions_stand_closer_than_their_radius():
+    side = np.linspace(0.012, 0.084, 9)
+    points = tuple((a, b, 0.048) for a in side for b in side)
+    own = readings(press=tuple(range(81)), point_m=points)
+    grid = effect_named("extra_inclusion").grid(own, BodyState(BOX, 0.49))
+    for axis in ("x_m", "y_m"):
+        places = np.unique([candidate[axis] for candidate in grid])
+        assert np.diff(places).max() < grid[0]["radius_m"]
+        assert_allclose([places[0], places[-1]], [0.012, 0.084])
+
+
+def test_bounds_of_an_inclusion_follow_body_and_background():
+    state = BodyState(BOX, 0.49, background_pa=8000.0)
+    weight, x, _, z, _ = effect_named("extra_inclusion").bounded(readings(), state)
+    assert (weight.lower, weight.typical) == (-7600.0, 8000.0)
+    assert (x.lower, x.upper, z.upper) == (0.0, 0.096, 0.048)
+
+
+@pytest.mark.parametrize(("nu", "room"), [(0.49, 0.0099), (0.3, 0.1999)])
+def test_poissons_ratio_stays_within_what_the_finite_elements_take(nu, room):
+    (change,) = effect_named("poisson_ratio").bounded(readings(), BodyState(BOX, nu))
+    assert_allclose([change.lower, change.upper], [-nu, room], atol=1e-12)
+
+
+def test_body_effects_add_up_and_leave_the_state_as_it_was():
+    plain = BodyState(BOX, 0.49)
+    state = plain
+    for name, values in (
+        ("extra_inclusion", {"weight_pa": 1e3, "x_m": 0, "y_m": 0, "z_m": 0, "radius_m": 0.01}),
+        ("extra_inclusion", {"weight_pa": 2e3, "x_m": 0, "y_m": 0, "z_m": 0, "radius_m": 0.01}),
+        ("stiffness_gradient", {"gradient": 0.5}),
+        ("stiffness_gradient", {"gradient": 1.0}),
+        ("base_compliance", {"normal_m_per_pa": 1e-7}),
+    ):
+        state = effect_named(name).body(state, values)
+    corner = np.zeros((1, 3))
+    assert_allclose(state.added_pa(corner), 3000.0)
+    assert_allclose(state.factor(corner), 0.75 * 0.5)
+    assert state.base_normal_m_per_pa == 1e-7
+    assert plain == BodyState(BOX, 0.49)
+
+
+# ---- readings ----------------------------------------------------------------------------
+
+
+def test_the_peak_force_is_that_of_the_hold_and_else_the_largest():
+    own = readings(
+        press=(0, 0, 0, 1, 1), phase=("load", "hold", "hold", "load", "load"),
+        force_n=(0.35, 0.29, 0.31, 0.1, 0.2),
+    )  # fmt: skip
+    assert_allclose(own.peak_force_n, [0.3, 0.3, 0.3, 0.2, 0.2])
+    assert own.largest_force_n == pytest.approx(0.3)
+
+
+def test_layers_hold_each_reading_once_and_in_order():
+    own = readings(press=(0, 0, 0, 1, 2, 2))
+    assert [rows.tolist() for rows in own.layers] == [[0, 3, 4], [1, 5], [2]]
+
+
+def test_first_touch_is_where_the_ramp_starts():
+    own = readings(
+        press=(0, 0, 0, 1, 1, 1), time_s=(1.5, 2.0, 2.5, 9.0, 9.5, 10.0),
+        force_n=(0.04, 0.12, 0.20, 0.3, 0.31, 0.32),
+    )  # fmt: skip
+    # The second press starts from 0.3 N: no earlier than a sampling step before.
+    assert_allclose(own.touch_time_s, [1.25, 8.5])

@@ -1,0 +1,155 @@
+"""The presses by themselves: the law that was planted is named, and none where there is none.
+
+The curves are those of the exact contact of a paraboloid on a bonded layer (`fem.reference.hayes`),
+another modulus under each press, with first touch declared late; the search knows no layer's
+contact.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fem.reference.hayes import punch_factor, sphere_on_layer
+from identify.body.state import BodyState
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.readings import Readings
+from identify.fit.contact_law import GROSS, contact_law
+from identify.fit.free_compliance import PressWise, straightened
+from identify.measurement.noise import Noise
+
+BALL, THICKNESS, NU = 3e-3, 0.025, 0.45
+DEPTH_M, LEVELS, PRESSES = 1.5e-3, 10, 40
+NOISE = Noise(2e-6, 2.5e-3)
+
+
+@cache
+def layer() -> tuple[np.ndarray, np.ndarray]:
+    """Force and travel of the ball on a layer of 1 Pa, at rising contact radii."""
+    radii = BALL * np.linspace(0.05, 1.0, 25)
+    met = [sphere_on_layer(a, BALL, 1.0, NU, THICKNESS, paraboloid=True) for a in radii]
+    return tuple(np.r_[0.0, [getattr(m, n) for m in met]] for n in ("force_n", "travel_m"))
+
+
+def moduli(seed: int) -> np.ndarray:
+    """Young's moduli (j,): a soft body with a hard place."""
+    rng = np.random.default_rng(seed)
+    return 2e4 * np.exp(rng.normal(0, 0.15, PRESSES)) * np.where(np.arange(PRESSES) < 4, 4.0, 1.0)
+
+
+def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> PressWise:
+    """Noisy readings (j, levels) under what a study with a flat tip takes for its contact."""
+    rng = np.random.default_rng(100 + seed)
+    count = displacement.shape[1]
+    x, y = np.meshgrid(np.linspace(0.01, 0.08, 8), np.linspace(0.01, 0.05, 5))
+    point = np.column_stack([x.ravel(), y.ravel(), np.full(PRESSES, THICKNESS)])
+    size = displacement.size
+    readings = Readings(
+        press=np.repeat(np.arange(PRESSES), count),
+        order=np.arange(PRESSES),
+        time_s=None,
+        phase=np.full(size, "load"),
+        point_m=np.repeat(point, count, axis=0),
+        direction=np.tile([0.0, 0.0, -1.0], (size, 1)),
+        force_n=force.ravel() + NOISE.force_n * rng.standard_normal(size),
+        radius_m=np.full(size, BALL),
+    )
+    unit = (1 - NU**2) / (2 * BALL * punch_factor(BALL / THICKNESS, NU))
+    noisy = displacement.ravel() + NOISE.displacement_m * rng.standard_normal(size)
+    box = ((0.0, 0.0, 0.0), (0.09, 0.06, THICKNESS))
+    return PressWise(
+        readings, noisy, NOISE, np.full(PRESSES, BALL), "flat", NU, np.full(PRESSES, unit),
+        BodyState(box, NU),
+    )  # fmt: skip
+
+
+def ball(seed: int, threshold_n: float = 0.0, offset_m: float = 0.0) -> PressWise:
+    """A ball's presses; travel counts from a force, and from an offset."""
+    force_1, travel_1 = layer()
+    e = moduli(seed)[:, None]
+    # Nearly straight in F^(2/3), so that few points do
+    touch = np.interp((threshold_n / e) ** (2 / 3), force_1 ** (2 / 3), travel_1) + offset_m
+    reported = np.linspace(0, DEPTH_M, LEVELS)[None, :] + 0 * e
+    force = e * np.interp(reported + touch, travel_1, force_1 ** (2 / 3)) ** 1.5
+    return presses(reported, force, seed)
+
+
+def flat(seed: int, change=lambda d, f: (d, f)) -> PressWise:
+    """A flat tip's presses, straight lines, and what is done to travel and force (j, levels)."""
+    e = moduli(seed)[:, None]
+    share = np.linspace(0.1, 1, LEVELS)[None, :]
+    stiffness = e * 2 * BALL * punch_factor(BALL / THICKNESS, NU) / (1 - NU**2)
+    return presses(*change(DEPTH_M * share + 0 * e, DEPTH_M * share * stiffness), seed)
+
+
+def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name():
+    law = contact_law(ball(0, threshold_n=0.05), CATALOGUE)
+    assert law.plain.chi2_per_dof > GROSS
+    assert "spherical_tip" in law.names
+    assert len(law.names) == 2
+    late = next(name for name in law.names if name != "spherical_tip")
+    group = [late, *(name for name, _ in law.rivals(late))]
+    assert "touch_threshold" in group
+    fit = law.fits["spherical_tip", "touch_threshold"]
+    assert fit.values["touch_threshold"]["threshold_n"] == pytest.approx(0.05, rel=0.1)
+    assert fit.values["spherical_tip"]["share"] == pytest.approx(1, abs=0.15)
+    assert law.share > 0.9
+    assert law.found.rms_n < 0.3 * law.plain.rms_n
+
+
+def test_a_ball_whose_touch_is_declared_late_by_a_length_is_found():
+    law = contact_law(ball(1, offset_m=4e-4), CATALOGUE)
+    assert law.plain.chi2_per_dof > GROSS
+    assert law.names == ("spherical_tip", "contact_offset")
+    found = law.found.values
+    assert found["contact_offset"]["offset_m"] == pytest.approx(-4e-4, rel=0.15)
+    assert law.share > 0.9
+
+
+def test_the_compliances_beside_the_law_follow_the_planted_moduli():
+    own = ball(2, threshold_n=0.05)
+    law = contact_law(own, CATALOGUE)
+    product = np.log(law.found.compliance * moduli(2))
+    assert np.std(product) < 0.03
+    assert np.std(np.log(law.plain.compliance * moduli(2))) > 3 * np.std(product)
+    line = straightened(law.found, own.readings)
+    slope = np.bincount(own.readings.press, line * own.readings.force_n)
+    slope /= np.bincount(own.readings.press, own.readings.force_n**2)
+    np.testing.assert_allclose(slope, law.found.compliance, rtol=0.05)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_straight_lines_call_for_no_law(seed):
+    own = flat(seed)
+    law = contact_law(own, CATALOGUE)
+    assert law.names == ()
+    assert own.fit(()).chi2_per_dof == pytest.approx(1, abs=0.3)
+
+
+def test_a_few_bad_presses_name_nothing():
+    def slip(d, f):
+        f = f.copy()
+        f[::10, 6:] *= 0.7
+        return d, f
+
+    own = flat(5, slip)
+    law = contact_law(own, CATALOGUE)
+    assert own.fit(()).chi2_per_dof > GROSS
+    assert law.names == ()
+
+
+def test_what_differs_from_press_to_press_at_random_names_nothing():
+    def rough(d, f):
+        return d + np.random.default_rng(6).normal(0, 3e-4, (PRESSES, 1)), f
+
+    own = flat(6, rough)
+    law = contact_law(own, CATALOGUE)
+    assert own.fit(()).chi2_per_dof > GROSS
+    assert law.names == ()
+
+
+def test_one_effect_alone_is_found_alone():
+    law = contact_law(flat(7, lambda d, f: (d - 3e-4, f)), CATALOGUE)
+    assert law.names == ("contact_offset",)
+    assert law.found.values["contact_offset"]["offset_m"] == pytest.approx(-3e-4, rel=0.05)
+    assert law.rivals("contact_offset") == []

@@ -1,0 +1,25 @@
+"""A joint fit is carried to the finer model's minimum from wherever its correction was made."""
+
+import numpy as np
+import pytest
+
+from identify.fit.joint_fit import corrected_at, fit_jointly
+from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
+
+
+@pytest.fixture(scope="module")
+def own():
+    press, _, _, force = timing(7)
+    return model(scan(true_compliance()[press] * force, force, 7))
+
+
+@pytest.mark.parametrize(("weight_pa", "z_m"), [(400e3, 0.0225), (1e6, 0.02)])
+def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, weight_pa, z_m):
+    found = fit_jointly(own, TRUE)
+    far = TRUE.changed({"inclusion_1.weight_pa": weight_pa, "inclusion_1.z_m": z_m})
+    stale = fit_jointly(corrected_at(own, own.start(far)), TRUE, rounds=0)
+    away = np.abs(stale.u - found.u) / np.sqrt(np.diag(found.covariance))
+    assert away.max() > 10
+    again = fit_jointly(stale.model, stale.map)
+    assert again.chi2 == pytest.approx(found.chi2, abs=0.1)
+    assert again.success is True  # json has no other

@@ -1,0 +1,78 @@
+"""95 % intervals in a valley that bends: depth against weight of an inclusion."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body.forward import compliance
+from identify.fit.map_fit import fit_scan
+from identify.fit.profile_intervals import NORMAL_95, _range
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.measurement.noise import Noise
+from models.scan import Scan
+
+SIZE = (0.096, 0.096, 0.048)
+NOISE = Noise(2e-5, 5e-3)
+TRUTH = GaussianMap(5000.0, (Inclusion(20000.0, 0.045, 0.052, 0.035, 0.011),))
+FORCE = np.array([0.1, 0.2, 0.3, 0.3, 0.3, 0.2, 0.1])
+
+
+@pytest.fixture(scope="module")
+def model():
+    x = np.linspace(0.018, 0.078, 7)
+    points = np.array([(a, b, SIZE[2]) for b in x for a in x])
+    contacts = Contacts(points, [0.0, 0.0, -1.0], 0.006, "hertz")
+    return PalpationModel(block_mesh(SIZE, (6, 6, 4), order=2), 0.49, contacts, near_field=False)
+
+
+@pytest.fixture(scope="module")
+def scan(model):
+    true = compliance(model, TRUTH)
+    press = np.repeat(np.arange(len(true)), len(FORCE))
+    force = np.tile(FORCE, len(true))
+    rng = np.random.default_rng(11)
+    return Scan(
+        press=press,
+        time_s=0.1 * np.arange(len(press)),
+        phase=np.tile(["load"] * 3 + ["hold"] * 2 + ["unload"] * 2, len(true)),
+        point_m=model.contacts.points_m[press],
+        direction=model.contacts.directions[press],
+        force_n=force + rng.normal(0, NOISE.force_n, force.shape),
+        displacement_m=true[press] * force + rng.normal(0, NOISE.displacement_m, force.shape),
+        probe_radius_m=np.full(len(press), 0.006),
+    )
+
+
+@pytest.fixture(scope="module")
+def fit(model, scan):
+    return fit_scan(scan, model, noise=NOISE, start=TRUTH)
+
+
+@pytest.mark.parametrize("name", ["weight_pa", "z_m"])
+@pytest.mark.parametrize("end", ["lower95", "upper95"])
+def test_chi_square_rises_by_3_84_at_the_ends_of_an_interval(model, scan, fit, name, end):
+    name = f"inclusion_1.{name}"
+    held = fit.map.changed({name: getattr(fit.parameters[name], end)})
+    others = [other for other in TRUTH.names if other != name]
+    refit = fit_scan(scan, model, noise=NOISE, start=held, free=others)
+    # 3.84 is the 95 % point of chi-square; the parabola is a local picture of the valley
+    assert refit.chi2 - fit.chi2 == pytest.approx(NORMAL_95**2, rel=0.3)
+
+
+def test_the_bend_widens_the_interval_of_the_weight_upwards(fit):
+    weight = fit.parameters["inclusion_1.weight_pa"]
+    straight = weight.value * np.exp(NORMAL_95 * weight.std / weight.value)
+    assert weight.upper95 > 1.02 * straight
+
+
+def test_a_straight_valley_has_the_usual_intervals():
+    root = np.array([[2.0, 0.0, 0.0], [0.7, 1.1, 0.0], [-0.4, 0.3, 0.6]])
+    total = root @ root.T
+    u = np.array([1.0, -2.0, 0.5])
+    slope = total[:, 1] / total[1, 1]
+    reach = NORMAL_95 * np.sqrt(total[1, 1])
+    sides = [(side * NORMAL_95, u + side * reach * slope) for side in (-1.0, 1.0)]
+    half = NORMAL_95 * np.sqrt(np.diag(total))
+    expected = np.column_stack([u - half, u + half])
+    assert_allclose(_range(u, sides, total, 1), expected, rtol=1e-3)

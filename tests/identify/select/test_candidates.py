@@ -1,0 +1,113 @@
+"""Which refitted effects may be added: those whose expected travel fits better, not whose noise."""
+
+from dataclasses import replace
+
+import pytest
+
+from fem import PalpationModel, RefinedModel, block_mesh
+from identify.catalogue.catalogue import CATALOGUE, effect_named
+from identify.catalogue.contact_offset import ContactOffset
+from identify.fit.joint_fit import fit_jointly, try_fit
+from identify.select import candidates as rivals
+from identify.select.candidates import borne_out, compare_rivals, fit_with, shortlist
+from identify.select.score_test import fitted_basis, score_effect
+from identify.select.step import rung_of
+from tests.identify.select.loop_problem import (  # fmt: skip
+    NOISE,
+    NU,
+    PEAK_N,
+    SIZE,
+    TRUE,
+    contacts,
+    model,
+    scan,
+    timing,
+    true_compliance,
+)
+
+LOSS, SHARPNESS, SEED = 0.02, 8.0, 4
+
+
+@pytest.fixture(scope="module")
+def saturated():
+    """A rung of the map alone, of a scan whose sensor loses 2 % at its largest force."""
+    press, _, _, force = timing(SEED)
+    read = force * (1 - LOSS * (force / PEAK_N) ** SHARPNESS)
+    table = scan(true_compliance()[press] * force, read, SEED)
+    return rung_of(fit_jointly(model(table), TRUE), table, CATALOGUE, 0, lambda text: None)
+
+
+def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
+    effect = effect_named("force_saturation")
+    fit = fit_with(saturated.fit, effect, saturated.diagnosis["force_saturation"])
+    assert fit is not None
+    assert fit.chi2 < saturated.fit.chi2 - 20
+    assert fit.rms_m > 1.002 * saturated.fit.rms_m  # at the forces as they were read
+    assert borne_out(saturated.fit, fit) == pytest.approx(1, abs=0.3)
+    rivals = compare_rivals(
+        saturated, {e.name: e for e in CATALOGUE}, str, shortlist(saturated.diagnosis)
+    )
+    assert rivals[0].name == "force_saturation"
+
+
+class Sawtooth(ContactOffset):
+    """Wrong, but so steep in the force that its noise would excuse any misfit."""
+
+    name = "sawtooth"
+
+    def reading(self, readings, force_n, travel_m, values):
+        return travel_m + values["offset_m"] * (force_n / 1e-3 % 1 - 0.5)
+
+
+def test_a_law_that_only_allows_more_noise_is_not_borne_out(saturated):
+    before = saturated.fit
+    steep = before.model.with_effect(Sawtooth(), {"offset_m": 2e-5}, before.at.state)
+    after = fit_jointly(steep, before.map, rounds=0, max_evaluations=1)
+    assert after.chi2 < 0.9 * before.chi2
+    assert borne_out(before, after) < 0.1
+
+
+def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
+    compliance = 8e-6  # m/Pa of a base that slides
+    pair = [
+        PalpationModel(block_mesh(SIZE, n, split="alternating"), NU, contacts())
+        for n in ((6, 6, 4), (10, 10, 6))
+    ]
+    body = RefinedModel(*pair)
+    modulus = TRUE.modulus(body.points_m)
+    felt = body.evaluate(modulus, support_compliance=(0.0, compliance)).compliance
+    press, _, _, force = timing(3)
+    fit = fit_jointly(model(scan(felt[press] * force, force, 3)), TRUE)
+    effect = effect_named("base_sliding")
+    (amplitude,) = effect.amplitudes
+    far = {amplitude.name: 10 * compliance}
+    lost = try_fit(
+        fit.model.with_effect(effect, far, fit.at.state), fit.map, rounds=0, max_evaluations=15
+    )
+    assert lost is not None
+    assert lost.values[f"base_sliding.{amplitude.name}"] < 1e-9
+    score = replace(score_effect(fit, effect, fitted_basis(fit.at)), values=far)
+    found = fit_with(fit, effect, score)
+    assert found is not None
+    assert found.chi2 < lost.chi2 - 0.5 * score.statistic
+
+
+def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
+    press, _, _, force = timing(SEED)
+    late = scan(true_compliance()[press] * force + 10 * NOISE.displacement_m, force, SEED)
+    rung = rung_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
+    effects = {e.name: e for e in CATALOGUE}
+    refits = []
+
+    def counted(tried, *rest, **options):
+        refits.append(tried.effects[-1].effect.name)
+        return try_fit(tried, *rest, **options)
+
+    monkeypatch.setattr(rivals, "try_fit", counted)
+    compare_rivals(rung, effects, str, ["inclusion_edge"])
+    assert len(refits) > 1
+    refits.clear()
+    best, beaten = compare_rivals(rung, effects, str, ["contact_offset", "inclusion_edge"])
+    assert (best.name, beaten.name) == ("contact_offset", "inclusion_edge")
+    assert beaten.chi2 > best.chi2 + 200
+    assert refits.count("inclusion_edge") == 1

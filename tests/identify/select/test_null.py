@@ -1,0 +1,111 @@
+"""With nothing hidden: p-values are uniform, intervals cover, and nothing is named.
+
+The readings here come from the model's own compliances: it is the statistics that is tested. What
+the meshes' error does to a diagnosis is tested on other solvers' scans (`cli/test_loop.py`).
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.joint_result import estimates
+from identify.select.diagnosis import diagnose
+from identify.select.forward_selection import climb
+from identify.select.null_distribution import score_null
+from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
+
+SEEDS = 500
+TWINS = 200
+
+
+@cache
+def body():
+    """The coarse mesh alone, which is then the truth as well; it keeps its models elsewhere."""
+    return replace(mechanics(), fine=None, ratio=1.0)
+
+
+@cache
+def compliance():
+    return body().evaluate(TRUE, body().state()).compliance
+
+
+def null_scan(seed: int):
+    press, _, _, force = timing(seed)
+    return scan(compliance()[press] * force, force, seed)
+
+
+def test_a_searched_score_has_the_simulated_null():
+    """p-values of maxima over a grid of random directions are uniform, bulk and tail."""
+    rng = np.random.default_rng(1)
+    basis = rng.standard_normal((40, 300, 1))
+    basis /= np.linalg.norm(basis, axis=1, keepdims=True)
+    null = score_null(basis, True, np.random.default_rng(2))
+    draws = (basis[:, :, 0] @ rng.standard_normal((300, 2000))).max(axis=0)
+    p = np.exp([null.log_p(float(z)) for z in draws])
+    # The null is itself a sample of 1000: as many draws as this would see that, so a part is tested
+    assert stats.kstest(p[:300], "uniform").pvalue > 0.01
+    assert np.mean(p < 0.01) == pytest.approx(0.01, abs=0.008)
+
+
+@pytest.mark.slow
+def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
+    p_values: dict[str, list[float]] = {effect.name: [] for effect in CATALOGUE}
+    covered: dict[str, list[bool]] = {name: [] for name in TRUE.names}
+    for seed in range(SEEDS):
+        fit = fit_jointly(model(null_scan(seed), body()), TRUE)
+        for score in diagnose(fit, CATALOGUE, seed=seed).scores:
+            if score.untestable is None:
+                p_values[score.name].append(score.p_value)
+        intervals = estimates(fit)
+        for name, value in zip(TRUE.names, TRUE.values, strict=True):
+            own = intervals[name]
+            covered[name].append(own.lower95 <= value <= own.upper95)
+    tested = {name: p for name, p in p_values.items() if len(p) == SEEDS}
+    assert len(tested) >= 18
+    chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in tested.items()}
+    assert min(chances.values()) > 0.01, chances
+    rates = {name: float(np.mean(inside)) for name, inside in covered.items()}
+    # The mesh's error is counted, where there is none
+    assert min(rates.values()) > 0.92, rates
+
+
+def map_coverage(seeds, offset_m: float = 0.0):
+    """How often the 95 % intervals of the map alone hold the truth, of the noise alone, by name."""
+    exact = replace(body(), model_error=0.0)
+    inside: dict[str, list[bool]] = {name: [] for name in TRUE.names}
+    for seed in seeds:
+        table = null_scan(seed)
+        table = replace(table, displacement_m=table.displacement_m + offset_m)
+        intervals = estimates(fit_jointly(model(table, exact), TRUE))
+        for name, value in zip(TRUE.names, TRUE.values, strict=True):
+            own = intervals[name]
+            inside[name].append(own.lower95 <= value <= own.upper95)
+    return {name: float(np.mean(held)) for name, held in inside.items()}
+
+
+@pytest.mark.slow
+def test_intervals_of_noise_alone_cover_as_often_as_they_say():
+    rates = map_coverage(range(TWINS))
+    assert min(rates.values()) >= 0.92, rates
+    assert max(rates.values()) <= 0.98, rates
+
+
+def test_intervals_without_the_missing_effect_do_not_cover():
+    """A first touch that is declared late by 0.15 mm, 4 % of the travel's rms, is left out."""
+    rates = map_coverage(range(8), offset_m=-1.5e-4)
+    assert rates["background_pa"] == 0
+    assert rates["inclusion_1.weight_pa"] < 0.5
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_is_hidden():
+    verdicts = []
+    for seed in range(100, 130):
+        table = null_scan(seed)
+        verdicts.append(climb(model(table, body()), TRUE, table, CATALOGUE, seed=seed).verdict)
+    assert verdicts.count("nothing_missing") >= 28, verdicts

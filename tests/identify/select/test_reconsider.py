@@ -1,0 +1,91 @@
+"""Earlier additions are compared with their rivals again, beside what was added since."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import effect_named
+from identify.catalogue.contact_offset import ContactOffset
+from identify.select.candidates import MARGIN
+from identify.select.forward_selection import climb
+from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
+
+OFFSET_M = 1e-4
+SOFTENING, PRESSES = 0.06, 6.0
+
+
+@cache
+def explained():
+    """First touch declared late on a body that softens from press to press, row by row.
+
+    Presses further along y are later ones: at first the two look like a tilted surface.
+    """
+    press, _, _, force = timing(3)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    softer = 1 + SOFTENING * (1 - np.exp(-press / PRESSES))
+    table = scan(compliance[press] * force * softer - OFFSET_M, force, 3)
+    names = ("contact_offset", "surface_tilt", "preconditioning", "force_bias")
+    steps = []
+    found = climb(
+        model(table), TRUE, table, [effect_named(name) for name in names], on_rung=steps.append
+    )
+    return found, [rung.fit.model.has for rung in steps]
+
+
+def test_what_was_taken_for_another_effect_while_one_was_missing_is_put_right():
+    found, steps = explained()
+    assert steps[1] == ("surface_tilt",)
+    assert found.verdict == "explained"
+    assert set(found.added) == {"contact_offset", "preconditioning"}
+    assert found.dropped == ("surface_tilt",)
+    values = found.final.fit.values
+    assert values["contact_offset.offset_m"] == pytest.approx(-OFFSET_M, rel=0.2)
+    assert values["preconditioning.p"] == pytest.approx(SOFTENING, rel=0.4)
+
+
+def test_the_ladder_leads_to_the_last_model_step_by_step():
+    found, steps = explained()
+    ladder = [rung.fit.model.has for rung in found.ladder]
+    assert ladder == [(), ("contact_offset",), ("contact_offset", "preconditioning")]
+    assert steps[-2:] == ladder[-2:]
+    chi2 = [rung.fit.chi2 for rung in found.ladder]
+    assert chi2 == sorted(chi2, reverse=True)
+
+
+def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
+    found, _ = explained()
+    for addition in found.additions:
+        others = set(found.added) - {addition.name}
+        for rival in addition.rivals:
+            assert set(rival.fit.model.has) == {rival.name, *others}
+    offset = next(a for a in found.additions if a.name == "contact_offset")
+    tilt = next(rival for rival in offset.rivals if rival.name == "surface_tilt")
+    own = next(rival for rival in offset.rivals if rival.name == "contact_offset")
+    assert (
+        tilt.chi2 <= own.chi2 + 0.1
+    )  # it contains the offset, and its slopes bring next to nothing
+    assert tilt.chi2 > own.chi2 - MARGIN
+    before = {rival.name: rival.chi2 for rival in offset.tried}
+    assert before["surface_tilt"] < before["contact_offset"] - MARGIN
+
+
+class LittleOffset(ContactOffset):
+    """An offset of which less is possible than the scan asks for."""
+
+    parameters = (replace(ContactOffset.parameters[0], lower=-9.5e-5, upper=9.5e-5),)
+
+
+def test_an_effect_at_the_bound_of_what_is_possible_is_not_found():
+    press, _, _, force = timing(4)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    table = scan(compliance[press] * force - OFFSET_M, force, 4)
+    found = climb(model(table), TRUE, table, [LittleOffset()])
+    assert found.final.fit.values["contact_offset.offset_m"] == pytest.approx(-9.5e-5)
+    assert found.final.comparison.is_noise
+    assert found.at_bound == ("contact_offset",)
+    assert found.verdict == "unexplained"
+    assert found.added == ()
+    free = climb(model(table), TRUE, table, [ContactOffset()])
+    assert (free.verdict, free.added, free.at_bound) == ("explained", ("contact_offset",), ())

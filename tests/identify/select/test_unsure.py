@@ -1,0 +1,177 @@
+"""What is not sure is not said: effects that rest on single presses, at a bound, or doubted."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import effect_named
+from identify.catalogue.viscoelasticity import Viscoelasticity
+from identify.fit.joint_fit import fit_jointly
+from identify.select import candidates as rivals
+from identify.select import forward_selection as explain
+from identify.select.accepted_effect import Addition
+from identify.select.forward_selection import SUSPECT_PRESSES
+from identify.select.reconsider import with_exchanged
+from identify.select.step import whitened_fit
+from models.errors import InputError
+from palpmap.result.explain_record import candidate_record, explain_record
+from palpmap.result.explain_words import (
+    _name_notes,
+    _way_out,
+    doubts,
+    headline,
+    unseen_effects,
+    verdict_detail,
+    without_suspects,
+)
+from palpmap.study import outlying_presses as suspects
+from palpmap.study.outlying_presses import WithoutSuspects, suspects_left, weighed
+from tests.palpmap.report.test_explain_report import grouped
+
+
+def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_them(explained_case):
+    explained = explained_case.explained
+    (name,) = explained.added
+    tied = grouped(explained, "hysteresis")
+    found = weighed(explained, WithoutSuspects.of((3, 8), tied))
+    assert found.verdict == "ambiguous"
+    assert found.ambiguous == ((name, SUSPECT_PRESSES),)
+    record = candidate_record(effect_named(name), found, explained_case.problem)
+    assert record["verdict"] == "indistinguishable"
+    assert record["confused_with"] == [SUSPECT_PRESSES]
+    (note,) = _name_notes(found, name)
+    assert "presses that stand out" in note
+
+
+def bad(rung, *presses):
+    marked = tuple(replace(p, bad=p.press in presses) for p in rung.comparison.presses)
+    return replace(rung, comparison=replace(rung.comparison, presses=marked))
+
+
+def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_case, monkeypatch):
+    explained = explained_case.explained
+    one, two = (p.press for p in explained.ladder[0].comparison.presses[2:4])
+    ladder = (bad(explained.ladder[0], one, two), *explained.ladder[1:-1],
+              bad(explained.ladder[-1], two))  # fmt: skip
+    suspected = replace(explained, ladder=ladder)
+
+    def refused(*_, **__):
+        raise InputError("found 10 different presses")
+
+    monkeypatch.setattr(suspects, "_same_answer", lambda *_: None)
+    monkeypatch.setattr(suspects, "pose", refused)
+    found = suspects.without_suspects(explained_case.problem, (), 0, suspected, lambda text: None)
+    assert found is None
+    assert weighed(suspected, found) is suspected
+    # Nobody has looked: the press that still stands out is said to do so
+    assert suspects_left(suspected, None) == (two,)
+    record = explain_record(suspected, explained_case.problem, None)
+    told = " ".join(doubts(record, suspected))
+    assert f"stand out by themselves: {two}." in told
+    assert "no more of the last model" not in told
+
+
+def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monkeypatch):
+    explained = explained_case.explained
+    (name,) = explained.added
+    assert name == "viscoelasticity"
+    assert explain._verdict(explained.ladder, explained.additions, True) == "explained"
+    why = "it keeps step with the presses"
+    monkeypatch.setattr(Viscoelasticity, "doubt", lambda self, values, readings: why)
+    assert rivals.doubted(explained.final.fit, name)
+    assert explain._verdict(explained.ladder, explained.additions, True) == "unexplained"
+    found = replace(explained, verdict="unexplained")
+    assert found.added == ()
+    assert "not to be believed" in headline(found)
+    assert "not to be believed" in verdict_detail(found)
+    assert "structure" not in headline(found) + verdict_detail(found).split("The residual")[0]
+    assert why in " ".join(_name_notes(found, name))
+    record = candidate_record(effect_named(name), found, explained_case.problem)
+    assert record["verdict"] == "not_seen"
+    # Nor is it a rival of anything else
+    tried = rivals.compare_rivals(
+        explained.ladder[0], {name: effect_named(name)}, lambda text: None, [name]
+    )
+    assert tried == ()
+
+
+def test_the_same_answer_is_one_with_the_same_verdict():
+    record: dict[str, Any] = {"verdict": "explained", "added": ["breathing"], "ambiguous": []}
+    other = {"verdict": "explained", "added": ["breathing"], "ambiguous": []}
+    assert "is the same" in without_suspects({**record, "without_suspects": other})
+    structured = {**record, "verdict": "unexplained", "without_suspects": other}
+    assert "is breathing" in without_suspects(structured)
+    left = {**other, "verdict": "unexplained"}
+    assert "too" not in without_suspects({**record, "without_suspects": left})
+    assert "too" in without_suspects({**structured, "without_suspects": left})
+
+
+@pytest.mark.parametrize(("radii", "says"), [((5e-3, 5e-3), True), ((3e-3, 10e-3), False)])
+def test_two_radii_are_advised_where_there_is_one(radii, says):
+    readings = SimpleNamespace(radius_m=np.array(radii))
+    model = SimpleNamespace(readings=readings)
+    explained: Any = SimpleNamespace(final=SimpleNamespace(fit=SimpleNamespace(model=model)))
+    assert ("two radii" in _way_out(explained)) is says
+
+
+def test_effects_that_the_scan_shows_nothing_of_are_named_beside_the_shifts():
+    record = {
+        "parameters": {"background_pa": {"std": 10.0, "unit": "Pa"}},
+        "unseen_shifts": {"background_pa": {"shift": 80.0, "effect": "tool_compliance"}},
+        "not_counted": ["breathing", "force_drift"],
+    }
+    assert "nothing of them: breathing and force_drift." in unseen_effects(record)
+    assert "Not counted" not in unseen_effects({**record, "not_counted": []})
+
+
+def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explained_case):
+    last = explained_case.explained.final.fit
+    (part,) = last.model.effects
+    twin = replace(part, effect=effect_named("hysteresis"), start={"loss": 0.01},
+                   parameters=effect_named("hysteresis").parameters)  # fmt: skip
+    both = replace(last, model=replace(last.model, effects=(part, twin)))
+    now = with_exchanged(both, {"hysteresis": "viscoelasticity"}, last)
+    assert now.model.has == ("viscoelasticity",)
+
+
+def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
+    explained_case, monkeypatch
+):
+    asked = []
+    case = explained_case
+    best = case.explained.additions[0].rivals[0]
+    first = Addition("hysteresis", (replace(best, name="hysteresis"),))
+
+    def started(rung, say):
+        return case.explained.final.fit, [first]
+
+    def lost(fit, names, say):
+        return fit, list(names)
+
+    def looked(fit, additions, say, the_last_too=False):
+        asked.append(the_last_too)
+        return fit, list(additions), {}
+
+    monkeypatch.setattr(explain, "without_unneeded", lost)
+    monkeypatch.setattr(explain, "look_again", looked)
+    monkeypatch.setattr(explain, "is_more_missing", lambda ladder, additions: not asked)
+    monkeypatch.setattr(explain, "best_rivals", lambda *_: (best,))
+    monkeypatch.setattr(explain, "_worthwhile", lambda *_: True)
+    monkeypatch.setattr(explain, "fit_jointly", lambda model, stiffness: best.fit)
+    monkeypatch.setattr(explain, "rung_of", lambda *_: case.explained.ladder[0])
+    explain.climb(case.problem.model, case.problem.start, case.problem.scan,
+                  case.problem.catalogue, first=started)  # fmt: skip
+    assert asked == [True]
+
+
+def test_what_the_map_s_own_error_absorbs_is_compared_in_units_of_the_noise_alone(explained_case):
+    """Residual and derivatives that `compare` gets are both whitened with the noise alone."""
+    model = explained_case.explained.ladder[0].fit.model
+    rough = fit_jointly(replace(model, press_error=0.05), explained_case.problem.start)
+    whitened = whitened_fit(rough, explained_case.problem.scan)
+    exact = replace(rough.model, press_error=0.0).linearise(rough.u)
+    assert not np.allclose(rough.at.jacobian, whitened.absorbed, rtol=1e-2)
+    np.testing.assert_allclose(whitened.absorbed, exact.jacobian, rtol=1e-9, atol=1e-9)

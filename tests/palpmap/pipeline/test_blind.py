@@ -1,0 +1,473 @@
+"""Blind trials: what is sealed stays sealed, what is judged is judged as the table says."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from models.errors import InputError
+from models.scan_file import read_scan
+from palpmap.__main__ import app
+from palpmap.blind import tournament
+from palpmap.blind.reveal import stated
+from palpmap.blind.score import map_errors, score_blind
+from palpmap.blind.seal import seal, unseal
+from palpmap.blind.statistics import tournament_record, tournament_screen
+from palpmap.blind.trial import Trial, draw_map, draw_trial, make_trial
+from palpmap.run_folder import write_record
+from palpmap.study.placement import place_scan
+from palpmap.study.study import load_study
+from tests.paths import ROOT
+
+RUN = CliRunner()
+
+
+def answer(*effects):
+    """Answer with effects given as (name, category, size)."""
+    keys = ("name", "category", "size")
+    body = {"background_pa": 5000.0, "inclusions": [{"weight_pa": 9000.0, "x_m": 0.04}]}
+    return {"effects": [dict(zip(keys, e, strict=True)) for e in effects], "body": body}
+
+
+def result(verdict, added=(), ambiguous=(), **more):
+    return {"verdict": verdict, "added": list(added), "ambiguous": list(ambiguous), **more}
+
+
+CREEP = ("viscoelasticity", "structured", 0.03)
+TOOL = ("tool_compliance", "compliance", 0.03)
+LATE = ("outside_late_force", "outsider", 0.05)
+BIAS = ("force_bias", "structured", 0.02)
+
+JUDGED = [
+    (answer(), result("nothing_missing"), "none", "right", True),
+    (answer(), result("explained", ["force_bias"]), "none", "wrong", False),
+    (answer(), result("ambiguous", (), [["skin_layer", "mesh_error"]]), "none", "wrong", False),
+    (answer(), result("unexplained"), "none", "honest", False),
+    (answer(CREEP), result("explained", ["viscoelasticity"]), "structured", "right", True),
+    (answer(CREEP), result("explained", ["hysteresis"]), "structured", "wrong", False),
+    (answer(CREEP), result("explained", ["hysteresis", "viscoelasticity"]), "structured", "wrong",
+     False),
+    (answer(CREEP), result("nothing_missing"), "structured", "missed", False),
+    (answer(CREEP), result("nothing_missing", detection_limits={"viscoelasticity": 0.05}),
+     "structured", "honest", False),
+    (answer(CREEP), result("unexplained"), "structured", "honest", False),
+    (answer(CREEP), result("ambiguous", (), [["viscoelasticity", "hysteresis"]]), "structured",
+     "honest", False),
+    (answer(TOOL), result("explained", ["tool_compliance"]), "compliance", "right", True),
+    (answer(TOOL), result("ambiguous", (), [["mesh_error", "tool_compliance", "skin_layer"]]),
+     "compliance", "right", True),
+    (answer(TOOL), result("ambiguous", (), [["a", "b", "c", "tool_compliance"]]), "compliance",
+     "honest", False),
+    (answer(TOOL), result("nothing_missing", detection_limits={"tool_compliance": 0.05}),
+     "compliance", "honest", True),
+    (answer(TOOL), result("nothing_missing", detection_limits={"tool_compliance": 0.02}),
+     "compliance", "missed", False),
+    (answer(TOOL), result("nothing_missing", never_seen=["tool_compliance"]), "compliance",
+     "honest", True),
+    (answer(TOOL), result("nothing_missing", never_seen=["skin_layer"]), "compliance", "missed",
+     False),
+    (answer(TOOL), result("explained", ["skin_layer"], detection_limits={"tool_compliance": 0.05}),
+     "compliance", "wrong", False),
+    (answer(LATE), result("unexplained"), "outsider", "right", True),
+    (answer(LATE), result("unexplained", ["hysteresis"]), "outsider", "right", True),
+    (answer(LATE), result("explained", ["hysteresis"]), "outsider", "wrong", False),
+    (answer(LATE), result("nothing_missing"), "outsider", "missed", True),
+    (answer(LATE), result("ambiguous", (), [["a", "b"]]), "outsider", "honest", True),
+    (answer(LATE), result("ambiguous", ["hysteresis"], [["a", "b"]]), "outsider", "wrong", False),
+    (answer(CREEP, BIAS), result("explained", ["force_bias", "viscoelasticity"]), "pair", "right",
+     True),
+    (answer(CREEP, BIAS), result("explained", ["force_bias"]), "pair", "wrong", False),
+    (answer(CREEP, BIAS), result("unexplained", ["force_bias"]), "pair", "honest", False),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("hidden", "found", "category", "outcome", "passed"), JUDGED)
+def test_an_answer_is_judged_as_the_table_says(hidden, found, category, outcome, passed):
+    score = score_blind(found, hidden)
+    assert (score.category, score.outcome, score.passed) == (category, outcome, passed)
+    assert score.reason.endswith(".")
+
+
+def test_the_nearest_of_the_catalogue_is_honest_for_its_own_outsider_only():
+    hidden = answer(("outside_two_creep_times", "outsider", 0.05))
+    hidden["effects"][0]["kin"] = ["viscoelasticity"]
+    assert score_blind(result("explained", ["viscoelasticity"]), hidden).outcome == "honest"
+    assert score_blind(result("explained", ["viscoelasticity", "force_bias"]), hidden).outcome == (
+        "wrong"
+    )
+
+
+def test_map_errors_pair_found_with_true_values():
+    found = result("explained", parameters={"inclusion_1.x_m": {"value": 0.041, "std": 2e-4}})
+    (row,) = map_errors(found, answer())
+    assert row == {"name": "inclusion_1.x_m", "found": 0.041, "std": 2e-4, "true": 0.04}
+    found["unseen_shifts"] = {"inclusion_1.x_m": {"shift": 2e-3, "effect": "skin_layer"}}
+    (row,) = map_errors(found, answer())
+    assert row["unseen_shift"] == 2e-3
+
+
+def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
+    trials = [draw_trial(seed) for seed in range(200)]
+    assert trials[7] == draw_trial(7)
+    assert {len(t.effects) for t in trials} == {0, 1, 2}
+    assert any(name.startswith("outside_") for t in trials for name in t.effects)
+    sizes = np.array([size for t in trials for size in t.sizes])
+    assert sizes.min() < 0.02
+    assert sizes.max() > 0.08
+    assert ((sizes >= 0.01) & (sizes <= 0.1)).all()
+    depths = [0.048 - draw_map(seed).inclusions[0].centre_m[2] for seed in range(50)]
+    assert 0.008 <= min(depths) < 0.010
+    assert 0.020 < max(depths) <= 0.022
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, ["force_drifd"])), "the nearest right one is 'force_drift'"),
+        ((0, (), 0.7), "found a size of 0.7"),
+        ((0, (), None, 3), "found 3 tip radii"),
+    ],
+)
+def test_wishes_that_make_no_sense_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        draw_trial(*arguments)
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory):
+    """A small trial with two radii."""
+    folder = tmp_path_factory.mktemp("blind")
+    make_trial(folder, Trial(3, ("force_bias", "breathing"), (0.03, 0.03), 2), per_side=3)
+    return folder
+
+
+def test_a_trial_is_a_study_that_places_and_its_answer_is_not_in_plain_text(trial):
+    study = load_study(trial / "study.toml")
+    scan = place_scan(read_scan(study.scan), study).scan
+    radii, counts = np.unique(scan.contact_radii, return_counts=True)
+    assert radii == pytest.approx([0.003, 0.010])
+    assert counts.tolist() == [5, 4]
+    assert [e["name"] for e in unseal(trial)["effects"]] == ["force_bias", "breathing"]
+    for path in trial.rglob("*"):
+        if path.is_file():
+            assert "force_bias" not in path.read_text()
+
+
+def test_a_changed_answer_is_refused(trial, tmp_path):
+    seal(tmp_path, unseal(trial))
+    path = tmp_path / "sealed" / "answer.json"
+    record = json.loads(path.read_text())
+    record["sha256"] = "0" * 64
+    path.write_text(json.dumps(record))
+    with pytest.raises(InputError, match="was changed or cut off"):
+        unseal(tmp_path)
+
+
+def test_only_blind_reveal_and_tournament_know_of_the_seal():
+    knows = {
+        path.stem
+        for package in ("palpmap", "identify")
+        for path in (ROOT / package).rglob("*.py")
+        if "palpmap.blind.seal" in path.read_text() or "sealed/" in path.read_text()
+    }
+    assert knows == {"trial", "further_presses", "reveal", "tournament", "seal"}
+
+
+WATCHED = """
+import sys
+from pathlib import Path
+trial = Path(sys.argv[1])
+opened = []
+sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
+from palpmap.tournament import explain_trial
+record = explain_trial(trial / "study.toml", trial, 0)
+assert any(name.endswith("scan.csv") for name in opened)
+assert not [name for name in opened if "sealed" in Path(name).parts]
+print(record["verdict"])
+"""
+
+
+@pytest.mark.slow
+def test_explain_opens_nothing_under_the_seal(tmp_path):
+    words = ["blind", "--seed", "3", "--effects", "force_bias", "--size", "5"]
+    made = RUN.invoke(app, [*words, "--out", str(tmp_path / "trial"), "--json"])
+    assert made.exit_code == 0, made.output
+    words = [sys.executable, "-c", WATCHED, str(tmp_path / "trial")]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    told = RUN.invoke(app, ["reveal", str(tmp_path / "trial"), "--json"])
+    assert json.loads(told.stdout)["outcome"] == "right", told.stdout
+
+
+PROGRAM = """x_m,y_m,radius_m,force_n,ramp_s,hold_s
+0.03,0.04,0.003,0.2,1,1
+0.05,0.06,0.010,0.4,1,1
+"""
+
+
+def test_further_presses_join_the_trial_and_its_answer_stays_sealed(trial, tmp_path):
+    folder = shutil.copytree(trial, tmp_path / "trial")
+    before = unseal(folder)
+    program = tmp_path / "next.csv"
+    program.write_text(PROGRAM)
+    for number, presses in ((2, 11), (3, 13)):
+        done = RUN.invoke(app, ["press", str(folder), str(program)])
+        assert done.exit_code == 0, done.output
+        assert "force_bias" not in done.output
+        study = load_study(folder / f"study_{number}.toml")
+        scan = place_scan(read_scan(study.scan), study).scan
+        assert len(scan.press_ids) == presses
+        assert scan.contact_radii[-2:].tolist() == [0.003, 0.010]
+        earlier = read_scan(folder / ("scan.csv" if number == 2 else f"scan_{number - 1}.csv"))
+        assert (scan.force_n[: len(earlier)] == earlier.force_n).all()
+    assert (folder / "scan.csv").read_bytes() == (trial / "scan.csv").read_bytes()
+    assert unseal(folder)["effects"] == before["effects"]
+    assert load_study(folder / "study_3.toml").noise == load_study(folder / "study.toml").noise
+
+
+def test_further_presses_need_a_trial_and_a_program(trial, tmp_path):
+    program = tmp_path / "next.csv"
+    for folder, says in ((tmp_path, "a folder that `palpmap blind` has made"),
+                         (trial, "next.csv: cannot be read as a press program")):  # fmt: skip
+        refused = RUN.invoke(app, ["press", str(folder), str(program)])
+        assert refused.exit_code == 2
+        assert says in " ".join(refused.stderr.split())
+    assert not (trial / "study_2.toml").exists()
+
+
+def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
+    game = tournament.Game(0, str(tmp_path / "0"), Trial(3, ("force_bias",), (0.05,), 1), 2)
+    (tmp_path / "0").mkdir()
+    (tmp_path / "0" / "next.csv").write_text(PROGRAM)
+    seen = []
+
+    def explain(study, out, seed):
+        presses = len(read_scan(load_study(study).scan).press_ids)
+        seen.append(presses)
+        if presses > 9:
+            return result("explained", ["force_bias"])
+        group = [["force_bias", "contact_offset"]]
+        return result("ambiguous", (), group, next_presses=[{"program": "next.csv"}])
+
+    played = tournament.play(game, explain, 3)
+    assert seen == [9, 11]
+    assert (played["outcome"], played["further_presses"]) == ("right", 2)
+    assert played["at_first"]["verdict"] == "ambiguous"
+    once = tournament.Game(1, str(tmp_path / "1"), game.trial)
+    shutil.copytree(tmp_path / "0", tmp_path / "1", ignore=lambda *_: ["study_2.toml"])
+    assert tournament.play(once, explain, 3)["outcome"] == "honest"
+
+
+@pytest.mark.slow
+def test_presses_that_explain_proposes_decide_what_was_ambiguous(tmp_path):
+    """An offset of 1 % with one tip is not told from a force bias; some 40 presses tell it."""
+    trial = tmp_path / "trial"
+    words = ["blind", "--plain", "--seed", "1000004", "--effects", "contact_offset", "--size", "1"]
+    assert RUN.invoke(app, [*words, "--out", str(trial)]).exit_code == 0
+    unsure = RUN.invoke(
+        app, ["explain", str(trial / "study.toml"), "--out", str(trial / "first"), "--json"]
+    )
+    assert unsure.exit_code == 1
+    record = json.loads(unsure.stdout)
+    assert set(record["ambiguous"][0]) == {"contact_offset", "force_bias"}
+    program = trial / "first" / record["next_presses"][0]["program"]
+    assert record["next_presses"][0]["presses"] < 81
+    assert RUN.invoke(app, ["press", str(trial), str(program)]).exit_code == 0
+    sure = RUN.invoke(
+        app, ["explain", str(trial / "study_2.toml"), "--out", str(trial / "second"), "--json"]
+    )
+    assert json.loads(sure.stdout)["added"] == ["contact_offset"], sure.stdout
+    told = RUN.invoke(app, ["reveal", str(trial), "--json"])
+    assert json.loads(told.stdout)["outcome"] == "right"
+
+
+def test_reveal_shows_hidden_beside_found_and_judges(trial):
+    write_record(
+        trial / "explained.json", result("explained", ["force_bias"])
+    )  # not a result.json: is not looked at
+    missing = RUN.invoke(app, ["reveal", str(trial)])
+    assert missing.exit_code == 2
+    assert "found no result.json" in missing.stderr
+    found = result(
+        "explained",
+        ["breathing", "force_bias"],
+        parameters={"background_pa": {"value": 6000.0, "std": 50.0}},
+    )
+    (trial / "explained").mkdir()
+    write_record(trial / "explained" / "result.json", found)
+    done = RUN.invoke(app, ["reveal", str(trial), "--json"])
+    assert done.exit_code == 0, done.output
+    record = json.loads(done.stdout)
+    assert (record["outcome"], record["category"]) == ("right", "pair")
+    assert record["map"][0]["found"] == 6000.0
+    screen = RUN.invoke(app, ["reveal", str(trial)]).stdout
+    assert "right" in screen
+    assert "background_pa" in screen
+    wrong = RUN.invoke(app, ["reveal", str(trial), "--answer", "hysteresis", "--json"])
+    assert wrong.exit_code == 1
+    assert json.loads(wrong.stdout)["outcome"] == "wrong"
+
+
+def test_an_answer_by_hand_is_checked():
+    assert stated("unexplained")["verdict"] == "unexplained"
+    with pytest.raises(InputError, match="found 'gravity', expected none, unexplained"):
+        stated("gravity")
+
+
+def line(number, hidden, added, category, outcome, verdict="explained"):
+    return {
+        "number": number, "hidden": hidden, "added": added, "ambiguous": [], "verdict": verdict,
+        "category": category, "outcome": outcome, "passed": outcome == "right",
+    }  # fmt: skip
+
+
+def test_a_tournament_counts_by_category_and_by_what_was_named_for_what():
+    lines = [
+        line(0, ["force_bias"], ["force_bias"], "structured", "right"),
+        line(1, ["force_bias"], ["breathing"], "structured", "wrong"),
+        line(2, [], [], "none", "right", "nothing_missing"),
+        {"number": 3, "hidden": [], "error": "ValueError: no"},
+    ]
+    record = tournament_record(lines)
+    assert record["categories"]["structured"] == {
+        "trials": 2, "passed": 1, "right": 1, "honest": 0, "missed": 0, "wrong": 1,
+    }  # fmt: skip
+    assert record["confusion"]["force_bias"] == {"force_bias": 1, "breathing": 1}
+    assert record["confusion"]["none"] == {"nothing_missing": 1}
+    assert (record["failed"], record["errors"]) == (1, ["ValueError: no"])
+    assert record["coverage"] == {}
+
+
+def test_a_tournament_counts_how_often_intervals_held_where_the_answer_was_right():
+    held, missed = ({"name": "background_pa", "inside": inside} for inside in (True, False))
+    right = line(0, ["force_bias"], ["force_bias"], "structured", "right")
+    nothing = line(1, [], [], "none", "right", "nothing_missing")
+    group = line(2, ["breathing"], [], "structured", "right", "ambiguous")
+    wrong = line(3, ["force_bias"], ["breathing"], "structured", "wrong")
+    lines = [right | {"map": [held]}, nothing | {"map": [missed, {"name": "x"}]}]
+    lines += [group | {"map": [missed]}, wrong | {"map": [missed]}]
+    record = tournament_record(lines)
+    assert record["coverage"] == {"background_pa": {"intervals": 2, "held": 1}}
+    assert "held the truth 1 of 2 times" in tournament_screen(record)[-1]
+
+
+def test_without_a_choice_everything_that_can_be_hidden_takes_its_turn(tmp_path):
+    from sim.planted.catalogue import HIDDEN
+
+    games = tournament.draw_games(tmp_path, len(HIDDEN) + 8, (), None, 1, 5)
+    single = {g.trial.effects[0] for g in games if len(g.trial.effects) == 1}
+    assert single >= {effect.name for effect in HIDDEN}
+    assert any(g.trial.effects == () for g in games)
+    assert any(len(g.trial.effects) == 2 for g in games)
+    assert len({g.trial.seed for g in games}) == len(games)
+
+
+def test_a_stopped_tournament_goes_on_and_refuses_other_settings(tmp_path):
+    settings = {"effects": [], "seed": 1}
+    assert tournament.earlier_games(tmp_path, settings) == {}
+    whole = line(4, [], [], "none", "right", "nothing_missing")
+    (tmp_path / "trials.jsonl").write_text(json.dumps(whole) + '\n{"number": 5, "hid')
+    assert tournament.earlier_games(tmp_path, settings) == {4: whole}
+    assert (tmp_path / "trials.jsonl").read_text() == json.dumps(whole) + "\n"
+    with pytest.raises(InputError, match="was begun with"):
+        tournament.earlier_games(tmp_path, {**settings, "seed": 2})
+
+
+def test_a_game_is_made_explained_and_judged_and_a_fault_is_a_line(tmp_path):
+    game = tournament.Game(0, str(tmp_path / "0000"), Trial(3, ("force_bias",), (0.05,), 2))
+
+    def explain(study, out, seed):
+        assert load_study(study).probe.radius_m == 0.003
+        return result("explained", ["force_bias"])
+
+    played = tournament.play(game, explain, 3)
+    assert (played["outcome"], played["passed"]) == ("right", True)
+    assert played["sizes"] == pytest.approx([0.05], rel=0.011)
+    json.dumps(played, allow_nan=False)
+
+    def fails(study, out, seed):
+        raise ValueError("no")
+
+    assert tournament.play(game, fails, 3)["error"] == "ValueError: no"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
+def test_workers_end_with_a_tournament_that_is_killed(tmp_path):
+    command = ["-m", "palpmap", "blind", "--tournament", "2", "--workers", "1", "--quiet"]
+    told = subprocess.Popen([sys.executable, *command, "--out", tmp_path / "run"], cwd=ROOT)
+    try:
+        wait_until(lambda: (tmp_path / "run" / "trials" / "0000").exists(), 120)
+        workers = children(told.pid)
+        assert workers
+    finally:
+        told.kill()
+        told.wait()
+    wait_until(lambda: not any(alive(pid) for pid in workers), 20)
+
+
+def children(parent: int) -> list[int]:
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it may end while it is looked at
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.append(int(stat.parent.name))
+    return found
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(true: Callable[[], bool], seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_dask_is_asked_for_in_one_sentence_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask.distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'palpmap\[dask\]'"):
+        next(tournament.play_dask([], "tcp://localhost:1"))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere://x"])
+def test_a_dask_address_at_which_nobody_answers_is_said(address):
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
+        pytest.raises(InputError, match=f"--dask {address}: no scheduler answers there"),
+    ):
+        next(tournament.play_dask([], address))
+
+
+def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    (tmp_path / "file").touch()
+    lost = tournament.Game(
+        0, str(tmp_path / "file" / "0000"), Trial(3, ("force_bias",), (0.05,), 1)
+    )
+    absurd = tournament.Game(1, str(tmp_path / "0001"), Trial(4, ("no_such_effect",), (0.05,), 1))
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+    )
+    with cluster:
+        lines = list(tournament.play_dask([lost, absurd], cluster.scheduler_address))
+    errors = {line["number"]: line["error"] for line in lines}
+    assert errors[0].startswith("NotADirectoryError: ")  # outside of what `play` catches
+    assert "no_such_effect" in errors[1]
+    assert (tmp_path / "0001").is_dir()  # a worker made it

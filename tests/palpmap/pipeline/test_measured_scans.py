@@ -1,0 +1,109 @@
+"""Scans as robots really make them: a ball, late first touch, no times, no noise, a wrong body.
+
+A twin whose truth is known (`sim.hidden` on its own mesh), and measured scans where they are there.
+"""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.fit.contact_law import GROSS
+from models.scan_file import read_scan, write_scan
+from models.thin import thinned
+from palpmap.commands.explain import explain_study
+from palpmap.console import Output
+from palpmap.study.body_model import build_body_model
+from palpmap.study.open_study import law_of_study
+from palpmap.study.placement import place_scan
+from palpmap.study.study import About, Body, Map, Probe, Study, load_study
+from sim.bench.planted_scan import planted_scan
+from sim.body.true_body import HiddenBody
+from tests.paths import ROOT
+
+REAL = Path(os.environ.get("PALPMAP_REAL_DATA", ROOT.parent / "shared" / "data" / "real"))
+OFFSET_M = 8e-4
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory) -> Study:
+    """A ball of 5 mm, first touch 0.8 mm late, on a body 12 mm thicker than the study says."""
+    folder = tmp_path_factory.mktemp("twin")
+    scan, _ = planted_scan(
+        ["spherical_tip", "contact_offset"], seed=5, per_side=5, noise=(5e-6, 2.5e-3),
+        values={"share": 1.0, "offset_m": OFFSET_M},
+    )  # fmt: skip
+    untimed = scan.replace(time_s=np.full(len(scan), np.nan))
+    above = HiddenBody().size_m[2] - 0.036
+    point = untimed.point_m - np.array([0.0, 0.0, above])
+    write_scan(untimed.replace(point_m=point), folder / "scan.csv")
+    x, y, _ = HiddenBody().size_m
+    return Study(
+        study=About(name="twin", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
+        body=Body(shape="block", size_m=(x, y, 0.036), poisson_ratio=0.45),  # pyright: ignore[reportCallIssue]
+        probe=Probe(tip="flat", radius_m=0.005),
+        map=Map(inclusions=1),
+    )
+
+
+@pytest.mark.slow
+def test_ball_and_late_touch_of_a_twin_are_found_beside_a_wrong_body(twin):
+    explained, problem, _ = explain_study(twin, (), 0, Output(quiet=True))
+    assert problem.law is not None
+    assert problem.law.plain.chi2_per_dof > GROSS
+    assert "spherical_tip" in explained.added
+    groups = [explained.added, *explained.ambiguous]
+    assert any("contact_offset" in group for group in groups)
+    assert problem.law.share > 0.9
+    before, after = explained.ladder[0].fit, explained.final.fit
+    assert after.rms_m < 0.5 * before.rms_m
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
+    source = REAL / "arma_two_stiff" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    text = (ROOT / "examples" / "arma_two_stiff" / "study.toml").read_text()
+    (tmp_path / "study.toml").write_text(text.replace('tip = "sphere"', f'tip = "{tip}"'))
+    shutil.copy(source, tmp_path)
+    study = load_study(tmp_path / "study.toml")
+    placement = place_scan(thinned(read_scan(study.scan)), study)
+    body = build_body_model(study, placement.scan.used())
+    law = law_of_study(study, placement, body, CATALOGUE)
+    assert law is not None
+    assert ("spherical_tip" in law.names) == (tip == "flat")
+    assert "touch_threshold" in law.names
+    # The robot's own threshold, from the source of the data; nothing of it is in the study
+    stated = json.loads((source.parent / "about.json").read_text())["known"]["contact_threshold_n"]
+    found = law.found.values["touch_threshold"]["threshold_n"]
+    assert found == pytest.approx(stated, rel=0.06)
+    if tip == "flat":
+        assert law.found.values["spherical_tip"]["share"] == pytest.approx(1, abs=0.15)
+    assert law.share > 0.8
+    assert law.found.noise_share > 0.8
+
+
+@pytest.mark.slow
+def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effect_of_the_body(
+    tmp_path,
+):
+    source = REAL / "arma_straight_2mm" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    shutil.copy(ROOT / "examples" / "arma_straight" / "study.toml", tmp_path)
+    shutil.copy(source, tmp_path)
+    study = load_study(tmp_path / "study.toml")
+    explained, problem, _ = explain_study(study, (), 0, Output(quiet=True))
+    assert problem.placement.onto_another_shape
+    assert explained.verdict == "unexplained"  # a slab is not what was pressed
+    assert explained.added == ()
+    assert explained.ambiguous == (("contact_offset", "touch_threshold"),)
+    assert explained.final.fit.rms_m < 0.9 * explained.ladder[0].fit.rms_m
+    # Where the map alone ends there is chance in, and so is what it makes of presses left out
+    assert explained.final.held_out.rms_m < min(3e-4, explained.ladder[0].held_out.rms_m)

@@ -1,0 +1,80 @@
+"""A small scan by the command: seeds, and folders with a space in their name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.scan_file import read_scan
+from palpmap.commands.scan import scan_table
+from palpmap.run_folder import sha256
+
+SMALL = ("scan", "--presses-per-side", "2", "--quiet")
+
+
+@pytest.fixture(scope="module")
+def spaced(run_command, tmp_path_factory):
+    """A scan made in a folder with a space in its name, into another one."""
+    here = tmp_path_factory.mktemp("my work")
+    run = run_command(*SMALL, "--seed", "5", cwd=here, folder=Path("first run"))
+    return run, here / "first run"
+
+
+@pytest.fixture(scope="module")
+def again(run_command):
+    return run_command(*SMALL, "--seed", "5")
+
+
+@pytest.fixture(scope="module")
+def another_seed(run_command):
+    return run_command(*SMALL, "--seed", "6")
+
+
+def test_a_scan_works_in_and_into_a_folder_with_a_space_in_its_name(spaced):
+    run, folder = spaced
+    assert run.exit_code == 0, run.stderr
+    assert run.record["kept"]
+    assert run.record["presses_kept"] == 4
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"scan.csv", "study.toml", "truth.json", "recording.rrd", "run.json"}
+
+
+def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_review):
+    _, folder = spaced
+    code, said = run_review(folder)
+    assert code == 0
+    assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
+
+
+def test_a_force_that_would_press_the_phantom_flat_is_refused_before_the_arm_moves(run_command):
+    run = run_command("scan", "--presses-per-side", "2", "--quiet", "--force", "3")
+    assert run.exit_code == 2
+    assert "3 N would go 47.3 mm deep; the body is 48 mm thick there" in " ".join(
+        run.stderr.split()
+    )
+    assert not (run.folder / "scan.csv").exists()
+
+
+def test_the_papers_force_presses_so_deep_that_it_is_said(run_command):
+    run = run_command("scan", "--presses-per-side", "2", "--paper-force")
+    assert run.exit_code == 0, run.stderr
+    assert run.record["largest"]["depth_share"] == pytest.approx(0.99, abs=0.01)
+    table = scan_table(run.record)
+    assert "deepest press" in list(table.columns[0].cells)  # pyright: ignore[reportAttributeAccessIssue]
+    assert max(read_scan(run.folder / "scan.csv").displacement_m) < 0.048
+
+
+def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):
+    _, folder = spaced
+    assert again.exit_code == 0, again.stderr
+    assert sha256(folder / "scan.csv") == sha256(again.folder / "scan.csv")
+
+
+def test_another_seed_gives_another_noise_on_the_same_presses(again, another_seed):
+    one, other = (read_scan(run.folder / "scan.csv") for run in (again, another_seed))
+    np.testing.assert_array_equal(one.press, other.press)
+    held = one.phase == "hold"
+    difference = one.force_n[held] - other.force_n[held]
+    # Of two independent noises of 5 mN each; 32 readings.
+    assert difference.std() == pytest.approx(np.sqrt(2) * 5e-3, rel=0.5)
+    assert np.count_nonzero(difference) == held.sum()

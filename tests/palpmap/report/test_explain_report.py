@@ -1,0 +1,393 @@
+"""What a person sees of an explanation is what the loop found, and no more."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from io import StringIO
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from rich.console import Console
+
+from identify.fit.joint_result import estimates
+from identify.residual.comparison import read_comparison
+from identify.select import forward_selection as explain
+from identify.select.accepted_effect import Addition
+from identify.select.candidates import Rival
+from palpmap.commands.write_explain_run import explain_pictures
+from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
+from palpmap.figures.style import settle
+from palpmap.report.explain_console import explain_summary
+from palpmap.report.explain_report import Told, write_explain_report
+from palpmap.report.explain_tables import candidate_verdict
+from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
+from palpmap.result.explain_finding import final_finding, truth_beside
+from palpmap.result.explain_words import (
+    _name_notes,
+    stated_lengths,
+    unseen_inclusions,
+    verdict_detail,
+)
+from palpmap.result.next_scan import finer_cells, propose
+from palpmap.study.body_model import smallest_cell_m
+
+NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
+PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
+
+
+class Page(HTMLParser):
+    """Text, headings and pictures of a page, in their order."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.text, self.headings, self.images, self.scripts = "", [], [], 0
+        self._in_heading = False
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self._in_heading = tag == "h2"
+        self.scripts += tag == "script"
+        if tag == "img":
+            self.images.append(dict(attrs)["src"])
+
+    def handle_data(self, data):
+        self.text += data
+        if self._in_heading:
+            self.headings.append(data)
+            self._in_heading = False
+
+
+@pytest.fixture(scope="module")
+def page(explained_case):
+    return Page((explained_case.folder / "report.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def told(explained_case):
+    c = explained_case
+    finding = final_finding(c.folder, c.problem, c.explained)
+    pictures = {name: PIXEL for name in ("ladder", "residuals", "maps", "evidence_1")}
+    return Told(finding, c.explained, c.record, c.problem, pictures)
+
+
+def written(told, path):
+    write_explain_report(told, path / "report.html")
+    return Page((path / "report.html").read_text(encoding="utf-8"))
+
+
+def grouped(explained, *others):
+    """The explanation as if other effects had explained the scan as well."""
+    best = explained.additions[0].rivals[0]
+    rivals = (best, *(Rival(name, best.chi2, best.criterion + 1, best.fit) for name in others))
+    return replace(explained, verdict="ambiguous", additions=(Addition(best.name, rivals),))
+
+
+def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model(told):
+    rung = told.explained.ladder[0]
+
+    def seen(**visible):
+        scores = tuple(replace(s, visible=visible.get(s.name, 0.5)) for s in rung.diagnosis.scores)
+        return replace(rung, diagnosis=replace(rung.diagnosis, scores=scores))
+
+    low = seen(hysteresis=0.03, contact_offset=0.04)
+    assert explain._beside(low, "hysteresis") == ("mesh_error",)
+    assert set(explain._beside(low, "mesh_error")) == {"hysteresis", "contact_offset"}
+    assert explain._beside(low, "viscoelasticity") == ()
+    best = told.explained.additions[0].rivals[0]
+    alone = Addition("tool_compliance", (replace(best, name="tool_compliance"),), False,
+                     {"tool_compliance": ("mesh_error",)})  # fmt: skip
+    assert alone.equals == ("tool_compliance",)
+    assert alone.group == ("tool_compliance", "mesh_error")
+    explained = replace(told.explained, additions=(alone,))
+    assert explained.added == ()
+    assert explained.ambiguous == (("tool_compliance", "mesh_error"),)
+    assert propose(explained, told.problem) == ()
+    text = " ".join(_name_notes(explained, "tool_compliance"))
+    assert "tool_compliance and mesh_error cannot be told apart" in text
+    assert "looks the same as tool_compliance" in text
+    assert "scan with tips of two radii" in text
+    body = told.problem.study.body
+    assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(explained, body))
+    finest = body.model_copy(update={"cell_size_m": smallest_cell_m(body)})
+    assert finer_cells(explained, finest) is None
+    assert finer_cells(told.explained, body) is None
+
+
+def test_the_loop_explains_the_case(explained_case):
+    assert explained_case.record["verdict"] == "explained"
+    assert explained_case.record["added"] == ["viscoelasticity"]
+
+
+def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_case, page):
+    assert page.headings[0] == "The error, step by step"
+    assert len(page.images) >= 8
+    assert all(src.startswith("data:image/png;base64,") for src in page.images)
+    assert page.scripts == 0
+    html = (explained_case.folder / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:)', html)
+
+
+def test_the_report_says_what_the_record_says(explained_case, page):
+    for rung in explained_case.record["ladder"]:
+        assert f"{1e6 * rung['rms_m']:.0f} µm" in page.text
+        assert f"{rung['chi2_per_dof']:.3g}" in page.text
+    for candidate in explained_case.record["candidates"]:
+        assert candidate["name"] in page.text
+    creep = next(c for c in explained_case.record["candidates"] if c["name"] == "viscoelasticity")
+    assert creep["evidence"] in page.text
+    assert "do not cover the truth" in page.text
+
+
+def test_texts_from_files_are_escaped(told, tmp_path):
+    candidates = [{**c, "evidence": NASTY} for c in told.record["candidates"]]
+    record = {**told.record, "candidates": candidates, "residual": NASTY}
+    page = written(
+        replace(told, finding=replace(told.finding, name=NASTY), record=record), tmp_path
+    )
+    assert page.scripts == 0
+    assert page.text.count(NASTY) >= 3
+
+
+def test_the_evidence_of_creep_is_the_time_within_the_press(explained_case):
+    before, after = explained_case.explained.ladder
+    evidence = evidence_of("viscoelasticity", before, after)
+    axis, (curve,) = evidence.shown[0]
+    assert axis.name == "time"
+    assert evidence.share > 0.5
+    # A bin by hand: all readings of one sampling time (the presses are sampled alike)
+    first = before.fit.model.readings.first
+    weight = before.fit.at.sigma_m[first] ** -2.0
+    by_hand = np.sum(weight * before.fit.residual_m[first]) / weight.sum()
+    assert_allclose(curve.before_m[0], by_hand, rtol=1e-12)
+    assert_allclose(curve.error_m[0], weight.sum() ** -0.5, rtol=1e-12)
+    assert_allclose(curve.before_m, curve.change_m + curve.after_m, rtol=0, atol=1e-15)
+    # The effect follows the residual, and what is left is noise: the mean of its squares is 1
+    assert np.corrcoef(curve.before_m, curve.change_m)[0, 1] > 0.95
+    assert 0.4 < np.mean((curve.after_m / curve.error_m) ** 2) < 1.9  # 99 % for 22 bins
+
+
+def test_an_axis_shows_what_varies_along_it_and_nothing_of_noise():
+    rng = np.random.default_rng(3)
+    at, noise = rng.uniform(size=2000), rng.normal(size=2000)
+    axis = Axis("order", "", at, np.zeros(2000, int))
+    index = bins_of(axis, np.zeros(2000, int))
+    assert sorted(set(index)) == list(range(12))
+    assert np.ptp(np.bincount(index)) <= 2
+    assert shown_share(index, np.where(at > np.median(at), 1.0, -1.0), np.ones(2000)) > 0.99
+    assert abs(shown_share(index, noise, np.ones(2000))) < 0.02  # four standard deviations
+    assert shown_share(index, np.ones(2000), np.ones(2000)) == 0.0
+
+
+def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
+    explained = grouped(told.explained, "hysteresis")
+    record = {**told.record, "verdict": "ambiguous", "added": []}
+    page = written(replace(told, explained=explained, record=record), tmp_path)
+    assert "viscoelasticity or hysteresis" in page.text
+    assert "Do not take its name" in page.text
+    assert "If it were viscoelasticity: The tip keeps sinking" in page.text
+    assert "another effect of the group would give another map" in page.text
+    assert "what remains is noise" not in page.text.split("What the last model")[0]
+
+
+def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_case):
+    case = explained_case
+    ladder = (case.explained.ladder[0], case.explained.ladder[0])
+    unexplained = replace(case.explained, verdict="unexplained", ladder=ladder)
+    assert unexplained.added == ()
+    assert "a help, not the answer" in verdict_detail(unexplained)
+    record = {**case.record, "verdict": "unexplained", "added": []}
+    creep = next(c for c in record["candidates"] if c["name"] == "viscoelasticity")
+    assert candidate_verdict(creep, case.record) == "supported"
+    assert candidate_verdict(creep, record) == "helps"
+
+
+def test_nothing_missing_is_no_proof(told, tmp_path):
+    explained = replace(
+        told.explained,
+        verdict="nothing_missing",
+        ladder=told.explained.ladder[1:],
+        additions=(),
+    )
+    page = written(replace(told, explained=explained), tmp_path)
+    assert "no proof" in page.text
+    assert not any(heading.startswith("Step") for heading in page.headings)
+
+
+def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(told, tmp_path):
+    record = {
+        **told.record,
+        "next_presses": [
+            {"change": "tips of 3 and 10 mm", "why": NASTY, "discrimination": 321.0,
+             "program": "next_scan_1.csv"}
+        ],
+        "limits": [
+            {"name": "skin_layer", "smallest_share": 0.013, "confused_with": ["mesh_error"],
+             "map_bias": {"background_pa": -240.0, "inclusion_1.z_m": 8e-3},
+             "bias_at_share": 0.03},
+            {"name": "force_gain", "smallest_share": None, "confused_with": [], "map_bias": {}},
+        ],
+    }  # fmt: skip
+    page = written(replace(told, record=record), tmp_path)
+    assert "next_scan_1.csv" in page.text
+    assert NASTY in page.text
+    assert "1.3 %" in page.text
+    assert "background, kPa" in page.text
+    assert "mesh_error-0.24+8" in page.text  # the cells of a row, one after the other
+    assert "force_gainnever" in page.text
+    plain = written(told, tmp_path)
+    assert "Which presses to make next" not in plain.headings
+
+
+def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):
+    found = read_comparison(explained_case.folder / "comparison.json")
+    assert found.is_noise
+    assert_allclose(found.rms_m, explained_case.record["ladder"][-1]["rms_m"], rtol=1e-12)
+    names = {path.stem for path in (explained_case.folder / "figures").iterdir()}
+    assert {"ladder", "residuals", "evidence_1", "maps", "confusion", "parameters"} <= names
+
+
+def test_intervals_of_the_map_hold_the_estimate_and_fixed_values_have_none(explained_case):
+    fit = explained_case.explained.final.fit
+    found = estimates(fit)
+    background = found["background_pa"]
+    assert background.lower95 < background.value < background.upper95
+    assert_allclose(background.upper95 - background.lower95, 2 * 1.96 * background.std, rtol=0.01)
+    assert not found["inclusion_1.x_m"].free
+    assert found["inclusion_1.x_m"].std == 0
+
+
+def test_a_foreign_truth_file_is_no_truth(explained_case, tmp_path):
+    problem = explained_case.problem
+    truth = truth_beside(problem)
+    assert truth is not None
+    assert truth.background_pa == 5000
+    about = problem.study.study.model_copy(update={"scan": tmp_path / "scan.csv"})
+    moved = replace(problem, study=problem.study.model_copy(update={"study": about}))
+    assert truth_beside(moved) is None
+    (tmp_path / "truth.json").write_text(json.dumps({"answer": 42}))
+    assert truth_beside(moved) is None
+
+
+@pytest.mark.slow
+def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
+    explained = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    pictures = explain_pictures(told.finding, explained, told.record)
+    assert all(data.startswith(b"\x89PNG") for data in pictures.values())
+    assert "parameters" not in pictures
+
+
+def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_errors(told):
+    record = told.record["parameters"]
+    weight = record["inclusion_1.weight_pa"]
+    bent = {**weight, "lower95": weight["value"] - 2000, "upper95": weight["value"] + 9000}
+    shown = {**told.record, "parameters": {**record, "inclusion_1.weight_pa": bent}}
+    figure = draw_parameters(told.finding, told.explained, shown)
+    assert figure is not None
+    axes = next(a for a in figure.axes if "weight" in a.get_title())
+    before, after = (np.asarray(bar.get_paths()[0].vertices)[:, 1] for bar in axes.collections)
+    assert_allclose(after, [1e-3 * bent["lower95"], 1e-3 * bent["upper95"]])
+    fit = told.explained.ladder[0].fit
+    name = "inclusion_1.weight_pa"
+    assert_allclose(np.mean(before), 1e-3 * fit.values[name])
+    assert_allclose(np.ptp(before), 2 * 1.96e-3 * fit.std[name])
+
+
+def with_unseen_effects(told):
+    p = told.record["parameters"]["inclusion_1.weight_pa"]
+    shifts = {
+        "background_pa": {"shift": 0.0, "effect": "breathing", "share": 0.001},
+        "inclusion_1.weight_pa": {"shift": 4 * p["std"], "effect": "rigid_tip", "share": 0.014},
+    }
+    return {**told.record, "unseen_shifts": shifts}
+
+
+def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, tmp_path):
+    record = with_unseen_effects(told)
+    std = record["parameters"]["inclusion_1.weight_pa"]["std"]
+    page = written(replace(told, record=record), tmp_path)
+    assert f"± {4e-3 * std:.2g} kPa (rigid_tip)" in page.text
+    assert "No interval counts what is too small to be seen" in page.text
+    assert "No interval counts" not in written(told, tmp_path).text
+    console = Console(width=80, file=StringIO())
+    for line in explain_summary(record, told.explained, told.problem):
+        console.print(line)
+    screen = console.file.getvalue()  # type: ignore[attr-defined]
+    assert f"± {4e-3 * std:.2g} kPa" in screen
+    assert "(most: rigid_tip and breathing)" in " ".join(screen.split())
+    (row,) = (line for line in screen.splitlines() if "inclusion_1.weight_pa" in line)
+    assert len(row) <= 80
+
+
+def test_the_pale_bar_is_the_interval_and_what_an_unseen_effect_may_add(told):
+    record = with_unseen_effects(told)
+    figure = draw_parameters(told.finding, told.explained, record)
+    assert figure is not None
+    axes = next(a for a in figure.axes if "weight" in a.get_title())
+    (pale,) = (line for line in axes.lines if line.get_alpha())
+    p = record["parameters"]["inclusion_1.weight_pa"]
+    ends = [p["lower95"] - 4 * p["std"], p["upper95"] + 4 * p["std"]]
+    assert_allclose(pale.get_ydata(), 1e-3 * np.array(ends))
+    one = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    assert draw_parameters(told.finding, one, told.record) is None
+    assert draw_parameters(told.finding, one, record) is not None
+
+
+def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told):
+    figure = draw_presses(told.explained)
+    settle(figure)
+    (legend,) = figure.legends
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(set(names)) == len(names)
+    assert {"measured, load", "before", "after"} <= set(names)
+    panels = [axes.get_window_extent() for axes in figure.axes]
+    assert not any(legend.get_window_extent().overlaps(panel) for panel in panels)
+
+
+def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explained_case):
+    first = explained_case.explained.ladder[0]
+    much = replace(explained_case.explained, verdict="unexplained", ladder=(first,), additions=())
+    assert "nearest" not in verdict_detail(much)
+    beside = replace(first, diagnosis=replace(first.diagnosis, excess=1e9))
+    little = replace(much, ladder=(beside,))
+    assert "The nearest of the catalogue, viscoelasticity, would take" in verdict_detail(little)
+
+
+def test_the_maps_colours_are_those_of_the_last_one(told):
+    first = told.explained.ladder[0]
+    wild = {name: 1e3 * value for name, value in first.fit.values.items() if "weight" in name}
+    u = first.fit.model.space.to_scaled(first.fit.map.changed(wild))
+    before = replace(first, fit=replace(first.fit, u=u))
+    explained = replace(told.explained, ladder=(before, *told.explained.ladder[1:]))
+    figure = draw_maps(told.finding, explained)
+    images = [axes.images[0] for axes in figure.axes if axes.images]
+    columns = [images[column :: len(images) // 2] for column in range(len(images) // 2)]
+    assert max(image.get_array().max() for image in columns[0]) > 2 * images[0].norm.vmax
+    judged = max(image.get_array().max() for column in columns[1:] for image in column)
+    assert [image.norm.vmax for image in images] == pytest.approx([judged] * len(images))
+
+
+def test_unseen_inclusions_are_counted_without_those_of_effects(told):
+    parameters = {"inclusion_1.radius_m": {}, "extra_inclusion.radius_m": {}}
+    one = {"unseen_inclusions": [1], "parameters": parameters}
+    assert "Inclusion 1 is not seen" in unseen_inclusions(one)
+    assert "Say inclusions = 0 under" in unseen_inclusions(one)
+    two = {"unseen_inclusions": [1, 2], "parameters": {**parameters, "inclusion_2.radius_m": {}}}
+    assert "Inclusions 1 and 2 are not all seen" in unseen_inclusions(two)
+    assert "Say inclusions = 1 under" in unseen_inclusions(two)
+    assert unseen_inclusions(told.record) == ""
+
+
+def test_lengths_that_would_look_like_an_effect_are_said_with_their_side():
+    tip = {"effect": "stiffness_gradient", "length": "tip_radius", "change_m": 3.8e-4}
+    body = {"effect": "stiffness_gradient", "length": "body_height", "change_m": -4.9e-3}
+    other = {**tip, "effect": "skin_layer"}
+    assert stated_lengths({"stated_lengths": [tip, body, other]}) == [
+        "Nearly the same as stiffness_gradient would be seen if the tip's radius were 0.38 mm "
+        "larger than stated, or the body's height were 4.9 mm smaller than stated. Measure that "
+        "first.",
+        "Nearly the same as skin_layer would be seen if the tip's radius were 0.38 mm larger than "
+        "stated. Measure that first.",
+    ]
+    assert stated_lengths({"stated_lengths": []}) == []

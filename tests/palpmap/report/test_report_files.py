@@ -1,0 +1,338 @@
+"""A run folder with a fit becomes figures, a report that stands alone, and a summary."""
+
+import io
+import json
+import re
+from contextlib import redirect_stdout
+from dataclasses import replace
+from html.parser import HTMLParser
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from identify.fit.files import write_fit
+from identify.fit.result import Estimate, Fit, FitIteration
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.measurement.errors_in_variables import whitening
+from identify.measurement.noise import Noise
+from identify.residual.comparison import read_comparison
+from models.errors import InputError
+from models.scan import Scan
+from models.scan_file import write_scan
+from palpmap.commands.compare import run_compare
+from palpmap.commands.write_fit_run import load_finding
+from palpmap.console import Output
+from palpmap.figures.curves import draw_convergence, draw_curves
+from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
+from palpmap.figures.residual import draw_tests
+from palpmap.figures.style import png, settle
+from palpmap.report.fit_console import summary
+from palpmap.report.fit_report import parameter_rows, write_report
+from palpmap.result.finding import Finding, Outline, matched, read_truth, study_outline
+from palpmap.run_folder import RunFolder, write_record
+from palpmap.study.study import load_study
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
+TRUE = GaussianMap(5000.0, (Inclusion(12000.0, 0.03, 0.04, 0.02, 0.01),))
+FOUND = GaussianMap(5020.0, (Inclusion(11500.0, 0.0301, 0.0399, 0.0195, 0.0102),))
+NOISE = Noise(2e-5, 5e-3)
+
+
+def small_scan(origin=(0.0, 0.0, 0.0), offset_n=0.0):
+    """25 presses of 8 readings on a block; compliance 0.01 m/N, two phases."""
+    rng = np.random.default_rng(0)
+    axis = np.linspace(0.01, 0.05, 5)
+    x, y = (g.ravel() for g in np.meshgrid(axis, axis))
+    points = np.column_stack([x, y, np.full(25, 0.03)]) + origin
+    force = np.r_[np.linspace(0.05, 0.3, 5), 0.2, 0.12, 0.05]
+    n, m = len(force), 25 * len(force)
+    return Scan(
+        press=np.repeat(np.arange(25), n),
+        time_s=0.1 * np.arange(m),
+        phase=np.tile(np.r_[["load"] * 5, ["unload"] * 3], 25),
+        point_m=np.repeat(points, n, axis=0),
+        direction=np.tile([0, 0, -1.0], (m, 1)),
+        force_n=np.tile(force, 25) + rng.normal(0, NOISE.force_n, m),
+        displacement_m=0.01 * (np.tile(force, 25) - offset_n)
+        + rng.normal(0, NOISE.displacement_m, m),
+        probe_radius_m=np.full(m, 0.004),
+    )
+
+
+def small_fit(scan):
+    """The record of a fit whose compliance is the scan's, with one common parameter free."""
+    e, s, latent = whitening(scan.displacement_m, scan.force_n, np.array(0.01), NOISE)
+    std = dict(zip(FOUND.names, (30.0, 900.0, 1e-4, 1e-4, 8e-4, 3e-4), strict=True))
+    estimates = {
+        name: Estimate(v, std[name], "Pa" if name.endswith("_pa") else "m",
+                       v - 2 * std[name], v + 2 * std[name], name != "inclusion_1.radius_m")
+        for name, v in zip(FOUND.names, FOUND.values.tolist(), strict=True)
+    }  # fmt: skip
+    free = [n for n in FOUND.names if estimates[n].free]
+    history = tuple(
+        FitIteration(i, {n: e.value * (1 + 0.5**i) for n, e in estimates.items()}, 300.0, 1.5, 1e-4)
+        for i in range(4)
+    )
+    jacobian = np.zeros((25, len(free)))
+    jacobian[:, 0] = -0.01 / 5020
+    return Fit(
+        map=FOUND, parameters=estimates, covariance_names=tuple(free),
+        covariance=np.diag([std[n] ** 2 for n in free]), noise=NOISE,
+        press_index=scan.press_index, force_n=scan.force_n, displacement_m=scan.displacement_m,
+        latent_force_n=latent, predicted_m=0.01 * scan.force_n, sigma_m=s, residual_m=e,
+        compliance_m_per_n=np.full(25, 0.01), compliance_jacobian=jacobian,
+        discretization_error=np.full(25, 0.03), history=history, chi2=200.0, chi2_per_dof=1.0,
+        rms_m=5e-5, success=True, message="converged <quickly>", nfev=7,
+    )  # fmt: skip
+
+
+def make_run(folder, *, truth=True, origin=(0.0, 0.0, 0.0), **scan_options):
+    with RunFolder("fit", folder, seed=7, settings={"optimizer": "gauss-newton"}) as run:
+        scan = small_scan(origin, **scan_options)
+        write_scan(scan, run / "scan.csv")
+        (run / "study.toml").write_text(
+            f"[study]\nname = '''{NASTY}'''\nscan = 'scan.csv'\n[body]\nshape = 'block'\n"
+            "size_m = [0.06, 0.06, 0.03]\npoisson_ratio = 0.45\n"
+            f"origin_m = {list(origin)}\n[probe]\ntip = 'flat'\nradius_m = 0.004\n"
+            "[noise]\ndisplacement_m = 2e-5\nforce_n = 5e-3\n",
+            encoding="utf-8",
+        )
+        write_fit(small_fit(scan), run / "fit.json")
+        if truth:
+            body = {"background_pa": 5000.0, "inclusions": [vars(TRUE.inclusions[0])]}
+            write_record(run / "truth.json", {"body": body})
+    return folder
+
+
+class Page(HTMLParser):
+    """Collects tags and text; fails on a tag that is closed wrongly or not at all."""
+
+    VOID = ("meta", "img", "br", "link", "hr", "input")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.text, self.links = [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [v for k, v in attrs if k in ("src", "href", "srcset", "action")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    run = make_run(tmp_path_factory.mktemp("with space") / "a run")
+    out = io.StringIO()
+    with redirect_stdout(out):
+        passed = run_compare(source=run, out=None, output=Output(json=True))
+    return run, passed, json.loads(out.getvalue())
+
+
+def test_noise_passes_and_is_said_in_json(done):
+    run, passed, record = done
+    assert passed is True
+    assert record["is_noise"] is True
+    assert record["statement"].startswith("The residual is noise")
+    assert read_comparison(run / "comparison.json").statement == record["statement"]
+    commands = [r["command"] for r in json.loads((run / "run.json").read_text())["runs"]]
+    assert commands == ["fit", "compare"]
+
+
+def test_the_report_is_well_formed_and_needs_nothing_from_elsewhere(done):
+    page = Page((done[0] / "report.html").read_text(encoding="utf-8"))
+    assert "script" not in page.tags
+    assert page.tags.count("img") == 8
+    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+
+
+def test_on_a_telephone_tables_scroll_in_their_own_box_and_nothing_asks_for_more_width(done):
+    raw = (done[0] / "report.html").read_text(encoding="utf-8")
+    assert raw.count("<table") == raw.count('<div class="wide"><table') > 3
+    style = raw[raw.index("<style>") : raw.index("</style>")]
+    assert ".wide { overflow-x: auto; }" in style
+    assert "img { display: block; width: 100%; height: auto;" in style
+    own = re.sub(r"min\([^)]*100%\)|max-width: \d+px", "", style)
+    assert max(float(px) for px in re.findall(r"([\d.]+)px", own)) < 100
+
+
+def test_the_report_shows_hostile_names_as_text(done):
+    raw = (done[0] / "report.html").read_text(encoding="utf-8")
+    assert "<script" not in raw
+    assert NASTY in "".join(Page(raw).text)
+    assert "converged <quickly>" in "".join(Page(raw).text)
+
+
+def test_the_report_says_what_was_found_and_how(done):
+    text = "".join(Page((done[0] / "report.html").read_text(encoding="utf-8")).text)
+    for words in (
+        "5.02 kPa", "4.96 to 5.08 kPa", "held fixed", "seed 7", "optimizer = gauss-newton",
+        "Poisson's ratio 0.45 was given", "off the finer model by up to 3 %", "SHA-256",
+    ):  # fmt: skip
+        assert words in text
+
+
+def test_every_picture_is_a_png_that_is_not_blank(done):
+    from matplotlib.image import imread
+
+    paths = sorted((done[0] / "figures").glob("*.png"))
+    assert len(paths) == 8
+    for path in paths:
+        assert path.read_bytes().startswith(SIGNATURE)
+        picture = imread(path)[..., :3]
+        assert picture.shape[1] > 500
+        assert picture.std() > 0.02, path.name
+
+
+def test_every_question_that_can_be_tested_has_a_dot_at_its_chance(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run"))
+    answers = draw_tests(finding).axes[1]
+    dots = {y: x for line in answers.lines[:-1] for x, y in np.asarray(line.get_xydata()).tolist()}
+    tests = finding.comparison.tests[::-1]
+    chances = {row: t.p_adjusted for row, t in enumerate(tests) if not t.untestable}
+    assert 1.0 in chances.values()  # its bar has no length
+    assert dots == pytest.approx({row: -np.log10(max(p, 1e-12)) for row, p in chances.items()})
+
+
+@pytest.mark.parametrize("draw", [draw_convergence, draw_curves])
+def test_no_legend_lies_on_a_panel(tmp_path, draw):
+    figure = draw(load_finding(make_run(tmp_path / "run")))
+    settle(figure)
+    legends = [axes.get_legend() for axes in figure.axes if axes.get_legend()] + figure.legends
+    assert legends
+    panels = [axes.get_window_extent() for axes in figure.axes]
+    boxes = [legend.get_window_extent() for legend in legends]
+    assert not any(box.overlaps(panel) for box in boxes for panel in panels)
+    assert all(figure.bbox.padded(1).containsy(y) for box in boxes for y in (box.y0, box.y1))
+
+
+def test_structure_fails_the_criterion_and_the_screen_holds_the_summary(tmp_path, capsys):
+    run = make_run(tmp_path / "run", offset_n=0.02)
+    out = tmp_path / "elsewhere"
+    assert run_compare(source=run, out=out, output=Output(quiet=True)) is False
+    assert capsys.readouterr().out == ""
+    assert not (run / "report.html").exists()
+    assert (out / "report.html").exists()
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(*summary(load_finding(run)), sep="\n")
+    lines = console.export_text().splitlines()
+    assert len(lines) <= 40
+    assert NASTY[:20] in lines[0]
+    assert "it varies most with the force" in " ".join(" ".join(lines).split())
+
+
+def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", truth=False))
+    picture = png(draw_map(finding))
+    assert picture.startswith(SIGNATURE)
+    assert draw_uncertainty(finding) is None  # It stands beside the found map already.
+    write_report(finding, {"map": picture}, tmp_path / "report.html")
+    text = "".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
+    assert "Found map beside" not in text
+    assert "inside" not in text
+    assert [row[3] for row in parameter_rows(finding)] == [""] * 6
+
+
+def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", truth=False))
+    fit = finding.fit
+    names, estimates = fit.covariance_names, fit.parameters
+    free, share = len(names), Estimate(0.67, 0.1, "1", 0.5, 0.8, True)
+    covariance = np.zeros((free + 1, free + 1))
+    covariance[0, 0], covariance[1:, 1:] = 0.01, fit.covariance  # in another order, too
+    more = replace(
+        fit,
+        covariance_names=("rigid_tip.share", *names),
+        covariance=covariance,
+        parameters={**estimates, "rigid_tip.share": share},
+    )
+    with_effect = replace(finding, fit=more)
+    assert png(draw_map(with_effect)) == png(draw_map(finding))
+    assert ("rigid tip share", "0.67", "0.5 to 0.8", "", None) in parameter_rows(with_effect)
+
+
+def test_positions_are_told_in_the_scans_own_frame(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", origin=(-0.1, 0.2, 0.5)))
+    rows = {name: (found, true, inside) for name, found, _, true, inside in parameter_rows(finding)}
+    assert rows["inclusion 1 x"] == ("-69.90 mm", "-70.00 mm", True)
+    assert rows["inclusion 1 z"] == ("519.50 mm", "520.00 mm", True)
+    assert rows["inclusion 1 radius"][2] is None
+
+
+def test_the_cuts_go_through_the_strongest_inclusion_and_towards_the_other(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run"))
+    horizontal, vertical = cuts(finding)
+    assert (horizontal.normal, horizontal.at_m) == (2, 0.0195)
+    assert (vertical.normal, vertical.at_m) == (1, 0.0399)
+    values = sample(finding, vertical, finding.fit.map.modulus)
+    row, column = np.unravel_index(np.argmax(values), values.shape)
+    # Rows go up z from 0 to 30 mm, columns along x from 0 to 60 mm.
+    assert row / values.shape[0] * 30 == pytest.approx(19.5, abs=0.4)
+    assert column / values.shape[1] * 60 == pytest.approx(30.1, abs=0.4)
+
+
+def test_true_inclusions_are_matched_to_the_nearest_found_ones():
+    far, near = Inclusion(1.0, 0.0, 0.0, 0.0, 1.0), Inclusion(2.0, 1.0, 1.0, 1.0, 1.0)
+    found, true = GaussianMap(9.0, (near, far)), GaussianMap(8.0, (far, near))
+    values = matched(found, true)
+    assert values["inclusion_1.weight_pa"] == 2.0
+    assert values["inclusion_2.weight_pa"] == 1.0
+    assert len(matched(GaussianMap(9.0, (near,)), true)) == 6
+
+
+def test_the_outline_of_a_surface_knows_its_inside(tmp_path):
+    import pyvista
+
+    pyvista.Sphere(radius=0.05, theta_resolution=40, phi_resolution=40).save(tmp_path / "ball.stl")
+    (tmp_path / "study.toml").write_text(
+        "[study]\nname = 'ball'\nscan = 'scan.csv'\n[body]\nshape = 'surface'\n"
+        "file = 'ball.stl'\npoisson_ratio = 0.45\n[probe]\ntip = 'flat'\nradius_m = 0.004\n"
+    )
+    outline = study_outline(load_study(tmp_path / "study.toml"))
+    np.testing.assert_allclose(outline.upper_m, 0.05, rtol=0.01)
+    points = np.array([[0, 0, 0], [0.04, 0.04, 0.04], [0, 0, 0.045]])
+    assert outline.inside(points).tolist() == [True, False, True]
+
+
+def test_what_cannot_be_compared_is_said(tmp_path):
+    with RunFolder("scan", tmp_path / "empty"):
+        pass
+    with pytest.raises(InputError, match=r"found no fit.json.*palpmap fit STUDY"):
+        run_compare(source=tmp_path / "empty", out=None, output=Output(quiet=True))
+    run = make_run(tmp_path / "run")
+    write_scan(small_scan(offset_n=0.01), run / "scan.csv")
+    with pytest.raises(InputError, match="the fit was made on another scan"):
+        run_compare(source=run, out=None, output=Output(quiet=True))
+    write_record(tmp_path / "truth.json", {"body": {"background_pa": 1.0}})
+    with pytest.raises(InputError, match="key body"):
+        read_truth(tmp_path / "truth.json")
+
+
+def test_the_map_that_is_shown_has_in_it_what_the_fitted_effects_change():
+    plain = GaussianMap(5000.0, ())
+    values = {"weight_pa": 8000.0, "x_m": 0.02, "y_m": 0.03, "z_m": 0.02, "radius_m": 0.01}
+    effects = {f"extra_inclusion.{name}": value for name, value in values.items()}
+    effects |= {"side_gradient.g_x": 0.4, "side_gradient.g_y": 0.0, "contact_offset.offset_m": 1e-4}
+    fit: Any = SimpleNamespace(
+        map=plain, parameters={name: SimpleNamespace(value=v) for name, v in effects.items()}
+    )
+    nothing: Any = None
+    outline = Outline(np.zeros(3), np.array([0.08, 0.08, 0.04]), lambda p: np.ones(len(p), bool))
+    shown = Finding("a study", fit, nothing, nothing, outline).map
+    at = np.array([[0.02, 0.03, 0.02], [0.08, 0.08, 0.0]])
+    np.testing.assert_allclose(shown.modulus(at), [13000 * 0.9, 5000 * 1.2], rtol=1e-6)
+    assert len(shown.inclusions) == 1

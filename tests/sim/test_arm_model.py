@@ -1,0 +1,140 @@
+"""The arm's two models say the same, and what the published tables say."""
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from models.arm import ARM_XML, DENAVIT_HARTENBERG, LINKS, PROBE_LENGTH_M
+from sim.robot.laboratory import build_laboratory
+from sim.robot.pinocchio_model import pinocchio_model
+
+TOLERANCE = 1e-9
+
+
+@pytest.fixture(scope="module")
+def laboratory():
+    return build_laboratory()
+
+
+@pytest.fixture(scope="module")
+def configurations(laboratory):
+    rng = np.random.default_rng(7)
+    arm = laboratory.arm
+    q = rng.uniform(arm.lowerPositionLimit, arm.upperPositionLimit, (100, 7))
+    return [(angles, rng.normal(size=7)) for angles in q]
+
+
+def test_sites_and_links_of_both_models_stand_at_the_same_place(laboratory, configurations):
+    model, arm = laboratory.model, laboratory.arm
+    data, other = mujoco.MjData(model), arm.createData()
+    for q, _ in configurations:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        pin.framesForwardKinematics(arm, other, q)
+        for name in ("tcp", "ft", "flange"):
+            frame = other.oMf[arm.getFrameId(name)]
+            assert_allclose(frame.translation, data.site(name).xpos, atol=TOLERANCE)
+            assert_allclose(frame.rotation.ravel(), data.site(name).xmat, atol=TOLERANCE)
+        for name in LINKS:
+            frame = other.oMf[arm.getFrameId(name)]
+            assert_allclose(frame.translation, data.body(name).xpos, atol=TOLERANCE)
+
+
+def test_tip_jacobians_agree(laboratory, configurations):
+    model, arm = laboratory.model, laboratory.arm
+    data, other = mujoco.MjData(model), arm.createData()
+    linear, angular = np.zeros((3, 7)), np.zeros((3, 7))
+    for q, _ in configurations:
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        mujoco.mj_jacSite(model, data, linear, angular, model.site("tcp").id)
+        jacobian = pin.computeFrameJacobian(
+            arm, other, q, laboratory.tcp, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        assert_allclose(jacobian, np.vstack([linear, angular]), atol=TOLERANCE)
+
+
+def test_mass_matrices_and_bias_torques_agree(laboratory, configurations):
+    model, arm = laboratory.model, laboratory.arm
+    data, other = mujoco.MjData(model), arm.createData()
+    mass = np.zeros((7, 7))
+    for q, v in configurations:
+        data.qpos[:], data.qvel[:] = q, v
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        assert_allclose(np.triu(pin.crba(arm, other, q)), np.triu(mass), atol=TOLERANCE)
+        assert_allclose(pin.nle(arm, other, q, v), data.qfrc_bias, atol=TOLERANCE)
+        data.qvel[:] = 0
+        mujoco.mj_forward(model, data)
+        gravity = pin.computeGeneralizedGravity(arm, other, q)
+        assert_allclose(gravity, data.qfrc_bias, atol=TOLERANCE)
+
+
+def test_limits_are_those_of_the_data_sheet(laboratory):
+    arm, model = laboratory.arm, laboratory.model
+    assert arm.effortLimit.tolist() == [87] * 4 + [12] * 3
+    assert arm.velocityLimit.tolist() == [2.175] * 4 + [2.61] * 3
+    assert build_laboratory().acceleration_limit.tolist() == [15, 7.5, 10, 12.5, 15, 20, 20]
+    assert_allclose(arm.lowerPositionLimit, model.jnt_range[:, 0], rtol=0, atol=0)
+    assert_allclose(arm.upperPositionLimit, model.jnt_range[:, 1], rtol=0, atol=0)
+    assert (model.jnt_range[3] == [-3.0718, -0.0698]).all()
+
+
+def test_tip_follows_the_published_denavit_hartenberg_table(laboratory, configurations):
+    data = mujoco.MjData(laboratory.model)
+    for q, _ in configurations[:20]:
+        pose = np.eye(4)
+        for (a, d, alpha), angle in zip(DENAVIT_HARTENBERG, [*q, 0.0], strict=True):
+            ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(angle), np.sin(angle)
+            pose = pose @ [
+                [ct, -st, 0, a],
+                [st * ca, ct * ca, -sa, -d * sa],
+                [st * sa, ct * sa, ca, d * ca],
+                [0, 0, 0, 1],
+            ]
+        data.qpos[:] = q
+        mujoco.mj_kinematics(laboratory.model, data)
+        tip = pose[:3, 3] + PROBE_LENGTH_M * pose[:3, 2]
+        assert_allclose(data.site("tcp").xpos, tip, atol=TOLERANCE)
+
+
+def test_a_base_with_an_offset_and_a_nested_site_are_carried_over():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+        <body name="base" pos="0.1 -0.2 0.3" euler="10 20 30">
+          <body name="turn" pos="0 0 0.1"><joint name="a" axis="1 2 3" pos="0.02 0.01 0"
+          armature="0.3"/>
+            <geom size="0.05" pos="0.1 0 0" contype="0" conaffinity="0"/>
+            <body name="held" pos="0.2 0 0" euler="0 40 0"><site name="end" pos="0 0.1 0.05"/>
+              <body name="slide"><joint name="b" type="slide" axis="0 1 0"/><geom
+              size="0.03"/></body>
+            </body></body></body></worldbody></mujoco>"""
+    )
+    arm, data = pinocchio_model(model), mujoco.MjData(model)
+    other, mass = arm.createData(), np.zeros((2, 2))
+    q, v = np.array([0.7, -0.2]), np.array([0.4, 0.9])
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    pin.framesForwardKinematics(arm, other, q)
+    end = other.oMf[arm.getFrameId("end")].translation
+    assert_allclose(end, data.site("end").xpos, atol=TOLERANCE)
+    assert_allclose(np.triu(pin.crba(arm, other, q)), np.triu(mass), atol=TOLERANCE)
+    assert_allclose(pin.nle(arm, other, q, v), data.qfrc_bias, atol=TOLERANCE)
+
+
+def test_a_joint_that_cannot_be_carried_over_is_refused():
+    ball = (
+        "<mujoco><worldbody><body><joint name='b' type='ball'/><geom size='1'/></body></worldbody>"
+        "</mujoco>"
+    )
+    with pytest.raises(ValueError, match="'b': only hinge and slide"):
+        pinocchio_model(mujoco.MjModel.from_xml_string(ball))
+
+
+def test_the_arm_file_compiles_alone_and_the_tip_radius_is_set_in_the_scene():
+    assert mujoco.MjModel.from_xml_path(str(ARM_XML)).nv == 7
+    model = build_laboratory(tip_radius_m=0.0037).model
+    assert model.geom("probe_tip").size[0] == 0.0037

@@ -16,7 +16,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import scan_noise
-from identify.select.forward_selection import Explanation, climb
+from identify.select.forward_selection import Explanation, forward_selection
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.commands.write_explain_run import write_explain_files
@@ -172,7 +172,7 @@ def explained_case(tmp_path_factory) -> Explained:
         study, placement, body, fit, measurement_model(placement.scan, body, fit), fit.map,
         tuple(effect for effect in CATALOGUE if effect.name in wanted),
     )  # fmt: skip
-    explained = climb(problem.model, problem.start, problem.scan, problem.catalogue)
+    explained = forward_selection(problem.model, problem.start, problem.scan, problem.catalogue)
     record = explain_record(explained, problem)
     with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:
         write_record(run / "result.json", record)

@@ -16,7 +16,7 @@ from fem import Contacts, PalpationModel
 from fem.mesh.mesh import Mesh
 from identify.fit.joint_fit import JointFit
 from identify.optimize.result import InadmissibleError
-from identify.select.accepted_effect import Addition
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
 from identify.select.score_test import fitted_basis
 
@@ -28,7 +28,7 @@ Length = Literal["tip_radius", "body_height"]
 
 
 @dataclass(frozen=True)
-class Mistake:
+class GeometryConfounder:
     """A stated length that would explain nearly as much as an effect, if it were wrong.
 
     Attributes
@@ -43,7 +43,7 @@ class Mistake:
     change_m: float
 
 
-def mistakes(explained: Explanation) -> tuple[Mistake, ...]:
+def mistakes(explained: Explanation) -> tuple[GeometryConfounder, ...]:
     """Return the lengths that would explain nearly as much as an addition; to first order."""
     known: dict[Length, PalpationModel] = {}
     return tuple(
@@ -54,8 +54,8 @@ def mistakes(explained: Explanation) -> tuple[Mistake, ...]:
 
 
 def _of_addition(
-    explained: Explanation, addition: Addition, known: dict[Length, PalpationModel]
-) -> Iterator[Mistake]:
+    explained: Explanation, addition: AcceptedEffect, known: dict[Length, PalpationModel]
+) -> Iterator[GeometryConfounder]:
     number = next(
         (i for i, rung in enumerate(explained.ladder) if addition.name in rung.fit.model.has), 0
     )
@@ -75,7 +75,7 @@ def _of_addition(
         size = float(column @ before.at.residual / (column @ column))
         as_good = size**2 * (column @ column) >= _AS_GOOD * (before.chi2 - after.chi2)
         if as_good and abs(size) <= _MOST * stated:
-            yield Mistake(addition.name, length, size)
+            yield GeometryConfounder(addition.name, length, size)
 
 
 def _models(

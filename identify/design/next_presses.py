@@ -62,7 +62,7 @@ class Proposal:
 
 
 def next_presses(
-    rivals: Sequence[tuple[str, JointFit]],
+    candidates: Sequence[tuple[str, JointFit]],
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Proposal, ...]:
@@ -78,7 +78,7 @@ def next_presses(
         if progress:
             progress(f"planning a scan {design.change}")
         try:
-            found.append(_proposal(rivals, design))
+            found.append(_proposal(candidates, design))
         except InadmissibleError:
             continue
     return tuple(sorted(found, key=_rank))
@@ -89,8 +89,8 @@ def _rank(proposal: Proposal) -> tuple[int, float]:
     return -told, proposal.design.presses.duration_s if told else -proposal.discrimination
 
 
-def _proposal(rivals: Sequence[tuple[str, JointFit]], design: Design) -> Proposal:
-    whole = _Planned(rivals, design)
+def _proposal(candidates: Sequence[tuple[str, JointFit]], design: Design) -> Proposal:
+    whole = _Planned(candidates, design)
     worth = whole.worth(np.arange(len(design.presses)))
     wanted = [pair for pair, d in worth.items() if d >= ENOUGH]
     found = _told(design, worth)
@@ -110,7 +110,7 @@ def _proposal(rivals: Sequence[tuple[str, JointFit]], design: Design) -> Proposa
         return found
     fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
     # Made on their own these presses come earlier and at other places in the order
-    again = _told(fewer, _Planned(rivals, fewer).worth(np.arange(many)))
+    again = _told(fewer, _Planned(candidates, fewer).worth(np.arange(many)))
     return again if set(again.told) >= set(wanted) else found
 
 
@@ -124,11 +124,11 @@ def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
 class _Planned:
     """Present and planned readings as every rival predicts them."""
 
-    def __init__(self, rivals: Sequence[tuple[str, JointFit]], design: Design) -> None:
-        views = {name: planned(fit, design, further=True) for name, fit in rivals}
-        now = {name: fit.at for name, fit in rivals}
+    def __init__(self, candidates: Sequence[tuple[str, JointFit]], design: Design) -> None:
+        views = {name: planned(fit, design, further=True) for name, fit in candidates}
+        now = {name: fit.at for name, fit in candidates}
         self.press = next(iter(views.values()))[0].readings.press
-        made = rivals[0][1].model.readings.press
+        made = candidates[0][1].model.readings.press
         self.present = len(made)
         self.ordered: list[tuple[Pair, np.ndarray, np.ndarray]] = []
         for truth, model in permutations(now, 2):

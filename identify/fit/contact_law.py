@@ -70,7 +70,7 @@ class ContactLaw:
         """Misfit in units of what the best law leaves, and the price of the parameters."""
         return _criterion(fit, _scale(self.fits.values()))
 
-    def rivals(self, name: str) -> list[tuple[str, PressWiseFit]]:
+    def candidates(self, name: str) -> list[tuple[str, PressWiseFit]]:
         """Effects that do as well in the place of one of those found, best first."""
         rest = set(self.names) - {name}
         best, near = self.criterion(self.found), []

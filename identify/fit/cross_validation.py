@@ -26,7 +26,7 @@ _HIGHEST = 2 / 3  # of the largest force: what lies above is the highest level
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class CrossValidation:
     """Root mean square of what was predicted wrongly, m and in units of the noise.
 
     `rms_m`, `ratio`: whole presses, each predicted from the others; `high_rms_m`, `high_ratio`:
@@ -39,7 +39,7 @@ class HeldOut:
     high_ratio: float | None
 
 
-def held_out(fit: JointFit) -> HeldOut:
+def held_out(fit: JointFit) -> CrossValidation:
     """Predict presses and high forces that are left out of a fit."""
     press = fit.model.readings.press
     fold = folds(fit.model.readings.presses)[press]
@@ -51,9 +51,9 @@ def held_out(fit: JointFit) -> HeldOut:
     force = fit.at.latent_force_n
     high = force > _HIGHEST * force.max()
     if high.all() or not high.any():
-        return HeldOut(rms, ratio, None, None)
+        return CrossValidation(rms, ratio, None, None)
     error[high] = predicted_error(fit, high)
-    return HeldOut(rms, ratio, *_rms(fit, error, high))
+    return CrossValidation(rms, ratio, *_rms(fit, error, high))
 
 
 def folds(presses: int) -> np.ndarray:

@@ -12,9 +12,9 @@ from scipy import special
 
 from identify.fit.result import Fit
 from identify.residual.binned_means import residual_levels
-from identify.residual.comparison import Comparison, Reading, Test
+from identify.residual.comparison import Comparison, Reading, ResidualTest
 from identify.residual.hypothesis_tests import (
-    Score,
+    TestOutcome,
     holm,
     lag_test,
     largest_test,
@@ -102,73 +102,73 @@ def compare_residual(w: Whitened) -> Comparison:
     return replace(draft, statement=sentence(draft))
 
 
-def _size_test(view: ResidualView) -> Test:
+def _size_test(view: ResidualView) -> ResidualTest:
     ratio = view.chi2 / view.dof
     if view.w.noise_estimated:
         # The noise came from third differences: 0.4 times as many independent numbers.
         p = float(special.fdtrc(view.dof, max(0.4 * view.dof, 1), ratio))
     else:
         p = float(special.chdtrc(view.dof, view.chi2))
-    return Test("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))
+    return ResidualTest("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))
 
 
-def _from_score(name: str, score: Score) -> Test:
+def _from_score(name: str, score: TestOutcome) -> ResidualTest:
     times = float(np.sqrt(score.statistic / score.dof)) if score.dof else 0.0
     untestable = None if score.dof else "the fitted parameters take all that it could show"
-    return Test(
+    return ResidualTest(
         name, "", score.statistic, score.dof, score.p_value, 1.0, times, untestable=untestable
     )
 
 
-def _pattern_tests(view: ResidualView) -> dict[str, Test]:
+def _pattern_tests(view: ResidualView) -> dict[str, ResidualTest]:
     """Score tests of the smooth dimensions, of the presses and of single readings."""
     tests = {}
     for name, reason in view.untestable.items():
-        tests[name] = Test(name, "", untestable=reason)
+        tests[name] = ResidualTest(name, "", untestable=reason)
     for name, columns in view.directions.items():
         tests[name] = _from_score(name, score_test(view.residual, columns, view.nuisance(name)))
     tests["press"] = _worst_press(view)
     space = PressSpace(view.w, view.beyond)
     tests["all_presses"] = _from_score("all_presses", space.omnibus(view.residual, view.beyond))
     largest = float(np.max(np.abs(view.residual)))
-    tests["reading"] = Test(
+    tests["reading"] = ResidualTest(
         "reading", "", largest, 1, largest_test(view.residual), times_noise=largest
     )
     return tests
 
 
-def _worst_press(view: ResidualView) -> Test:
+def _worst_press(view: ResidualView) -> ResidualTest:
     """Test of the press that misfits most, beyond what the map and smooth laws take."""
     if view.w.presses < 2:
-        return Test("press", "", untestable="the scan has only one press")
+        return ResidualTest("press", "", untestable="the scan has only one press")
     worst = PressSpace(view.w, view.smooth).misfits().max() / view.scale**2
     p = min(1.0, float(special.chdtrc(2, worst)) * view.w.presses)
-    return Test("press", "", float(worst), 2, p, times_noise=float(np.sqrt(worst / 2)))
+    return ResidualTest("press", "", float(worst), 2, p, times_noise=float(np.sqrt(worst / 2)))
 
 
-def _alikeness_tests(view: ResidualView) -> dict[str, Test]:
+def _alikeness_tests(view: ResidualView) -> dict[str, ResidualTest]:
     """Moran's I over the surface and along the order; correlation of consecutive readings."""
     w, tests = view.w, {}
     few = f"the scan has only {w.presses} presses; 9 are needed"
     for name in ("neighbours", "succession"):
-        tests[name] = Test(name, "", untestable=few)
+        tests[name] = ResidualTest(name, "", untestable=few)
     if w.presses >= 9:
         space = PressSpace(w, view.beyond)
         line = np.eye(w.presses, k=1) + np.eye(w.presses, k=-1)
         surface = nearest_neighbours(w.scan.contact_points)
         for name, neighbours in (("neighbours", surface), ("succession", line)):
             a = space.alikeness(neighbours)
-            tests[name] = Test(name, "", a.moran_i, w.presses, a.p_value)
+            tests[name] = ResidualTest(name, "", a.moran_i, w.presses, a.p_value)
     pairs = int(w.follows.sum())
     if pairs < 20:
-        tests["lag"] = Test("lag", "", untestable=f"only {pairs} readings follow another")
+        tests["lag"] = ResidualTest("lag", "", untestable=f"only {pairs} readings follow another")
     else:
         c = lag_test(view.residual, w.follows, view.absorbed)
-        tests["lag"] = Test("lag", "", c.value, c.pairs, c.p_value, times_noise=abs(c.z))
+        tests["lag"] = ResidualTest("lag", "", c.value, c.pairs, c.p_value, times_noise=abs(c.z))
     return tests
 
 
-def _decide(tests: list[Test]) -> tuple[Test, ...]:
+def _decide(tests: list[ResidualTest]) -> tuple[ResidualTest, ...]:
     adjusted = iter(holm([t.p_value for t in tests if t.untestable is None]))
     decided = []
     for test in tests:
@@ -225,7 +225,9 @@ def _outlying(view: ResidualView) -> np.ndarray:
     return columns
 
 
-def _beyond(view: ResidualView, columns: dict[str, np.ndarray], name: str, other: str) -> Score:
+def _beyond(
+    view: ResidualView, columns: dict[str, np.ndarray], name: str, other: str
+) -> TestOutcome:
     """Score test of one dimension with another one taken away."""
     nuisance = orthonormal(np.hstack([view.nuisance(name), columns[other]]))
     return score_test(view.residual, columns[name], nuisance)
@@ -243,7 +245,7 @@ def _without_pattern(fires: set[str]) -> str | None:
     return next((place for test, place in where.items() if test in fires), None)
 
 
-def _notes(view: ResidualView, tests: dict[str, Test]) -> tuple[str, ...]:
+def _notes(view: ResidualView, tests: dict[str, ResidualTest]) -> tuple[str, ...]:
     notes = [
         f"{QUESTIONS[name]} Cannot be tested: {test.untestable}."
         for name, test in tests.items()

@@ -28,7 +28,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Test:
+class ResidualTest:
     """One question asked of the residual.
 
     `times_noise` is the pattern's size in units of what noise alone would show (about 1 then);
@@ -109,7 +109,7 @@ class Comparison:
     scatter: float
     moran_i: float | None
     lag1: float | None
-    tests: tuple[Test, ...]
+    tests: tuple[ResidualTest, ...]
     levels: dict[str, tuple[Level, ...]]
     presses: tuple[PressResidual, ...]
     largest: tuple[Reading, ...]
@@ -130,7 +130,7 @@ class Comparison:
         """All presses, largest misfit first."""
         return tuple(sorted(self.presses, key=lambda p: -p.misfit))
 
-    def test(self, name: str) -> Test:
+    def test(self, name: str) -> ResidualTest:
         """Return the question of a name."""
         for test in self.tests:
             if test.name == name:
@@ -161,7 +161,7 @@ def _from_dict(data: dict[str, Any]) -> Comparison:
     fields = {k: v for k, v in data.items() if k != "chi2_per_dof"}
     for name in ("also_along", "confused_with", "notes"):
         fields[name] = tuple(fields[name])
-    fields["tests"] = tuple(Test(**t) for t in fields["tests"])
+    fields["tests"] = tuple(ResidualTest(**t) for t in fields["tests"])
     fields["levels"] = {k: tuple(Level(**v) for v in lv) for k, lv in fields["levels"].items()}
     fields["presses"] = tuple(
         PressResidual(**{**p, "point_m": tuple(p["point_m"])}) for p in fields["presses"]

@@ -22,7 +22,7 @@ RANK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Score:
+class TestOutcome:
     """A score test's outcome: `statistic` ~ chi2(`dof`) if nothing is there."""
 
     statistic: float
@@ -54,7 +54,7 @@ def project_out(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return columns - basis @ (basis.T @ columns)
 
 
-def score_test(residual: np.ndarray, directions: np.ndarray, nuisance: np.ndarray) -> Score:
+def score_test(residual: np.ndarray, directions: np.ndarray, nuisance: np.ndarray) -> TestOutcome:
     """Score test of the directions (m, q) after an orthonormal nuisance basis (m, k).
 
     Examples
@@ -69,10 +69,10 @@ def score_test(residual: np.ndarray, directions: np.ndarray, nuisance: np.ndarra
     return score(statistic, basis.shape[1])
 
 
-def score(statistic: float, dof: int) -> Score:
+def score(statistic: float, dof: int) -> TestOutcome:
     """Score with its chi-square tail; no degree of freedom gives p = 1."""
     p_value = float(special.chdtrc(dof, statistic)) if dof > 0 else 1.0
-    return Score(round(float(statistic), 9), dof, p_value)
+    return TestOutcome(round(float(statistic), 9), dof, p_value)
 
 
 def positive_probability(weights: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from scipy import special
 from identify.residual.directions import common, with_gain
 from identify.residual.hypothesis_tests import (
     Alikeness,
-    Score,
+    TestOutcome,
     moran_test,
     orthonormal,
     project_out,
@@ -82,7 +82,7 @@ class PressSpace:
         length = np.sqrt(self._sum(rows**2))
         return rows / np.where(length > 0, length, 1.0)[self.press_index]
 
-    def omnibus(self, residual: np.ndarray, nuisance: np.ndarray) -> Score:
+    def omnibus(self, residual: np.ndarray, nuisance: np.ndarray) -> TestOutcome:
         """Score test of all levels and slopes at once, with whatever nuisance lies in them."""
         own = self._explained(residual)
         outside = nuisance - self._fitted(nuisance)

@@ -9,13 +9,13 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.fit.joint_fit import JointFit
-from identify.select.candidates import MARGIN, Rival
+from identify.select.candidates import MARGIN, Candidate
 
 CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
 
 
 @dataclass(frozen=True)
-class Addition:
+class AcceptedEffect:
     """An effect that was added, the rivals that it was compared with (best first).
 
     `before` : chi-square without it, when it was added.
@@ -25,11 +25,11 @@ class Addition:
     """
 
     name: str
-    rivals: tuple[Rival, ...]
+    candidates: tuple[Candidate, ...]
     borne_out: bool = False
     beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     before: float = np.inf
-    tried: tuple[Rival, ...] = ()
+    tried: tuple[Candidate, ...] = ()
 
     @property
     def equals(self) -> tuple[str, ...]:
@@ -38,10 +38,10 @@ class Addition:
         Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A rival of
         which the effect is a special case can always do nearly as well: it is none.
         """
-        best = self.rivals[0]
+        best = self.candidates[0]
         near = [
             rival
-            for rival in self.rivals
+            for rival in self.candidates
             if rival.criterion < best.criterion + MARGIN or rival.chi2 < best.chi2 + CLOSE
         ]
         return tuple(rival.name for rival in near if self.name not in rival.contains)

@@ -14,7 +14,7 @@ from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
 from identify.select.diagnosis import ALIKE, Diagnosis
 from identify.select.score_test import Score, holm_significant
-from identify.select.step import Rung
+from identify.select.step import Step
 
 MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
 SURE = 1e-3  # family-wise chance, where nothing but the score speaks for an effect
@@ -35,7 +35,7 @@ _HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake
 
 
 @dataclass(frozen=True)
-class Rival:
+class Candidate:
     """An effect that was refitted; `criterion` is chi-square and the price of its parameters."""
 
     name: str
@@ -50,12 +50,12 @@ class Rival:
         return next((effect.contains for effect in own), ())
 
 
-def best_rivals(
-    rung: Rung,
+def best_candidates(
+    rung: Step,
     effects: dict[str, Effect],
     say: Callable[[str], None],
     exclude: Sequence[str],
-) -> tuple[Rival, ...]:
+) -> tuple[Candidate, ...]:
     """Return the best-scored effects that a refit bears out; empty if there are none.
 
     Far from the truth the linear scores mislead: those next in rank are tried where the best fail,
@@ -70,30 +70,30 @@ def best_rivals(
     always = [name for name in effects if effects[name].refitted_from and name in tested]
     tried = list(exclude)
     while names := list(dict.fromkeys([*shortlist(rung.diagnosis, tried), *always])):
-        rivals = compare_rivals(rung, effects, say, names)
+        candidates = compare_rivals(rung, effects, say, names)
         sure |= {
             r.name
-            for r in rivals
+            for r in candidates
             if r.name in always and refit_chance(rung, r) < chance / len(scores)
         }
-        better = rivals and rivals[0].criterion < rung.fit.bic
-        if better and any(rival.name in sure for rival in rivals):
-            return rivals
+        better = candidates and candidates[0].criterion < rung.fit.bic
+        if better and any(rival.name in sure for rival in candidates):
+            return candidates
         tried, always = [*tried, *names], []
     return ()
 
 
-def refit_chance(rung: Rung, rival: Rival) -> float:
+def refit_chance(rung: Step, rival: Candidate) -> float:
     """Chance that noise makes chi-square fall so far by the rival's further parameters."""
     return float(chdtrc(len(rival.fit.u) - len(rung.fit.u), max(rung.fit.chi2 - rival.chi2, 0.0)))
 
 
 def compare_rivals(
-    rung: Rung,
+    rung: Step,
     effects: dict[str, Effect],
     say: Callable[[str], None],
     names: Sequence[str],
-) -> tuple[Rival, ...]:
+) -> tuple[Candidate, ...]:
     """Refit these effects with the map; best first."""
     fits: dict[str, JointFit] = {}
     best = np.inf
@@ -103,7 +103,7 @@ def compare_rivals(
         if fit is not None and not doubted(fit, name):
             fits[name] = fit
             best = min(best, fit.chi2)
-    rivals = []
+    candidates = []
     for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
         say(f"trying {name} further")
         fit = carried_on(fit, rung.fit, best)
@@ -111,8 +111,8 @@ def compare_rivals(
             continue
         best = min(best, fit.chi2)
         if in_earnest(rung.fit, fit):
-            rivals.append(Rival(name, fit.chi2, fit.bic, fit))
-    return tuple(sorted(rivals, key=lambda rival: rival.criterion))
+            candidates.append(Candidate(name, fit.chi2, fit.bic, fit))
+    return tuple(sorted(candidates, key=lambda rival: rival.criterion))
 
 
 def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> JointFit | None:

@@ -11,10 +11,10 @@ from identify.fit.joint_fit import JointFit, fit_jointly
 from identify.measurement.model import MeasurementModel
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.select.accepted_effect import Addition, at_bound
+from identify.select.accepted_effect import AcceptedEffect, at_bound
 from identify.select.candidates import BEATEN_BY
 from identify.select.forward_selection import Explanation, without_unneeded
-from identify.select.reconsider import look_again
+from identify.select.reconsider import reconsider
 from identify.select.step import whitened_fit
 from models.scan import Scan
 
@@ -58,19 +58,19 @@ def confirmed(
     if not comparison.is_noise:
         return fit, comparison
     near = [_without_those_far_behind(addition, same) for addition in additions]
-    _, again, _ = look_again(fit, near, say, the_last_too=True)
+    _, again, _ = reconsider(fit, near, say, the_last_too=True)
     told_apart = [(a.name, set(a.group)) for a in again] == [
         (a.name, set(a.group)) for a in additions
     ]
     return (fit, comparison) if told_apart else None
 
 
-def _without_those_far_behind(addition: Addition, same: np.ndarray) -> Addition:
+def _without_those_far_behind(addition: AcceptedEffect, same: np.ndarray) -> AcceptedEffect:
     """Leave out the rivals that were no match on the same readings, (m,) bool."""
 
     def chi2(fit: JointFit) -> float:
         return float(np.sum(fit.at.residual[same] ** 2))
 
-    best = min(chi2(r.fit) for r in addition.rivals if r.name == addition.name)
-    near = tuple(rival for rival in addition.rivals if chi2(rival.fit) <= best + BEATEN_BY)
-    return replace(addition, rivals=near)
+    best = min(chi2(r.fit) for r in addition.candidates if r.name == addition.name)
+    near = tuple(rival for rival in addition.candidates if chi2(rival.fit) <= best + BEATEN_BY)
+    return replace(addition, candidates=near)

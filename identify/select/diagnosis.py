@@ -56,8 +56,8 @@ class Diagnosis:
             return "untestable"
         if name not in self.significant:
             return "not_seen"
-        rivals = set(self.confused_with(name)) & self.significant
-        return "indistinguishable" if rivals else "supported"
+        candidates = set(self.confused_with(name)) & self.significant
+        return "indistinguishable" if candidates else "supported"
 
     def explained_fraction(self, name: str) -> float:
         """Share of the unexplained chi-square that an effect would take away, 0 to 1."""

@@ -8,16 +8,16 @@ from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance import PressWiseFit
 from identify.fit.joint_fit import JointFit, fit_jointly, try_fit
 from identify.map.gaussian_map import GaussianMap
-from identify.select.accepted_effect import Addition
-from identify.select.candidates import Rival
-from identify.select.step import Rung
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import Candidate
+from identify.select.step import Step
 
 _EVALUATIONS, _RIVAL_EVALUATIONS = 40, 15
 
 
 def follow(
-    law: ContactLaw, rung: Rung, start: GaussianMap, say: Callable[[str], None]
-) -> tuple[JointFit, list[Addition]] | None:
+    law: ContactLaw, rung: Step, start: GaussianMap, say: Callable[[str], None]
+) -> tuple[JointFit, list[AcceptedEffect]] | None:
     """Fit the map beside the effects of a law; None where that explains the scan no better.
 
     The rivals of each effect are those of the law: its criterion is the presses', in which the map
@@ -39,19 +39,19 @@ def follow(
     fit = fit_jointly(fit.model, fit.map)
     additions = []
     for name in law.names:
-        rivals = [Rival(name, law.found.chi2, law.criterion(law.found), fit)]
-        for other, own in law.rivals(name):
+        candidates = [Candidate(name, law.found.chi2, law.criterion(law.found), fit)]
+        for other, own in law.candidates(name):
             say(f"trying {other}")
             beside = joint_fit(own, rung, fit.map, _RIVAL_EVALUATIONS)
             if beside is not None:
                 # As good as the effect found, as far as the laws can be trusted
-                rivals.append(Rival(other, own.chi2, rivals[0].criterion, beside))
-        additions.append(Addition(name, tuple(rivals), borne_out=True))
+                candidates.append(Candidate(other, own.chi2, candidates[0].criterion, beside))
+        additions.append(AcceptedEffect(name, tuple(candidates), borne_out=True))
     return fit, additions
 
 
 def joint_fit(
-    found: PressWiseFit, rung: Rung, start: GaussianMap, evaluations: int = _EVALUATIONS
+    found: PressWiseFit, rung: Step, start: GaussianMap, evaluations: int = _EVALUATIONS
 ) -> JointFit | None:
     """Fit the map and the effects of a law, from the law's values."""
     model = rung.fit.model

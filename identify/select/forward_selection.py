@@ -24,10 +24,10 @@ from identify.effects.base import Effect
 from identify.fit.joint_fit import JointFit, fit_jointly, try_fit
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
-from identify.select.accepted_effect import Addition, at_bound
-from identify.select.candidates import REFIT_EVALUATIONS, Rival, best_rivals, doubted
-from identify.select.reconsider import look_again, with_exchanged
-from identify.select.step import Rung, rung_of
+from identify.select.accepted_effect import AcceptedEffect, at_bound
+from identify.select.candidates import REFIT_EVALUATIONS, Candidate, best_candidates, doubted
+from identify.select.reconsider import reconsider, with_exchanged
+from identify.select.step import Step, step_of
 from models.scan import Scan
 
 MOST_EFFECTS = 4
@@ -60,13 +60,13 @@ class Explanation:
     """
 
     verdict: Verdict
-    ladder: tuple[Rung, ...]
-    additions: tuple[Addition, ...]
+    ladder: tuple[Step, ...]
+    additions: tuple[AcceptedEffect, ...]
     dropped: tuple[str, ...]
     resting_on_suspects: tuple[str, ...] = ()
 
     @property
-    def final(self) -> Rung:
+    def final(self) -> Step:
         """The last rung."""
         return self.ladder[-1]
 
@@ -116,10 +116,10 @@ class Explanation:
         return _share(self.ladder[0].fit, self.final.fit)
 
 
-First = Callable[[Rung, Callable[[str], None]], tuple[JointFit, list[Addition]] | None]
+FirstStep = Callable[[Step, Callable[[str], None]], tuple[JointFit, list[AcceptedEffect]] | None]
 
 
-def climb(
+def forward_selection(
     model: MeasurementModel,
     stiffness: GaussianMap,
     scan: Scan,
@@ -127,8 +127,8 @@ def climb(
     *,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
-    on_rung: Callable[[Rung], None] | None = None,
-    first: First | None = None,
+    on_step: Callable[[Step], None] | None = None,
+    first: FirstStep | None = None,
     most: int = MOST_EFFECTS,
 ) -> Explanation:
     """Run the loop from a map on.
@@ -146,17 +146,17 @@ def climb(
     most : effects to be added, those of the first step not counted
     """
     say = progress or (lambda text: None)
-    rise = on_rung or (lambda rung: None)
+    rise = on_step or (lambda rung: None)
     effects = {effect.name: effect for effect in catalogue}
 
-    def judged(fit: JointFit) -> Rung:
-        rung = rung_of(fit, scan, catalogue, seed, say)
+    def judged(fit: JointFit) -> Step:
+        rung = step_of(fit, scan, catalogue, seed, say)
         rise(rung)
         return rung
 
     say("fitting the map")
     ladder = [judged(fit_jointly(model, stiffness))]
-    additions: list[Addition] = []
+    additions: list[AcceptedEffect] = []
     dropped: list[str] = []
     settled = False
     step = first(ladder[0], say) if first else None
@@ -166,22 +166,22 @@ def climb(
     most += len(additions)
     while (len(ladder) == 1 or is_more_missing(ladder, additions)) and len(additions) < most:
         now = ladder[-1]
-        rivals = best_rivals(now, effects, say, dropped)
-        if not rivals:
+        candidates = best_candidates(now, effects, say, dropped)
+        if not candidates:
             settled = now.comparison.is_noise
             break
-        winner = rivals[0]
+        winner = candidates[0]
         if not now.comparison.is_noise and not _worthwhile(now.fit, winner.fit):
             break
         left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, additions, winner)
-        beside = {rival.name: _beside(now, rival.name) or left for rival in rivals}
-        additions.append(Addition(winner.name, rivals, False, beside, now.fit.chi2))
+        beside = {rival.name: _beside(now, rival.name) or left for rival in candidates}
+        additions.append(AcceptedEffect(winner.name, candidates, False, beside, now.fit.chi2))
         say(f"refitting with {winner.name}")
         fit = fit_jointly(winner.fit.model, winner.fit.map)
         fit, lost = without_unneeded(fit, [a.name for a in additions[:-1]], say)
         kept = [a for a in additions if a.name not in lost]
         # Beside what has lost its place, the last one may have beaten rivals that do as well now
-        fit, additions, exchanged = look_again(fit, kept, say, the_last_too=bool(lost))
+        fit, additions, exchanged = reconsider(fit, kept, say, the_last_too=bool(lost))
         dropped.extend([*lost, *exchanged])
         for number, rung in enumerate(ladder):
             if exchanged.keys() & set(rung.fit.model.has):  # the steps lead to the last model
@@ -203,7 +203,7 @@ def _worthwhile(before: JointFit, after: JointFit) -> bool:
     return before.chi2 - after.chi2 >= WORTHWHILE * (before.chi2 - before.dof)
 
 
-def _beside(rung: Rung, name: str) -> tuple[str, ...]:
+def _beside(rung: Step, name: str) -> tuple[str, ...]:
     """Name what cannot be told from an effect because the map imitates one of them all but wholly.
 
     What is left of such an effect is so little that it must be large to explain anything, with the
@@ -220,7 +220,7 @@ def _beside(rung: Rung, name: str) -> tuple[str, ...]:
 
 
 def _may_be_left_of_error(
-    ladder: Sequence[Rung], additions: Sequence[Addition], winner: Rival
+    ladder: Sequence[Step], additions: Sequence[AcceptedEffect], winner: Candidate
 ) -> bool:
     """Whether an effect may be what the model's own error, if it was that before, leaves over."""
     now = ladder[-1]
@@ -230,7 +230,7 @@ def _may_be_left_of_error(
     return more < _LEFT_OF_ERROR * explained and _acts_by_compliance(now, winner.name)
 
 
-def _acts_by_compliance(rung: Rung, name: str) -> bool:
+def _acts_by_compliance(rung: Step, name: str) -> bool:
     """Whether each press's readings move as by another compliance of the body under it."""
     at, press = rung.fit.at, rung.fit.model.readings.press
     by_own = at.whitened(at.by_compliance, press)
@@ -256,7 +256,7 @@ def without_unneeded(
     return (fit_jointly(fit.model, fit.map) if lost else fit), lost
 
 
-def is_more_missing(ladder: Sequence[Rung], additions: Sequence[Addition]) -> bool:
+def is_more_missing(ladder: Sequence[Step], additions: Sequence[AcceptedEffect]) -> bool:
     """Say whether the last rung's significant effects call for another addition.
 
     Not where the residual is noise but for a trace that is within what the law of an effect may be
@@ -272,7 +272,7 @@ def is_more_missing(ladder: Sequence[Rung], additions: Sequence[Addition]) -> bo
     return len(additions[-1].equals) == 1 and strongest > _TRACE * explained
 
 
-def _verdict(ladder: Sequence[Rung], additions: Sequence[Addition], settled: bool) -> Verdict:
+def _verdict(ladder: Sequence[Step], additions: Sequence[AcceptedEffect], settled: bool) -> Verdict:
     """Judge the last rung; `settled` says that no effect does clearly better than its noise."""
     last = ladder[-1]
     if not last.comparison.is_noise or (is_more_missing(ladder, additions) and not settled):

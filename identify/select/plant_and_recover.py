@@ -17,7 +17,7 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.conformance.checks import Fault
-from identify.effects.conformance.example_scan import Trial, trial
+from identify.effects.conformance.example_scan import ExampleScan, trial
 from identify.fit.joint_fit import JointFit, fit_jointly
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
@@ -37,7 +37,7 @@ _SPREAD = 5.0  # standard errors that what is found may be off by
 _PART = 0.1  # ... or of what was planted: the law may bend over so many standard errors
 
 
-def planted_and_found(effect: Effect, own: Trial) -> str:
+def planted_and_found(effect: Effect, own: ExampleScan) -> str:
     """Plant the effect in a known map, score it and refit; for `conformance.check_effect`.
 
     Raises
@@ -92,7 +92,7 @@ def _mechanics() -> BodyMechanics:
     )
 
 
-def _fit(own: Trial, effect: Effect, values: Values | None) -> JointFit:
+def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> JointFit:
     """Fit the map alone to a scan with the effect planted (without for None)."""
     rng = np.random.default_rng(0)
     readings, mechanics = own.readings, _mechanics()

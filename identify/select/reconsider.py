@@ -14,16 +14,24 @@ from dataclasses import replace
 
 from identify.fit.joint_fit import JointFit, fit_jointly
 from identify.measurement.model import MeasurementModel
-from identify.select.accepted_effect import Addition
-from identify.select.candidates import MARGIN, Rival, beaten, carried_on, doubted, in_earnest, refit
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import (
+    MARGIN,
+    Candidate,
+    beaten,
+    carried_on,
+    doubted,
+    in_earnest,
+    refit,
+)
 
 
-def look_again(
+def reconsider(
     fit: JointFit,
-    additions: Sequence[Addition],
+    additions: Sequence[AcceptedEffect],
     say: Callable[[str], None],
     the_last_too: bool = False,
-) -> tuple[JointFit, list[Addition], dict[str, str]]:
+) -> tuple[JointFit, list[AcceptedEffect], dict[str, str]]:
     """Compare each addition but the last with its rivals, beside all others.
 
     The last was compared beside the present ones, and is compared again only if one is replaced, or
@@ -38,11 +46,11 @@ def look_again(
         is_last = index == len(additions) - 1
         if addition.borne_out or (is_last and not exchanged and not the_last_too):
             continue
-        rivals = _beside_the_rest(fit, addition, say)
-        winner = rivals[0]
-        tried = addition.tried or addition.rivals
-        additions[index] = replace(addition, rivals=rivals, tried=tried)
-        if _takes_over(winner, addition.name, rivals):
+        candidates = _beside_the_rest(fit, addition, say)
+        winner = candidates[0]
+        tried = addition.tried or addition.candidates
+        additions[index] = replace(addition, candidates=candidates, tried=tried)
+        if _takes_over(winner, addition.name, candidates):
             additions[index] = replace(additions[index], name=winner.name)
             exchanged[addition.name] = winner.name
             say(f"refitting with {winner.name} in place of {addition.name}")
@@ -64,12 +72,12 @@ def with_exchanged(fit: JointFit, exchanged: Mapping[str, str], now: JointFit) -
 
 
 def _beside_the_rest(
-    fit: JointFit, addition: Addition, say: Callable[[str], None]
-) -> tuple[Rival, ...]:
+    fit: JointFit, addition: AcceptedEffect, say: Callable[[str], None]
+) -> tuple[Candidate, ...]:
     """Return an addition and its rivals, each refitted beside all other effects, best first."""
-    found = [Rival(addition.name, fit.chi2, fit.bic, fit)]
-    best = next(rival for rival in addition.rivals if rival.name == addition.name)
-    for rival in addition.rivals:
+    found = [Candidate(addition.name, fit.chi2, fit.bic, fit)]
+    best = next(rival for rival in addition.candidates if rival.name == addition.name)
+    for rival in addition.candidates:
         if rival.name in fit.model.has or beaten(rival.chi2, addition.before, best.chi2):
             continue
         say(f"trying {rival.name} in place of {addition.name}")
@@ -78,18 +86,18 @@ def _beside_the_rest(
             continue
         own = carried_on(own, rival.fit, fit.chi2)
         if not doubted(own, rival.name) and (own.chi2 > fit.chi2 or in_earnest(fit, own)):
-            found.append(Rival(rival.name, own.chi2, own.bic, own))
+            found.append(Candidate(rival.name, own.chi2, own.bic, own))
     return tuple(sorted(found, key=lambda rival: rival.criterion))
 
 
-def _takes_over(winner: Rival, name: str, rivals: Sequence[Rival]) -> bool:
+def _takes_over(winner: Candidate, name: str, candidates: Sequence[Candidate]) -> bool:
     """Whether a rival is better beyond doubt, or does with less what it is a special case of."""
-    present = next(rival for rival in rivals if rival.name == name)
+    present = next(rival for rival in candidates if rival.name == name)
     clearly = winner.criterion < present.criterion - MARGIN
     return clearly or (winner.name != name and winner.name in present.contains)
 
 
-def _exchanged(fit: JointFit, name: str, rival: Rival) -> MeasurementModel:
+def _exchanged(fit: JointFit, name: str, rival: Candidate) -> MeasurementModel:
     """Return the model of a fit with a rival, as it was fitted then, in place of an effect."""
     (part,) = (part for part in rival.fit.model.effects if part.effect.name == rival.name)
     now = fit.model.started(fit.u)

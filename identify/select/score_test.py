@@ -31,7 +31,7 @@ _VISIBLE = 1e-5  # share of a pattern below which the map has absorbed it
 
 
 @dataclass(frozen=True)
-class Pattern:
+class EffectPattern:
     """What an effect would add to the whitened readings, per unit of its amplitudes.
 
     Attributes
@@ -82,7 +82,7 @@ class Score:
 
 def effect_patterns(
     model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
-) -> Pattern:
+) -> EffectPattern:
     """Return the patterns of an effect at its null, beside what the model already has.
 
     `most` limits the candidates of its shape to so many, evenly over its grid.
@@ -125,7 +125,7 @@ def effect_patterns(
                 )
             rows[g, :, a] = at.whitened(moved / step, model.readings.press)
     far = _far_patterns(model, at, effect, amplitudes[0], shapes)
-    return Pattern(
+    return EffectPattern(
         effect, [*shapes, *(s for s, _ in far)], np.concatenate([rows, *(r for _, r in far)])
     )
 
@@ -154,7 +154,7 @@ def fitted_basis(at: Linearised) -> np.ndarray:
     return orthonormal(at.jacobian)
 
 
-def beyond(pattern: Pattern, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def beyond(pattern: EffectPattern, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Project what was fitted out of a pattern.
 
     Returns

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from identify.effects.base import Effect
-from identify.fit.cross_validation import HeldOut, held_out
+from identify.fit.cross_validation import CrossValidation, held_out
 from identify.fit.joint_fit import JointFit
 from identify.measurement.model import correlated
 from identify.residual.compare import compare_residual
@@ -17,27 +17,27 @@ from models.scan import Scan
 
 
 @dataclass(frozen=True)
-class Rung:
+class Step:
     """One step of the ladder: a model, how well it does, and what its residual calls for."""
 
     fit: JointFit
     comparison: Comparison
-    held_out: HeldOut
+    held_out: CrossValidation
     diagnosis: Diagnosis
 
 
-def rung_of(
+def step_of(
     fit: JointFit,
     scan: Scan,
     catalogue: Sequence[Effect],
     seed: int,
     say: Callable[[str], None],
-) -> Rung:
+) -> Step:
     """Judge a fit: its residual, its predictions, and what it lacks."""
     say("judging what is left")
     comparison = compare_residual(whitened_fit(fit, scan))
     diagnosis = diagnose(fit, catalogue, seed=seed, progress=lambda name: say(f"scoring {name}"))
-    return Rung(fit, comparison, held_out(fit), diagnosis)
+    return Step(fit, comparison, held_out(fit), diagnosis)
 
 
 def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:

@@ -11,12 +11,12 @@ from identify.fit.joint_fit import fit_jointly
 from identify.residual.statement import length
 from identify.select.candidates import fit_with
 from identify.select.diagnosis import diagnose
-from identify.select.step import Rung
+from identify.select.step import Step
 from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.commands.diagnose import judged
 from palpmap.console import Output, to_type
-from palpmap.result.explain_record import parameters_of, rung_record
+from palpmap.result.explain_record import parameters_of, step_record
 from palpmap.result.explain_words import interval, readable
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.study.open_study import Problem, catalogue_with, own_effects, pose
@@ -78,8 +78,8 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     found = parameters_of(after, problem, bent=True)
     record = {
         "study": str(target),
-        "before": rung_record(before),
-        "after": rung_record(after),
+        "before": step_record(before),
+        "after": step_record(after),
         "parameters": found,
         "earns_its_place": earns,
         **counted(problem),
@@ -135,24 +135,24 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
     return True
 
 
-def _after(fit: Any, diagnosis: Any, problem: Problem) -> Rung:
+def _after(fit: Any, diagnosis: Any, problem: Problem) -> Step:
     from identify.fit.cross_validation import held_out
     from identify.residual.compare import compare_residual
     from identify.select.step import whitened_fit
 
     comparison = compare_residual(whitened_fit(fit, problem.scan))
-    return Rung(fit, comparison, held_out(fit), diagnosis)
+    return Step(fit, comparison, held_out(fit), diagnosis)
 
 
 def _record(
-    study: Path, target: Path, name: str, before: Rung, after: Rung, problem: Problem
+    study: Path, target: Path, name: str, before: Step, after: Step, problem: Problem
 ) -> None:
     versions = read_history(study)
     if not versions:
-        versions = [{"study": study.name, "added": None, **rung_record(before),
+        versions = [{"study": study.name, "added": None, **step_record(before),
                      "parameters": parameters_of(before, problem)}]  # fmt: skip
     own = {"study": target.name, "added": name, "from": study.name}
-    versions.append({**own, **rung_record(after), "parameters": parameters_of(after, problem)})
+    versions.append({**own, **step_record(after), "parameters": parameters_of(after, problem)})
     write_history(study, versions)
 
 
@@ -165,7 +165,7 @@ def _unused(path: Path) -> Path:
 
 
 def _change_table(
-    before: Rung, after: Rung, problem: Problem, new: Mapping[str, Any]
+    before: Step, after: Step, problem: Problem, new: Mapping[str, Any]
 ) -> tuple["RenderableType", ...]:
     from rich import box
     from rich.table import Table

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from identify.fit.joint_fit import fit_jointly
 from identify.residual.statement import length
 from identify.select.diagnosis import Diagnosis
-from identify.select.step import Rung, rung_of
+from identify.select.step import Step, step_of
 from palpmap.console import Output
-from palpmap.result.explain_record import evidence, parameters_of, rung_record, score_record
+from palpmap.result.explain_record import evidence, parameters_of, score_record, step_record
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study.open_study import Problem, named, own_effects, pose
@@ -57,17 +57,17 @@ def run_diagnose(
     return rung.comparison.is_noise and not rung.diagnosis.significant
 
 
-def judged(problem: Problem, seed: int, say: Any) -> Rung:
+def judged(problem: Problem, seed: int, say: Any) -> Step:
     """Fit a problem's model and judge what is left."""
     fit = fit_jointly(problem.model, problem.start)
-    return rung_of(fit, problem.scan, problem.catalogue, seed, say)
+    return step_of(fit, problem.scan, problem.catalogue, seed, say)
 
 
-def diagnosis_record(rung: Rung, problem: Problem) -> dict[str, Any]:
+def diagnosis_record(rung: Step, problem: Problem) -> dict[str, Any]:
     """Return fit, residual and candidates as plain data."""
     diagnosis = rung.diagnosis
     return {
-        **rung_record(rung),
+        **step_record(rung),
         **counted(problem),
         "parameters": parameters_of(rung, problem),
         "candidates": [
@@ -80,7 +80,7 @@ def diagnosis_record(rung: Rung, problem: Problem) -> dict[str, Any]:
     }
 
 
-def diagnosis_table(record: dict[str, Any], rung: Rung) -> tuple["RenderableType", ...]:
+def diagnosis_table(record: dict[str, Any], rung: Step) -> tuple["RenderableType", ...]:
     """Return the candidates, best first, as rich renderables that fit a screen."""
     from rich import box
     from rich.table import Table
@@ -134,5 +134,5 @@ def best_evidence(record: dict[str, Any], diagnosis: Diagnosis) -> str:
         return ""
     candidate = next(c for c in record["candidates"] if c["name"] == best.name)
     alike = [n for n in candidate["confused_with"] if n in diagnosis.significant]
-    rivals = f" ({', '.join(alike)} would look much the same: `palpmap explain` decides)"
-    return f"Best: {best.name}. {candidate['evidence']}{rivals if alike else ''}"
+    candidates = f" ({', '.join(alike)} would look much the same: `palpmap explain` decides)"
+    return f"Best: {best.name}. {candidate['evidence']}{candidates if alike else ''}"

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from identify.effects.base import Effect, EffectParameter
-from identify.effects.conformance.kit import Finding
+from identify.effects.conformance.kit import CheckResult
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -72,7 +72,9 @@ def effect_page(effect: Effect) -> "Iterator[RenderableType]":
         yield _paragraph("example     ", f"{_values(effect, example.values)}. {example.says}")
 
 
-def findings_table(findings: Sequence[Finding], not_made: Sequence[Finding] = ()) -> "Table":
+def findings_table(
+    findings: Sequence[CheckResult], not_made: Sequence[CheckResult] = ()
+) -> "Table":
     """Return a table of what the conformance kit found; of checks not made it says only why."""
     from rich import box
     from rich.table import Table

@@ -6,11 +6,11 @@ from typing import Any
 
 from identify.effects.base import Effect
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from models.scan_file import read_scan
 from palpmap.commands.limits import hiding
 from palpmap.console import Output, to_type
-from palpmap.report.explain_console import explain_summary, rung_line
+from palpmap.report.explain_console import explain_summary, step_line
 from palpmap.result.explain_record import explain_record
 from palpmap.result.next_scan import REPEAT, next_lines, proposal_records, propose, repeat_record
 from palpmap.run_folder import RunFolder, write_record
@@ -79,12 +79,12 @@ def explain_study(
         def say(text: str) -> None:
             progress.update(task, description=text)
 
-        def on_rung(rung: Rung) -> None:
+        def on_step(rung: Step) -> None:
             if not output.quiet and not output.json:
-                progress.console.print(rung_line(rung), highlight=False)
+                progress.console.print(step_line(rung), highlight=False)
 
         problem = pose(study, own, say, lambda step: progress.advance(task))
-        explained = climbed(problem, seed, say, on_rung)
+        explained = climbed(problem, seed, say, on_step)
         without = without_suspects(problem, own, seed, explained, say)
         progress.update(task, description="done", total=1, completed=1)
     return weighed(explained, without), problem, without

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from identify.select.diagnosis import ALIKE, Diagnosis
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.figures.style import (
     BLACK,
     BLUE,
@@ -114,7 +114,7 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     return figure
 
 
-def press_rms(rung: Rung) -> np.ndarray:
+def press_rms(rung: Step) -> np.ndarray:
     """Root mean square of each press's whitened residuals, (j,); 1 is noise."""
     press = rung.fit.model.readings.press
     return np.sqrt(np.bincount(press, rung.fit.at.residual**2) / np.bincount(press))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from identify.body.state import ChangedMap
 from identify.map.gaussian_map import GaussianMap
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.figures.curves import MARKS, plain_name
 from palpmap.figures.map import Cut, cuts, sample
 from palpmap.figures.style import (
@@ -187,7 +187,7 @@ def draw_presses(explained: Explanation) -> Figure:
     return figure
 
 
-def _press(axes: Axes, first: Rung, last: Rung, press: int) -> None:
+def _press(axes: Axes, first: Step, last: Step, press: int) -> None:
     panel_grid(axes)
     model = last.fit.model
     rows = model.readings.press == press

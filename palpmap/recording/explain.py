@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.residual.statement import length
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap import __version__
 from palpmap.commands.fit import deepest_rows
 from palpmap.figures.ladder import press_rms
@@ -225,7 +225,7 @@ def _span(views: list[MapViews]) -> tuple[float, float]:
     return min(v.range_pa[0] for v in views), max(v.range_pa[1] for v in views)
 
 
-def _map_parameters(rung: Rung) -> dict[str, float]:
+def _map_parameters(rung: Step) -> dict[str, float]:
     stiffness = rung.fit.map
     return dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
 
@@ -281,7 +281,7 @@ def _absent(explained: Explanation) -> dict[str, float]:
     }
 
 
-def _log_rung(log: Log, rung: Rung, number: int, painted: _Painted) -> None:
+def _log_rung(log: Log, rung: Step, number: int, painted: _Painted) -> None:
     for name, value in (
         ("rms_um", 1e6 * rung.fit.rms_m),
         ("held_out_um", 1e6 * rung.held_out.rms_m),

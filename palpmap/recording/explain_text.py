@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.recording import entities as parts
 from palpmap.recording.explain_layout import PRESSES
 from palpmap.result.explain_words import (
@@ -21,7 +21,7 @@ _NOISE = 25.0  # a score that noise hardly gives: the longest bar is not shorter
 _BAR = 16
 
 
-def candidates_text(rung: Rung) -> str:
+def candidates_text(rung: Step) -> str:
     """Return the scores of a rung as a table with bars, Markdown."""
     scores = [s for s in rung.diagnosis.scores if s.untestable is None][:_SHOWN]
     most = max([s.statistic for s in scores] + [_NOISE])

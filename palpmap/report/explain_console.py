@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from identify.residual.statement import length
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.result.evidence import added_names
 from palpmap.result.explain_words import (
     VERDICTS,
@@ -36,7 +36,7 @@ _FITTED = {
 }
 
 
-def rung_line(rung: Rung) -> str:
+def step_line(rung: Step) -> str:
     """Return one line: the effects, the error and its bar, chi-square per degree of freedom."""
     noise = rung.comparison.expected_rms_m
     bar = "█" * min(round(_WIDTH / 4 * rung.fit.rms_m / noise), _WIDTH)

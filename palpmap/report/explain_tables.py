@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.effects.units import percent
 from identify.residual.statement import length
-from identify.select.accepted_effect import Addition
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
 from palpmap.figures.curves import plain_name
 from palpmap.report.fit_report import shown
@@ -44,9 +44,9 @@ def ladder_table(explained: Explanation) -> str:
     return table(head, rows)
 
 
-def rival_table(addition: Addition) -> str:
+def rival_table(addition: AcceptedEffect) -> str:
     """Return the effects that were refitted at a step, best first."""
-    best = addition.rivals[0].criterion
+    best = addition.candidates[0].criterion
     rows = [
         (
             rival.name,
@@ -54,7 +54,7 @@ def rival_table(addition: Addition) -> str:
             "best" if rival.criterion == best else f"+{rival.criterion - best:.0f}",
             "as good" if rival.name in addition.equals[1:] else "",
         )
-        for rival in addition.rivals
+        for rival in addition.candidates
     ]
     head = ("Refitted with the map", "Chi-square", "Behind the best, parameters priced", "")
     return table(head, rows) if len(rows) > 1 else ""

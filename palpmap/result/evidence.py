@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.effects.readings import Readings
-from identify.select.accepted_effect import Addition
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 
 BINS = 12
 _MOST_BINS = 24  # along what happens within a press
@@ -72,8 +72,8 @@ class Evidence:
     """
 
     name: str
-    before: Rung
-    after: Rung
+    before: Step
+    after: Step
     shown: tuple[tuple[Axis, tuple[Curve, ...]], ...]
     share: float
 
@@ -83,24 +83,24 @@ class Evidence:
         return self.before.fit.residual_m - self.after.fit.residual_m
 
 
-def steps(explained: Explanation) -> Iterable[tuple[str, Rung, Rung]]:
+def steps(explained: Explanation) -> Iterable[tuple[str, Step, Step]]:
     """Yield the name of what was added, the rung before and the rung after it."""
     for before, after in zip(explained.ladder[:-1], explained.ladder[1:], strict=True):
         yield added_name(before, after), before, after
 
 
-def added_name(before: Rung, after: Rung) -> str:
+def added_name(before: Step, after: Step) -> str:
     """Return the effect that the rung after has and the one before has not."""
     return next(name for name in after.fit.model.has if name not in before.fit.model.has)
 
 
-def added_names(before: Rung, after: Rung) -> tuple[str, ...]:
+def added_names(before: Step, after: Step) -> tuple[str, ...]:
     """Return all effects that the rung after has and the one before has not."""
     had = before.fit.model.has
     return tuple(name for name in after.fit.model.has if name not in had)
 
 
-def kept(explained: Explanation, name: str) -> Addition | None:
+def kept(explained: Explanation, name: str) -> AcceptedEffect | None:
     """Return the addition of an effect, or None where it lost its place later."""
     return next((a for a in explained.additions if a.name == name), None)
 
@@ -110,7 +110,7 @@ def evidences(explained: Explanation) -> tuple[Evidence, ...]:
     return tuple(evidence_of(name, before, after) for name, before, after in steps(explained))
 
 
-def evidence_of(name: str, before: Rung, after: Rung, most: int = 2) -> Evidence:
+def evidence_of(name: str, before: Step, after: Step, most: int = 2) -> Evidence:
     """Find the axes along which a step of the ladder shows best."""
     change = before.fit.residual_m - after.fit.residual_m
     weight = 1 / before.fit.at.sigma_m**2
@@ -123,7 +123,7 @@ def evidence_of(name: str, before: Rung, after: Rung, most: int = 2) -> Evidence
     return Evidence(name, before, after, shown, float(shares[best[0]]))
 
 
-def axes_of(rung: Rung, values: Mapping[str, float]) -> list[Axis]:
+def axes_of(rung: Step, values: Mapping[str, float]) -> list[Axis]:
     """Return the axes that a scan has; forces are the best estimates of the true ones.
 
     Sorted by the measured force, pure noise shows a slope (`identify.residual.whitened`).
@@ -213,7 +213,7 @@ def shown_share(index: np.ndarray, change_m: np.ndarray, weight: np.ndarray) -> 
     return float(1 - left / whole * (m - 1) / max(m - k, 1))
 
 
-def curves_of(axis: Axis, before: Rung, after: Rung) -> tuple[Curve, ...]:
+def curves_of(axis: Axis, before: Step, after: Step) -> tuple[Curve, ...]:
     """Average residuals and change of the model in the bins of an axis."""
     index = bins_of(axis, before.fit.model.readings.press)
     weight = 1 / before.fit.at.sigma_m**2

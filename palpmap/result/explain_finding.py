@@ -6,7 +6,7 @@ from pathlib import Path
 from identify.fit.joint_result import fit_of
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.select.forward_selection import Explanation
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.commands.write_fit_run import how_made
 from palpmap.result.caveats import limits_of
 from palpmap.result.finding import Finding, study_outline
@@ -22,10 +22,10 @@ _BALL = (
 
 def final_finding(run: Path, problem: Problem, explained: Explanation) -> Finding:
     """Return the last rung as a finding; its map is the one fitted jointly with the effects."""
-    return rung_finding(run, problem, explained.final)
+    return step_finding(run, problem, explained.final)
 
 
-def rung_finding(run: Path, problem: Problem, rung: Rung) -> Finding:
+def step_finding(run: Path, problem: Problem, rung: Step) -> Finding:
     """Return one rung as a finding."""
     runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
     outline, used = study_outline(problem.study), problem.scan.used()

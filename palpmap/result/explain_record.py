@@ -11,7 +11,7 @@ from identify.select.candidates import refit_chance
 from identify.select.diagnosis import CandidateVerdict, Diagnosis
 from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
 from identify.select.score_test import Score
-from identify.select.step import Rung
+from identify.select.step import Step
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.presses_words import counted, presses_record
 from palpmap.study.map_fit import AXES
@@ -35,7 +35,7 @@ def explain_record(
         "ambiguous": [list(group) for group in explained.ambiguous],
         "traces": list(explained.traces),
         "helpers": [a.name for a in explained.additions if a.name not in explained.added],
-        "ladder": [rung_record(rung) for rung in explained.ladder],
+        "ladder": [step_record(rung) for rung in explained.ladder],
         "candidates": [
             candidate_record(effect, explained, problem)
             for effect in problem.catalogue
@@ -78,7 +78,7 @@ def without_record(without: WithoutSuspects) -> dict[str, Any]:
     }
 
 
-def rung_record(rung: Rung) -> dict[str, Any]:
+def step_record(rung: Step) -> dict[str, Any]:
     """Return one step of the ladder."""
     return {
         "effects": list(rung.fit.model.has),
@@ -153,7 +153,7 @@ def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
 
 def refit_record(name: str, explained: Explanation) -> dict[str, float]:
     """Return what the refit says of an effect that shows in none of its scores, or nothing."""
-    refits = (r for a in explained.additions for r in (*a.rivals, *a.tried) if r.name == name)
+    refits = (r for a in explained.additions for r in (*a.candidates, *a.tried) if r.name == name)
     for rival in refits:
         others = {part for part in rival.fit.model.has if part != name}
         before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
@@ -167,7 +167,7 @@ def refit_record(name: str, explained: Explanation) -> dict[str, float]:
     return {}
 
 
-def evidence(effect: Effect, score: Score, problem: Problem, final: Rung | None = None) -> str:
+def evidence(effect: Effect, score: Score, problem: Problem, final: Step | None = None) -> str:
     """Return one sentence that a reader understands.
 
     With the values of the final model where that has the effect, else the linear estimate.
@@ -179,7 +179,7 @@ def evidence(effect: Effect, score: Score, problem: Problem, final: Rung | None 
     return effect.evidence(score.values, problem.model.readings)
 
 
-def parameters_of(rung: Rung, problem: Problem, bent: bool = False) -> dict[str, dict[str, Any]]:
+def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str, dict[str, Any]]:
     """Return values, standard errors and 95 % intervals, positions in the scan's frame.
 
     `bent` intervals follow the valley of the misfit, see `joint_intervals`.
@@ -212,7 +212,7 @@ def unit_of(name: str, model: Any) -> str:
     return "Pa" if name.endswith("_pa") else "m"
 
 
-def _decided_at(name: str, explained: Explanation) -> tuple[Rung, tuple[str, ...] | None]:
+def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...] | None]:
     """Return the rung at which an effect was judged, and its group if it was chosen there."""
     for addition in explained.additions:
         if name in addition.group:
@@ -223,7 +223,7 @@ def _decided_at(name: str, explained: Explanation) -> tuple[Rung, tuple[str, ...
     return next(r for r in explained.ladder if _scored(r, name)), None
 
 
-def _rung_before(explained: Explanation, added: str, name: str) -> Rung:
+def _rung_before(explained: Explanation, added: str, name: str) -> Step:
     """Return the last rung without an addition that scored an effect."""
     ladder = explained.ladder
     number = next((i for i, rung in enumerate(ladder) if added in rung.fit.model.has), len(ladder))
@@ -231,8 +231,8 @@ def _rung_before(explained: Explanation, added: str, name: str) -> Rung:
     return before[-1] if before else next(rung for rung in ladder if _scored(rung, name))
 
 
-def _scored(rung: Rung, name: str) -> bool:
+def _scored(rung: Step, name: str) -> bool:
     return any(score.name == name for score in rung.diagnosis.scores)
 
 
-__all__ = ["candidate_record", "explain_record", "named", "rung_record", "score_record"]
+__all__ = ["candidate_record", "explain_record", "named", "score_record", "step_record"]

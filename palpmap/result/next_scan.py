@@ -35,12 +35,14 @@ def propose(
     if not ambiguous:
         return ()
     group = ambiguous[-1]
-    rivals = [(r.name, r.fit) for r in group.rivals if r.name in group.equals]
+    candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equals]
     readings = problem.model.readings
-    in_time = any("time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in rivals)
+    in_time = any(
+        "time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in candidates
+    )
     timed = in_time and readings.time_s is not None
-    designs = that_fit(rivals[0][1], variations(presses_of(readings), timed))
-    return next_presses(rivals, designs, say)
+    designs = that_fit(candidates[0][1], variations(presses_of(readings), timed))
+    return next_presses(candidates, designs, say)
 
 
 def proposal_records(

@@ -17,7 +17,7 @@ def presses_record(problem: Problem) -> dict[str, Any] | None:
     return {
         "effects": list(law.names),
         "values": {name: dict(law.found.values[name]) for name in law.names},
-        "as_good": {name: [other for other, _ in law.rivals(name)] for name in law.names},
+        "as_good": {name: [other for other, _ in law.candidates(name)] for name in law.names},
         "largest_force_n": largest,
         "before": _record(law.plain, largest),
         "after": _record(law.found, largest),

@@ -27,7 +27,7 @@ from identify.measurement.noise import scan_noise
 from identify.optimize.result import InadmissibleError
 from identify.select.candidates import fit_with
 from identify.select.first_step import follow
-from identify.select.forward_selection import First
+from identify.select.forward_selection import FirstStep
 from identify.select.score_test import fitted_basis, score_effect
 from models.errors import InputError
 from models.scan import Scan
@@ -80,7 +80,7 @@ class Problem:
         return self.placement.scan
 
     @property
-    def first_step(self) -> First | None:
+    def first_step(self) -> FirstStep | None:
         """What the loop tries first: the effects that the presses show by themselves."""
         if self.law is None or not self.law.names:
             return None

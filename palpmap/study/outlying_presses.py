@@ -16,7 +16,7 @@ from identify.fit.joint_fit import JointFit
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
-from identify.select.forward_selection import MOST_EFFECTS, Explanation, Verdict, climb
+from identify.select.forward_selection import MOST_EFFECTS, Explanation, Verdict, forward_selection
 from models.errors import InputError
 from palpmap.study.body_model import build_body_model
 from palpmap.study.open_study import Problem, measurement_model, pose
@@ -60,16 +60,16 @@ class WithoutSuspects:
         )
 
 
-def climbed(problem: Problem, seed: int, say: Say, on_rung: Callable | None = None) -> Explanation:
+def climbed(problem: Problem, seed: int, say: Say, on_step: Callable | None = None) -> Explanation:
     """Run the loop from a posed problem."""
-    return climb(
+    return forward_selection(
         problem.model,
         problem.start,
         problem.scan,
         problem.catalogue,
         seed=seed,
         progress=say,
-        on_rung=on_rung,
+        on_step=on_step,
         first=problem.first_step,
         most=0 if problem.model.press_error else MOST_EFFECTS,
     )

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from identify.effects.base import HOOKS, Effect, EffectParameter, Values
-from identify.effects.conformance.example_scan import Trial, arrays_of, ragged, trial
+from identify.effects.conformance.example_scan import ExampleScan, arrays_of, ragged, trial
 from identify.effects.conformance.worked_example import work
 
 _TEXTS = ("title", "summary", "formula", "source", "gives_away", "cure")
@@ -28,7 +28,7 @@ class Fault(Exception):
     """What is wrong with the effect, one line."""
 
 
-def described(effect: Effect, own: Trial) -> str:
+def described(effect: Effect, own: ExampleScan) -> str:
     """Demand name, summary, formula, source and so on."""
     name = getattr(effect, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -39,7 +39,7 @@ def described(effect: Effect, own: Trial) -> str:
     return f"'{effect.name}'"
 
 
-def parameters(effect: Effect, own: Trial) -> str:
+def parameters(effect: Effect, own: ExampleScan) -> str:
     """Demand units, bounds and sizes of every parameter."""
     found = getattr(effect, "parameters", ())
     names = [p.name for p in found]
@@ -80,7 +80,7 @@ def _sound(p: EffectParameter, fixed: bool = False) -> None:
         raise Fault(f"{p.name}: only a positive shape parameter can be sought as a logarithm")
 
 
-def hook(effect: Effect, own: Trial) -> str:
+def hook(effect: Effect, own: ExampleScan) -> str:
     """Demand one hook, that of the link."""
     allowed = HOOKS.get(effect.link)
     if allowed is None:
@@ -91,7 +91,7 @@ def hook(effect: Effect, own: Trial) -> str:
     return f"{effect.hooks[0]}()"
 
 
-def examples(effect: Effect, own: Trial) -> str:
+def examples(effect: Effect, own: ExampleScan) -> str:
     """Do the worked examples."""
     if not effect.examples:
         raise Fault("no worked example")
@@ -111,7 +111,7 @@ def examples(effect: Effect, own: Trial) -> str:
     return f"{len(effect.examples)} reproduced"
 
 
-def testable(effect: Effect, own: Trial) -> str:
+def testable(effect: Effect, own: ExampleScan) -> str:
     """Take from a scan what the effect needs: it must say so."""
     reason = effect.untestable(own.readings)
     if reason:
@@ -128,7 +128,7 @@ def testable(effect: Effect, own: Trial) -> str:
 # ---- the hook ----------------------------------------------------------------------------
 
 
-def identity(effect: Effect, own: Trial) -> str:
+def identity(effect: Effect, own: ExampleScan) -> str:
     """Set the amplitudes to their null: nothing may happen."""
     worst = 0.0
     for scan in _scans(effect, own):
@@ -141,7 +141,7 @@ def identity(effect: Effect, own: Trial) -> str:
     return f"off by {worst:.0e} of the largest number"
 
 
-def repeatable(effect: Effect, own: Trial) -> str:
+def repeatable(effect: Effect, own: ExampleScan) -> str:
     """Do the same twice."""
     values = _typical(effect, own)
     first, second = own.out(effect, values), own.out(effect, values)
@@ -150,7 +150,7 @@ def repeatable(effect: Effect, own: Trial) -> str:
     return "bit for bit"
 
 
-def untouched(effect: Effect, own: Trial) -> str:
+def untouched(effect: Effect, own: ExampleScan) -> str:
     """Look for writing to what the hook is given."""
     before = {name: array.copy() for name, array in arrays_of(own)}
     values = _typical(effect, own)
@@ -167,7 +167,7 @@ def untouched(effect: Effect, own: Trial) -> str:
     return "inputs are as before"
 
 
-def finite(effect: Effect, own: Trial) -> str:
+def finite(effect: Effect, own: ExampleScan) -> str:
     """Go to all bounds: numbers must be finite and of the right shape."""
     tried = 0
     for scan in _scans(effect, own):
@@ -182,7 +182,7 @@ def finite(effect: Effect, own: Trial) -> str:
     return f"{tried} combinations"
 
 
-def moving(effect: Effect, own: Trial) -> str:
+def moving(effect: Effect, own: ExampleScan) -> str:
     """Move every parameter by half of its typical size: some reading must follow."""
     typical, plain = _typical(effect, own), own.plain(effect)
     least = np.inf
@@ -197,7 +197,7 @@ def moving(effect: Effect, own: Trial) -> str:
     return f"by {least:.1e} of the largest and more"
 
 
-def steady(effect: Effect, own: Trial) -> str:
+def steady(effect: Effect, own: ExampleScan) -> str:
     """Add very little force: no reading may jump."""
     if effect.link == "body":
         return "not asked of a body"
@@ -221,7 +221,7 @@ def steady(effect: Effect, own: Trial) -> str:
 # ---- the grid, the words -----------------------------------------------------------------
 
 
-def grid(effect: Effect, own: Trial) -> str:
+def grid(effect: Effect, own: ExampleScan) -> str:
     """Demand candidates of the shape parameters within their bounds."""
     candidates = effect.grid(own.readings, own.state)
     if not candidates:
@@ -240,7 +240,7 @@ def grid(effect: Effect, own: Trial) -> str:
     return f"{len(candidates)}"
 
 
-def dense(effect: Effect, own: Trial) -> str:
+def dense(effect: Effect, own: ExampleScan) -> str:
     """Compare the patterns of neighbouring candidates."""
     candidates = effect.grid(own.readings, own.state)
     if len(candidates) < 2:
@@ -259,7 +259,7 @@ def dense(effect: Effect, own: Trial) -> str:
     return f"cosine {np.quantile(near, _GAPS):.2f} and up"
 
 
-def evident(effect: Effect, own: Trial) -> str:
+def evident(effect: Effect, own: ExampleScan) -> str:
     """Read the evidence: a sentence with numbers."""
     sentence = ""
     for values in (_typical(effect, own, -1.0), _typical(effect, own)):
@@ -272,7 +272,7 @@ def evident(effect: Effect, own: Trial) -> str:
     return sentence
 
 
-def _scans(effect: Effect, own: Trial) -> Iterator[Trial]:
+def _scans(effect: Effect, own: ExampleScan) -> Iterator[ExampleScan]:
     """Yield the trial, one with rows lost, and one without time where that is not needed."""
     yield own
     yield ragged(trial(2, start_s=1.7e9))
@@ -280,13 +280,13 @@ def _scans(effect: Effect, own: Trial) -> Iterator[Trial]:
         yield own.without_time()
 
 
-def _shapes(effect: Effect, scan: Trial) -> list[Values]:
+def _shapes(effect: Effect, scan: ExampleScan) -> list[Values]:
     candidates = effect.grid(scan.readings, scan.state)
     step = max(1, len(candidates) // _CANDIDATES)
     return [*candidates[::step], candidates[-1]]
 
 
-def _typical(effect: Effect, scan: Trial, sign: float = 1.0) -> dict[str, float]:
+def _typical(effect: Effect, scan: ExampleScan, sign: float = 1.0) -> dict[str, float]:
     """Typical values, of the other sign where there is room for it; shapes from mid-grid."""
     candidates = effect.grid(scan.readings, scan.state)
     values = dict(candidates[len(candidates) // 2])
@@ -299,7 +299,7 @@ def _typical(effect: Effect, scan: Trial, sign: float = 1.0) -> dict[str, float]
     return values
 
 
-def _corners(effect: Effect, scan: Trial) -> Iterator[dict[str, float]]:
+def _corners(effect: Effect, scan: ExampleScan) -> Iterator[dict[str, float]]:
     """Typical values and bounds of every amplitude, with shapes at their bounds and on the grid."""
     bounded = effect.bounded(scan.readings, scan.state)
     ends = [{p.name: getattr(p, end) for p in bounded if p.null is None} for end in _ENDS]
@@ -312,7 +312,7 @@ def _corners(effect: Effect, scan: Trial) -> Iterator[dict[str, float]]:
                     yield {**effect.null, **shape, p.name: getattr(p, end)}
 
 
-def _pattern(effect: Effect, own: Trial, shape: Values) -> np.ndarray:
+def _pattern(effect: Effect, own: ExampleScan, shape: Values) -> np.ndarray:
     """Orthonormal columns: what small amplitudes add, less what one softer body would absorb."""
     null, plain = {**shape, **effect.null}, own.plain(effect)
     columns = [

@@ -25,7 +25,7 @@ _FORCE_NOISE_N = 5e-3
 
 
 @dataclass(frozen=True)
-class Trial:
+class ExampleScan:
     """Readings, and what the chain would hand to an effect's hook with them.
 
     Attributes
@@ -93,11 +93,11 @@ class Trial:
         weight = 1 / (np.sum(away**2, axis=2) + radius**2) ** 2
         return points, weight / weight.sum(axis=1, keepdims=True)
 
-    def without_time(self) -> Trial:
+    def without_time(self) -> ExampleScan:
         """Return the same without time stamps."""
         return replace(self, readings=replace(self.readings, time_s=None))
 
-    def lacking(self, need: Need) -> Trial:
+    def lacking(self, need: Need) -> ExampleScan:
         """Return the same without what an effect may need."""
         r = self.readings
         if need == "time":
@@ -110,7 +110,7 @@ class Trial:
         }[need]
         return self.rows(keep)
 
-    def rows(self, keep: np.ndarray) -> Trial:
+    def rows(self, keep: np.ndarray) -> ExampleScan:
         """Return the same with some rows only; presses that lose all are gone."""
         r, p = self.readings, self.pressing
         kept, press = np.unique(r.press[keep], return_inverse=True)
@@ -130,10 +130,10 @@ class Trial:
             modulus_pa=p.modulus_pa[keep],
             radius_m=p.radius_m[keep],
         )
-        return Trial(readings, pressing, self.travel_m[keep], self.state)
+        return ExampleScan(readings, pressing, self.travel_m[keep], self.state)
 
 
-def trial(seed: int = 0, start_s: float = 0.0) -> Trial:
+def trial(seed: int = 0, start_s: float = 0.0) -> ExampleScan:
     """25 presses of 22 rows on a soft body with a hard spot, to three forces, pauses at random."""
     rng = np.random.default_rng(seed)
     side = np.linspace(0.012, 0.084, _PER_SIDE)
@@ -159,10 +159,10 @@ def trial(seed: int = 0, start_s: float = 0.0) -> Trial:
     )
     pressing = Pressing(compliance[press], modulus[press], readings.radius_m.copy(), 0.49, "flat")
     state = BodyState(_BOX_M, 0.47, background_pa=_MODULUS_PA)
-    return Trial(readings, pressing, pressing.compliance_m_per_n * force, state)
+    return ExampleScan(readings, pressing, pressing.compliance_m_per_n * force, state)
 
 
-def ragged(full: Trial, seed: int = 1) -> Trial:
+def ragged(full: ExampleScan, seed: int = 1) -> ExampleScan:
     """Return the scan with rows lost at random, so that presses differ in length."""
     rng = np.random.default_rng(seed)
     keep = rng.random(len(full.readings)) > 0.3
@@ -170,7 +170,7 @@ def ragged(full: Trial, seed: int = 1) -> Trial:
     return full.rows(keep)
 
 
-def arrays_of(own: Trial) -> Sequence[tuple[str, np.ndarray]]:
+def arrays_of(own: ExampleScan) -> Sequence[tuple[str, np.ndarray]]:
     """All arrays that a hook is handed, by name."""
     found = [("travel_m", own.travel_m)]
     for record in (own.readings, own.pressing):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from identify.effects.base import Effect
 from identify.effects.conformance import checks as checks
 from identify.effects.conformance.checks import Fault
-from identify.effects.conformance.example_scan import Trial, trial
+from identify.effects.conformance.example_scan import ExampleScan, trial
 
-Check = Callable[[Effect, Trial], str]  # returns what was found, raises Fault
+Check = Callable[[Effect, ExampleScan], str]  # returns what was found, raises Fault
 
 DESCRIPTION: Mapping[str, Check] = {
     "described": checks.described,
@@ -37,7 +37,7 @@ BEHAVIOUR: Mapping[str, Check] = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """What one check found.
 
     Attributes
@@ -52,7 +52,7 @@ class Finding:
     says: str
 
 
-def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> list[Finding]:
+def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> list[CheckResult]:
     """Try an effect; one finding a check, passed or not.
 
     Parameters
@@ -73,18 +73,18 @@ def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> 
     return findings + _run({**BEHAVIOUR, **(further or {})}, effect, own)
 
 
-def failures(findings: Sequence[Finding]) -> list[Finding]:
+def failures(findings: Sequence[CheckResult]) -> list[CheckResult]:
     """Return the findings that did not pass."""
     return [finding for finding in findings if not finding.passed]
 
 
-def _run(some: Mapping[str, Check], effect: Effect, own: Trial) -> list[Finding]:
+def _run(some: Mapping[str, Check], effect: Effect, own: ExampleScan) -> list[CheckResult]:
     found = []
     for name, check in some.items():
         try:
-            found.append(Finding(name, True, check(effect, own)))
+            found.append(CheckResult(name, True, check(effect, own)))
         except Fault as fault:
-            found.append(Finding(name, False, str(fault)))
+            found.append(CheckResult(name, False, str(fault)))
         except Exception as error:  # the effect's own code may raise anything
-            found.append(Finding(name, False, f"raises {type(error).__name__}: {error}"))
+            found.append(CheckResult(name, False, f"raises {type(error).__name__}: {error}"))
     return found

@@ -62,14 +62,14 @@ def fits(of_scan: Scan, body: BodyMechanics | None = None):
 
 
 @pytest.fixture(scope="module")
-def rivals(table):
+def candidates(table):
     return fits(table)
 
 
 @pytest.fixture(scope="module")
-def proposals(rivals):
-    readings = rivals[0][1].model.readings
-    return next_presses(rivals[:2], list(variations(presses_of(readings), True)))
+def proposals(candidates):
+    readings = candidates[0][1].model.readings
+    return next_presses(candidates[:2], list(variations(presses_of(readings), True)))
 
 
 def test_what_tells_rivals_apart_comes_first_and_the_quickest_of_it(proposals):
@@ -83,9 +83,9 @@ def test_what_tells_rivals_apart_comes_first_and_the_quickest_of_it(proposals):
     assert others == sorted(others, reverse=True)
 
 
-def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, rivals):
+def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, candidates):
     best = next(p for p in proposals if p.design.name == "two_radii")
-    whole = next(d for d in variations(presses_of(rivals[0][1].model.readings), True)
+    whole = next(d for d in variations(presses_of(candidates[0][1].model.readings), True)
                  if d.name == "two_radii").presses  # fmt: skip
     count = len(best.design.presses)
     assert FEWEST <= count < len(whole)
@@ -95,14 +95,14 @@ def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, rivals):
     chosen = list(map(order.index, asked))
     assert chosen == sorted(chosen)
     # As many of the others, filled up with the least telling of the chosen ones, would not do
-    planned = _Planned(rivals[:2], replace(best.design, presses=whole))
+    planned = _Planned(candidates[:2], replace(best.design, presses=whole))
     (pair,) = best.told
     least = planned.most_telling_first(pair)[::-1][:count]
     assert planned.worth(least)[pair] < 0.8 * ENOUGH
 
 
-def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_force(rivals):
-    presses = presses_of(rivals[0][1].model.readings)
+def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_force(candidates):
+    presses = presses_of(candidates[0][1].model.readings)
     other = mixed(presses).presses
     places = np.lexsort(presses.point_m.T), np.lexsort(other.point_m.T)
     assert np.array_equal(presses.point_m[places[0]], other.point_m[places[1]])
@@ -116,12 +116,12 @@ def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_for
         assert counts.min() >= 6
 
 
-def test_presses_that_are_made_bring_what_was_promised(rivals):
+def test_presses_that_are_made_bring_what_was_promised(candidates):
     """All presses are made, without noise, and both rivals are refitted to all of them.
 
     A refit may follow the bend of the map's valley, along which the promise goes straight.
     """
-    designs = variations(presses_of(rivals[0][1].model.readings), True)
+    designs = variations(presses_of(candidates[0][1].model.readings), True)
     presses = next(d for d in designs if d.name == "two_radii").presses
     now = contacts()
     every = Contacts(
@@ -159,10 +159,10 @@ def test_presses_that_are_made_bring_what_was_promised(rivals):
     assert 0.5 < gained / promised["contact_offset", "force_bias"] < 1.05
 
 
-def test_pairs_that_would_stay_alike_are_said(rivals):
-    readings = rivals[0][1].model.readings
+def test_pairs_that_would_stay_alike_are_said(candidates):
+    readings = candidates[0][1].model.readings
     designs = [d for d in variations(presses_of(readings), True) if d.name == "same"]
-    (proposal,) = next_presses(rivals, designs)
+    (proposal,) = next_presses(candidates, designs)
     assert {*proposal.told, *proposal.alike} == {
         ("contact_offset", "force_bias"),
         ("contact_offset", "spherical_tip"),
@@ -171,8 +171,8 @@ def test_pairs_that_would_stay_alike_are_said(rivals):
     assert proposal.pair in (proposal.told or proposal.alike)
 
 
-def test_a_further_scan_goes_on_in_time_and_order(rivals):
-    present = rivals[0][1].model.readings
+def test_a_further_scan_goes_on_in_time_and_order(candidates):
+    present = candidates[0][1].model.readings
     further = readings_of(presses_of(present), True, present)
     assert further.time_s is not None
     assert present.time_s is not None

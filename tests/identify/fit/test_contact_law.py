@@ -88,7 +88,7 @@ def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name():
     assert "spherical_tip" in law.names
     assert len(law.names) == 2
     late = next(name for name in law.names if name != "spherical_tip")
-    group = [late, *(name for name, _ in law.rivals(late))]
+    group = [late, *(name for name, _ in law.candidates(late))]
     assert "touch_threshold" in group
     fit = law.fits["spherical_tip", "touch_threshold"]
     assert fit.values["touch_threshold"]["threshold_n"] == pytest.approx(0.05, rel=0.1)
@@ -152,4 +152,4 @@ def test_one_effect_alone_is_found_alone():
     law = contact_law(flat(7, lambda d, f: (d - 3e-4, f)), CATALOGUE)
     assert law.names == ("contact_offset",)
     assert law.found.values["contact_offset"]["offset_m"] == pytest.approx(-3e-4, rel=0.05)
-    assert law.rivals("contact_offset") == []
+    assert law.candidates("contact_offset") == []

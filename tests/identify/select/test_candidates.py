@@ -8,10 +8,10 @@ from fem import PalpationModel, RefinedModel, block_mesh
 from identify.catalogue.catalogue import CATALOGUE, effect_named
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
-from identify.select import candidates as rivals
+from identify.select import candidates as candidates
 from identify.select.candidates import borne_out, compare_rivals, fit_with, shortlist
 from identify.select.score_test import fitted_basis, score_effect
-from identify.select.step import rung_of
+from identify.select.step import step_of
 from tests.identify.select.loop_problem import (  # fmt: skip
     NOISE,
     NU,
@@ -34,7 +34,7 @@ def saturated():
     press, _, _, force = timing(SEED)
     read = force * (1 - LOSS * (force / PEAK_N) ** SHARPNESS)
     table = scan(true_compliance()[press] * force, read, SEED)
-    return rung_of(fit_jointly(model(table), TRUE), table, CATALOGUE, 0, lambda text: None)
+    return step_of(fit_jointly(model(table), TRUE), table, CATALOGUE, 0, lambda text: None)
 
 
 def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
@@ -44,10 +44,10 @@ def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
     assert fit.chi2 < saturated.fit.chi2 - 20
     assert fit.rms_m > 1.002 * saturated.fit.rms_m  # at the forces as they were read
     assert borne_out(saturated.fit, fit) == pytest.approx(1, abs=0.3)
-    rivals = compare_rivals(
+    candidates = compare_rivals(
         saturated, {e.name: e for e in CATALOGUE}, str, shortlist(saturated.diagnosis)
     )
-    assert rivals[0].name == "force_saturation"
+    assert candidates[0].name == "force_saturation"
 
 
 class Sawtooth(ContactOffset):
@@ -95,7 +95,7 @@ def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
 def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
     press, _, _, force = timing(SEED)
     late = scan(true_compliance()[press] * force + 10 * NOISE.displacement_m, force, SEED)
-    rung = rung_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
+    rung = step_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
     effects = {e.name: e for e in CATALOGUE}
     refits = []
 
@@ -103,7 +103,7 @@ def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
         refits.append(tried.effects[-1].effect.name)
         return try_fit(tried, *rest, **options)
 
-    monkeypatch.setattr(rivals, "try_fit", counted)
+    monkeypatch.setattr(candidates, "try_fit", counted)
     compare_rivals(rung, effects, str, ["inclusion_edge"])
     assert len(refits) > 1
     refits.clear()

@@ -5,7 +5,7 @@ import pytest
 
 from identify.catalogue.catalogue import effect_named
 from identify.select.confirm import confirmed
-from identify.select.forward_selection import Explanation, climb
+from identify.select.forward_selection import Explanation, forward_selection
 from tests.identify.select.loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
 
 OFFSET_M = 2e-4
@@ -13,7 +13,7 @@ CATALOGUE = [effect_named(name) for name in ("contact_offset", "hysteresis", "vi
 
 
 def explained(table) -> Explanation:
-    return climb(model(table), TRUE, table, CATALOGUE)
+    return forward_selection(model(table), TRUE, table, CATALOGUE)
 
 
 def table_with(change_m: np.ndarray, seed: int):

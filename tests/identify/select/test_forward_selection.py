@@ -12,7 +12,7 @@ from identify.fit.cross_validation import held_out, predicted_error
 from identify.fit.joint_fit import fit_jointly
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
-from identify.select.forward_selection import climb
+from identify.select.forward_selection import forward_selection
 from palpmap.result.explain_record import refit_record
 from sim.body.true_map import Inclusion, TruthMap
 from tests.identify.select.loop_problem import (
@@ -41,7 +41,7 @@ def planted(seed: int, change) -> object:
 
 def test_nothing_is_missing_from_a_linear_body():
     table = planted(3, lambda d, f, t, phase, press: (d, f))
-    found = climb(model(table), TRUE, table, QUICK)
+    found = forward_selection(model(table), TRUE, table, QUICK)
     assert found.verdict == "nothing_missing"
     assert found.added == ()
     assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=4 * np.sqrt(2 / 540))
@@ -51,7 +51,7 @@ def test_nothing_is_missing_from_a_linear_body():
 
 def test_an_offset_is_found_and_the_map_recovers():
     table = planted(4, lambda d, f, t, phase, press: (d + 1.5e-4, f))
-    found = climb(model(table), TRUE, table, QUICK)
+    found = forward_selection(model(table), TRUE, table, QUICK)
     assert (found.verdict, found.added) == ("explained", ("contact_offset",))
     before, after = found.ladder[0], found.final
     assert after.fit.values["contact_offset.offset_m"] == pytest.approx(1.5e-4, abs=3e-5)
@@ -77,7 +77,7 @@ def test_creep_is_found_with_its_time():
         return out, f
 
     table = planted(5, creep)
-    found = climb(model(table), TRUE, table, QUICK)
+    found = forward_selection(model(table), TRUE, table, QUICK)
     assert (found.verdict, found.added) == ("explained", ("viscoelasticity",))
     own = found.final.fit
     assert own.values["viscoelasticity.g"] == pytest.approx(0.1, abs=0.02)
@@ -88,7 +88,7 @@ def test_a_small_effect_is_found_beside_noise_that_is_less_than_stated():
     """Its chi-square is below the readings' number, so that no share of an excess can be told."""
     table = planted(4, lambda d, f, t, phase, press: (d + 6e-5, f))
     louder = Noise(1.1 * NOISE.displacement_m, 1.1 * NOISE.force_n)
-    found = climb(replace(model(table), noise=louder), TRUE, table, QUICK)
+    found = forward_selection(replace(model(table), noise=louder), TRUE, table, QUICK)
     first = found.ladder[0]
     assert first.fit.chi2_per_dof < 1
     assert not first.comparison.is_noise
@@ -105,7 +105,7 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     press, _, _, force = timing(8)
     table = scan(compliance[press] * 4 * force, 4 * force, 8)
     catalogue = [*QUICK, *(effect_named(n) for n in ("inclusion_edge", "rigid_tip"))]
-    found = climb(model(table), TRUE, table, catalogue)
+    found = forward_selection(model(table), TRUE, table, catalogue)
     assert found.ladder[0].diagnosis["inclusion_edge"].p_value > 0.01
     assert found.ladder[0].fit.values["inclusion_1.weight_pa"] > 3 * spot.weight_pa
     assert "inclusion_edge" in (*found.added, *(n for group in found.ambiguous for n in group))
@@ -128,7 +128,7 @@ def test_a_late_force_channel_is_not_explained_by_any_name():
         return d, measured
 
     table = planted(6, late)
-    found = climb(model(table), TRUE, table, list(CATALOGUE))
+    found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
     assert found.verdict == "unexplained"
     assert found.added == ()
     law = found.final.comparison.law

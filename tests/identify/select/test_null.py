@@ -15,7 +15,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.joint_result import estimates
 from identify.select.diagnosis import diagnose
-from identify.select.forward_selection import climb
+from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import score_null
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
@@ -107,5 +107,7 @@ def test_nothing_is_named_where_nothing_is_hidden():
     verdicts = []
     for seed in range(100, 130):
         table = null_scan(seed)
-        verdicts.append(climb(model(table, body()), TRUE, table, CATALOGUE, seed=seed).verdict)
+        verdicts.append(
+            forward_selection(model(table, body()), TRUE, table, CATALOGUE, seed=seed).verdict
+        )
     assert verdicts.count("nothing_missing") >= 28, verdicts

@@ -9,7 +9,7 @@ import pytest
 from identify.catalogue.catalogue import effect_named
 from identify.catalogue.contact_offset import ContactOffset
 from identify.select.candidates import MARGIN
-from identify.select.forward_selection import climb
+from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 OFFSET_M = 1e-4
@@ -28,8 +28,8 @@ def explained():
     table = scan(compliance[press] * force * softer - OFFSET_M, force, 3)
     names = ("contact_offset", "surface_tilt", "preconditioning", "force_bias")
     steps = []
-    found = climb(
-        model(table), TRUE, table, [effect_named(name) for name in names], on_rung=steps.append
+    found = forward_selection(
+        model(table), TRUE, table, [effect_named(name) for name in names], on_step=steps.append
     )
     return found, [rung.fit.model.has for rung in steps]
 
@@ -58,11 +58,11 @@ def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     found, _ = explained()
     for addition in found.additions:
         others = set(found.added) - {addition.name}
-        for rival in addition.rivals:
+        for rival in addition.candidates:
             assert set(rival.fit.model.has) == {rival.name, *others}
     offset = next(a for a in found.additions if a.name == "contact_offset")
-    tilt = next(rival for rival in offset.rivals if rival.name == "surface_tilt")
-    own = next(rival for rival in offset.rivals if rival.name == "contact_offset")
+    tilt = next(rival for rival in offset.candidates if rival.name == "surface_tilt")
+    own = next(rival for rival in offset.candidates if rival.name == "contact_offset")
     assert (
         tilt.chi2 <= own.chi2 + 0.1
     )  # it contains the offset, and its slopes bring next to nothing
@@ -81,11 +81,11 @@ def test_an_effect_at_the_bound_of_what_is_possible_is_not_found():
     press, _, _, force = timing(4)
     compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
     table = scan(compliance[press] * force - OFFSET_M, force, 4)
-    found = climb(model(table), TRUE, table, [LittleOffset()])
+    found = forward_selection(model(table), TRUE, table, [LittleOffset()])
     assert found.final.fit.values["contact_offset.offset_m"] == pytest.approx(-9.5e-5)
     assert found.final.comparison.is_noise
     assert found.at_bound == ("contact_offset",)
     assert found.verdict == "unexplained"
     assert found.added == ()
-    free = climb(model(table), TRUE, table, [ContactOffset()])
+    free = forward_selection(model(table), TRUE, table, [ContactOffset()])
     assert (free.verdict, free.added, free.at_bound) == ("explained", ("contact_offset",), ())

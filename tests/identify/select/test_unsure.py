@@ -10,9 +10,9 @@ import pytest
 from identify.catalogue.catalogue import effect_named
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.fit.joint_fit import fit_jointly
-from identify.select import candidates as rivals
+from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
-from identify.select.accepted_effect import Addition
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import SUSPECT_PRESSES
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
@@ -81,7 +81,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     assert explain._verdict(explained.ladder, explained.additions, True) == "explained"
     why = "it keeps step with the presses"
     monkeypatch.setattr(Viscoelasticity, "doubt", lambda self, values, readings: why)
-    assert rivals.doubted(explained.final.fit, name)
+    assert candidates.doubted(explained.final.fit, name)
     assert explain._verdict(explained.ladder, explained.additions, True) == "unexplained"
     found = replace(explained, verdict="unexplained")
     assert found.added == ()
@@ -92,7 +92,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     record = candidate_record(effect_named(name), found, explained_case.problem)
     assert record["verdict"] == "not_seen"
     # Nor is it a rival of anything else
-    tried = rivals.compare_rivals(
+    tried = candidates.compare_rivals(
         explained.ladder[0], {name: effect_named(name)}, lambda text: None, [name]
     )
     assert tried == ()
@@ -142,8 +142,8 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
 ):
     asked = []
     case = explained_case
-    best = case.explained.additions[0].rivals[0]
-    first = Addition("hysteresis", (replace(best, name="hysteresis"),))
+    best = case.explained.additions[0].candidates[0]
+    first = AcceptedEffect("hysteresis", (replace(best, name="hysteresis"),))
 
     def started(rung, say):
         return case.explained.final.fit, [first]
@@ -156,13 +156,13 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
         return fit, list(additions), {}
 
     monkeypatch.setattr(explain, "without_unneeded", lost)
-    monkeypatch.setattr(explain, "look_again", looked)
+    monkeypatch.setattr(explain, "reconsider", looked)
     monkeypatch.setattr(explain, "is_more_missing", lambda ladder, additions: not asked)
-    monkeypatch.setattr(explain, "best_rivals", lambda *_: (best,))
+    monkeypatch.setattr(explain, "best_candidates", lambda *_: (best,))
     monkeypatch.setattr(explain, "_worthwhile", lambda *_: True)
     monkeypatch.setattr(explain, "fit_jointly", lambda model, stiffness: best.fit)
-    monkeypatch.setattr(explain, "rung_of", lambda *_: case.explained.ladder[0])
-    explain.climb(case.problem.model, case.problem.start, case.problem.scan,
+    monkeypatch.setattr(explain, "step_of", lambda *_: case.explained.ladder[0])
+    explain.forward_selection(case.problem.model, case.problem.start, case.problem.scan,
                   case.problem.catalogue, first=started)  # fmt: skip
     assert asked == [True]
 

@@ -14,8 +14,8 @@ from rich.console import Console
 from identify.fit.joint_result import estimates
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
-from identify.select.accepted_effect import Addition
-from identify.select.candidates import Rival
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import Candidate
 from palpmap.commands.write_explain_run import explain_pictures
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
@@ -79,9 +79,14 @@ def written(told, path):
 
 def grouped(explained, *others):
     """The explanation as if other effects had explained the scan as well."""
-    best = explained.additions[0].rivals[0]
-    rivals = (best, *(Rival(name, best.chi2, best.criterion + 1, best.fit) for name in others))
-    return replace(explained, verdict="ambiguous", additions=(Addition(best.name, rivals),))
+    best = explained.additions[0].candidates[0]
+    candidates = (
+        best,
+        *(Candidate(name, best.chi2, best.criterion + 1, best.fit) for name in others),
+    )
+    return replace(
+        explained, verdict="ambiguous", additions=(AcceptedEffect(best.name, candidates),)
+    )
 
 
 def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model(told):
@@ -95,8 +100,8 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert explain._beside(low, "hysteresis") == ("mesh_error",)
     assert set(explain._beside(low, "mesh_error")) == {"hysteresis", "contact_offset"}
     assert explain._beside(low, "viscoelasticity") == ()
-    best = told.explained.additions[0].rivals[0]
-    alone = Addition("tool_compliance", (replace(best, name="tool_compliance"),), False,
+    best = told.explained.additions[0].candidates[0]
+    alone = AcceptedEffect("tool_compliance", (replace(best, name="tool_compliance"),), False,
                      {"tool_compliance": ("mesh_error",)})  # fmt: skip
     assert alone.equals == ("tool_compliance",)
     assert alone.group == ("tool_compliance", "mesh_error")

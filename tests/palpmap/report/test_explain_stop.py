@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import effect_named
-from identify.select.candidates import best_rivals
+from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import _beside, _verdict, is_more_missing
 from identify.select.score_test import Score
@@ -53,8 +53,8 @@ def test_a_structured_residual_calls_for_more_whatever_was_explained(rungs):
 def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(rungs):
     (first, last), (addition,) = rungs
     explained = first.fit.chi2 - last.fit.chi2
-    rival = addition.rivals[0]
-    group = replace(addition, rivals=(rival, replace(rival, name="another")))
+    rival = addition.candidates[0]
+    group = replace(addition, candidates=(rival, replace(rival, name="another")))
     ladder = (first, significant(last, 0.05, explained))
     assert is_more_missing(ladder, (addition,))
     assert not is_more_missing(ladder, (group,))
@@ -65,11 +65,11 @@ def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(run
 )
 def test_a_rival_is_beaten_by_the_data_and_not_by_its_price_alone(rungs, behind, priced, alike):
     (addition,) = rungs[1]
-    best = addition.rivals[0]
+    best = addition.candidates[0]
     other = replace(
         best, name="another", chi2=best.chi2 + behind, criterion=best.criterion + priced
     )
-    assert (replace(addition, rivals=(best, other)).equals == (best.name, "another")) is alike
+    assert (replace(addition, candidates=(best, other)).equals == (best.name, "another")) is alike
 
 
 def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
@@ -95,7 +95,7 @@ def test_beside_noise_only_a_score_that_chance_does_not_give_is_an_answer(
     comparison = last.comparison if noise_like else first.comparison
     rung = replace(first, diagnosis=diagnosis, comparison=comparison)
     effects = {best.name: effect_named(best.name)}
-    assert bool(best_rivals(rung, effects, str, ())) is is_enough
+    assert bool(best_candidates(rung, effects, str, ())) is is_enough
 
 
 def test_nothing_significant_ends_the_loop(rungs):

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sim.bench.bench import Bench, Planted, Pressed, press
+from sim.bench.press import Planted, Pressed, press
+from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect
 
 TOLERANCE = 0.01

@@ -12,9 +12,10 @@ from models.errors import InputError
 from models.press_program import PressProgram, grid_program
 from models.scan import Scan
 from sim.bench.amplitude_search import amplitude_for, size_of
-from sim.bench.bench import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Bench, Planted, press, record
+from sim.bench.press import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Planted, press, record
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
+from sim.planted.bench import Bench
 from sim.planted.catalogue import hidden_effect
 
 BETWEEN_SCANS_S = 60.0  # to change the tip

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion
+from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect
-
-if TYPE_CHECKING:
-    from sim.bench.bench import Bench
-    from sim.body.true_body import HiddenBody
 
 
 class ExtraInclusion(HiddenEffect):

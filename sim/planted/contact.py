@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect
-
-if TYPE_CHECKING:
-    from sim.bench.bench import Bench
 
 SHARES = (0.25, 0.45, 0.7, 1.0, 1.5)
 """Contact radii at which the truth is solved, in units of the tip's radius."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from sim.body.true_body import HiddenBody
-
-if TYPE_CHECKING:
-    from sim.bench.bench import Bench
+from sim.planted.bench import Bench
 
 Category = Literal["structured", "compliance", "outsider"]
 """How hard an effect is to name: `structured` ones leave a pattern in time, force or place of their

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect
-
-if TYPE_CHECKING:
-    from sim.bench.bench import Bench
 
 
 class ToolCompliance(HiddenEffect):

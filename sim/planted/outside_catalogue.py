@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect
 from sim.planted.response import follow
-
-if TYPE_CHECKING:
-    from sim.bench.bench import Bench
 
 
 class LateForce(HiddenEffect):

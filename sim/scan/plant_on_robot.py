@@ -20,12 +20,13 @@ from models.errors import InputError
 from models.press_program import PressProgram
 from models.scan import Scan
 from sim.bench.amplitude_search import amplitude_for, size_of
-from sim.bench.bench import Bench, Planted, Pressed
+from sim.bench.press import Planted, Pressed
 from sim.body.soft_body import block_compliance
 from sim.body.true_body import HiddenBody
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
+from sim.planted.bench import Bench
 from sim.planted.catalogue import hidden_effect
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.laboratory import build_laboratory

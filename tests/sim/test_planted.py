@@ -15,11 +15,12 @@ from models.errors import InputError
 from models.press_program import PressProgram, grid_program
 from models.scan_file import read_scan
 from sim.bench.amplitude_search import amplitude_for, size_of
-from sim.bench.bench import Bench, press, record
 from sim.bench.planted_scan import BETWEEN_SCANS_S, further_scan, planted_scan
+from sim.bench.press import press, record
 from sim.body.soft_body import block_compliance
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
+from sim.planted.bench import Bench
 from sim.planted.catalogue import HIDDEN, INSIDERS, hidden_effect
 from tests.paths import LAB
 

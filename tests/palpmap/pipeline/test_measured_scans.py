@@ -1,6 +1,6 @@
 """Scans as robots really make them: a ball, late first touch, no times, no noise, a wrong body.
 
-A twin whose truth is known (`sim.hidden` on its own mesh), and measured scans where they are there.
+A twin whose truth is known (`sim.planted` on its own mesh), and measured scans where they lie.
 """
 
 import json

@@ -112,6 +112,12 @@ class Scan:
         return self.probe_radius_m[self._first_row]
 
     @property
+    def deepest_rows(self) -> np.ndarray:
+        """Row of the largest force of each press, (J,)."""
+        order = np.lexsort((self.force_n, self.press_index))
+        return order[np.cumsum(np.bincount(self.press_index)) - 1]
+
+    @property
     def has_time(self) -> bool:
         """Whether the source knew the time of its samples."""
         return not bool(np.isnan(self.time_s).any())

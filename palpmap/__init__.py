@@ -2,7 +2,7 @@
 
 import os
 
-__version__ = "0.1.0"
+from palpmap.version import __version__ as __version__
 
 # numpy's own threads (OpenBLAS) go on spinning after each product, on the core that the sparse
 # solver's next step waits for: on two cores everything took 1.8 times as long. Read when numpy is

@@ -262,3 +262,19 @@ def _default_folder(command: str) -> Path:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def how_made(runs: list[dict[str, Any]]) -> dict[str, str]:
+    """Return commands, seeds, settings, input hashes and versions of a run folder as text."""
+    how: dict[str, str] = {}
+    for number, run in enumerate(runs, start=1):
+        settings = ", ".join(f"{k} = {v}" for k, v in run.get("settings", {}).items())
+        seed = "" if run.get("seed") is None else f", seed {run['seed']}"
+        how[f"{number}. palpmap {run.get('command', '?')}"] = (
+            f"{run.get('started', '?')}{seed}{'; ' + settings if settings else ''}"
+        )
+        for name, digest in run.get("inputs", {}).items():
+            how[Path(name).name] = f"SHA-256 {digest}"
+    if runs:
+        how["Versions"] = ", ".join(f"{k} {v}" for k, v in runs[-1].get("versions", {}).items())
+    return how

@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -16,7 +17,36 @@ ALLOWED = {
     "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio"},
     "identify": {"models", "fem", "numpy", "scipy"},
 }
-FEM_DOOR_OF_SIM = "sim.body.soft_body"
+FEM_DOORS_OF_SIM = ("sim.body.soft_body",)
+ORDER = {
+    "models": (),
+    "fem": (
+        "mesh", "linear", "contact", "near_field", "solve", "palpation", "finite_strain",
+        "reference",
+    ),
+    "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
+    "identify": (
+        "optimize", "map", "body", "effects", "effects.conformance", "catalogue", "measurement",
+        "fit", "residual", "select", "design",
+    ),
+    "palpmap": (
+        "study", "result", "figures", "report", "recording", "paper", "commands", "blind", "cli",
+    ),
+}  # fmt: skip
+"""Folders of each package: one imports from itself and from those before it."""
+GROUND = {
+    "fem.errors",
+    "identify.json_record",
+    "palpmap.console",
+    "palpmap.run_folder",
+    "palpmap.version",
+}
+"""Modules outside the folders that every folder of their package may import."""
+TESTS_ONLY = "fem.reference"
+ENGINE = ("identify.fit", "identify.residual", "identify.select")
+"""Folders that never import the catalogue: the caller hands the effects in."""
+MOST_MODULES = 20
+LONG_FOLDERS = {"identify/catalogue"}
 
 
 def modules(root: Path) -> dict[str, ast.Module]:
@@ -31,20 +61,8 @@ def modules(root: Path) -> dict[str, ast.Module]:
 
 
 def imports(tree: ast.Module, name: str, known: set[str]) -> Iterator[tuple[str, int]]:
-    """What a module imports, as the most precise module name, with its line.
-
-    Imports for type checking only are left out: they do not happen.
-    """
-    skipped = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        for part in node.body
-        for inner in ast.walk(part)
-    }
+    """What a module imports, types only included, as the most precise module name, with line."""
     for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield alias.name, node.lineno
@@ -58,6 +76,44 @@ def imports(tree: ast.Module, name: str, known: set[str]) -> Iterator[tuple[str,
                 yield (inner if inner in known else base), node.lineno
 
 
+def folder(name: str) -> tuple[str, int] | None:
+    """Return a module's package and the place of its folder in the order, None outside folders."""
+    package, _, rest = name.partition(".")
+    inside = [f for f in ORDER.get(package, ()) if f"{rest}.".startswith(f"{f}.")]
+    return (package, ORDER[package].index(max(inside, key=len))) if inside else None
+
+
+def wrong_order(root: Path) -> list[str]:
+    """Imports from a folder that comes later, or of what a folder may never import."""
+    found = modules(root)
+    breaches = []
+    for name, tree in found.items():
+        here = folder(name)
+        for target, line in imports(tree, name, set(found)):
+            there = folder(target)
+            upwards = here and there and here[0] == there[0] and there[1] > here[1]
+            own = here and target.split(".")[0] == here[0]
+            face = own and there is None and target in found and target not in GROUND
+            reference = f"{target}.".startswith(f"{TESTS_ONLY}.") and not name.startswith(
+                TESTS_ONLY
+            )
+            catalogue = name.startswith(ENGINE) and target.startswith("identify.catalogue")
+            if upwards or face or reference or catalogue:
+                breaches.append(f"{name}, line {line}: imports {target}")
+    return breaches
+
+
+def crowded(root: Path) -> list[str]:
+    """Folders with too many modules, `__init__` not counted."""
+    folders = Counter(
+        path.parent.relative_to(root).as_posix()
+        for package in OURS
+        for path in (root / package).rglob("*.py")
+        if path.name != "__init__.py"
+    )
+    return [f for f, count in folders.items() if count > MOST_MODULES and f not in LONG_FOLDERS]
+
+
 def forbidden_imports(root: Path) -> list[str]:
     found = modules(root)
     breaches = []
@@ -68,7 +124,7 @@ def forbidden_imports(root: Path) -> list[str]:
             continue
         for target, line in imports(tree, name, set(found)):
             top = target.split(".")[0]
-            door = name == FEM_DOOR_OF_SIM and top == "fem"
+            door = name in FEM_DOORS_OF_SIM and top == "fem"
             if top not in {home} | allowed and top not in sys.stdlib_module_names and not door:
                 breaches.append(f"{name}, line {line}: imports {target}")
     return breaches
@@ -90,11 +146,27 @@ def prints(root: Path) -> list[str]:
     ]
 
 
+def types_only(tree: ast.Module) -> set[str]:
+    """Modules that are imported for type checking only."""
+    return {
+        part.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for part in node.body
+        if isinstance(part, ast.ImportFrom) and part.module
+    }
+
+
 def cycle(root: Path) -> list[str]:
-    """Modules of one import cycle, or nothing."""
+    """Modules of one import cycle, or nothing; two of one folder may name each other's types."""
     found = modules(root)
     graph = {
         name: {target for target, _ in imports(tree, name, set(found)) if target in found}
+        - {
+            target
+            for target in types_only(tree)
+            if target.rpartition(".")[0] == name.rpartition(".")[0]
+        }
         for name, tree in found.items()
     }
     try:
@@ -110,6 +182,24 @@ def test_each_package_imports_only_what_it_may():
 
 def test_no_modules_import_each_other_in_a_circle():
     assert cycle(ROOT) == []
+
+
+def test_each_folder_imports_only_from_those_before_it():
+    assert wrong_order(ROOT) == []
+
+
+def test_every_folder_has_its_place_in_the_order():
+    listed = {f"{package}/{f.replace('.', '/')}" for package in ORDER for f in ORDER[package]}
+    there = {
+        path.parent.relative_to(ROOT).as_posix()
+        for package in OURS
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert there - set(OURS) == listed
+
+
+def test_no_folder_is_crowded():
+    assert crowded(ROOT) == []
 
 
 def test_the_library_does_not_print():
@@ -166,6 +256,35 @@ def test_what_is_allowed_is_no_breach(path, source, tmp_path):
     file.parent.mkdir(parents=True)
     file.write_text(source)
     assert forbidden_imports(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("fem/mesh/a.py", "from fem.solve import b"),
+        ("identify/map/a.py", "def f():\n    from identify.select.b import c"),
+        ("identify/effects/a.py", "import identify.effects.conformance.b"),
+        ("palpmap/report/a.py", "if TYPE_CHECKING:\n    from palpmap.cli.b import c"),
+        ("identify/select/a.py", "from identify.catalogue import CATALOGUE"),
+        ("identify/body/a.py", "from fem.reference.hayes import punch_factor"),
+        ("palpmap/report/a.py", "from palpmap import fit"),
+    ],
+)
+def test_a_wrong_order_is_found(path, source, tmp_path):
+    (tmp_path / "palpmap").mkdir()
+    (tmp_path / "palpmap" / "__init__.py").touch()
+    file = tmp_path / path
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(source)
+    assert len(wrong_order(tmp_path)) == 1
+
+
+def test_a_crowded_folder_is_found(tmp_path):
+    for number in range(MOST_MODULES + 1):
+        file = tmp_path / "fem" / "mesh" / f"m{number}.py"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    assert crowded(tmp_path) == ["fem/mesh"]
 
 
 @pytest.mark.parametrize(

@@ -128,17 +128,11 @@ def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray
     triangles = mesh.boundary[:, :3]
     used, local = np.unique(triangles, return_inverse=True)
     recording.scene(mesh.nodes[used], local.reshape(-1, 3))
-    last = deepest_rows(scan)
+    last = scan.deepest_rows
     times = scan.time_s[last] - scan.time_s.min() if scan.has_time else None
     measured = scan.at_largest_force(scan.displacement_m)
     recording.measured(scan.press_ids, scan.contact_points, measured, times)
     return mesh.nodes[used]
-
-
-def deepest_rows(scan: Scan) -> np.ndarray:
-    """Row of the largest force of each press, (j,)."""
-    order = np.lexsort((scan.force_n, scan.press_index))
-    return order[np.cumsum(np.bincount(scan.press_index)) - 1]
 
 
 def step_recorder(

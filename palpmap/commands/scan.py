@@ -1,7 +1,7 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import write_scan
 from models.scan_join import stack_scans
-from palpmap.commands.scan_scene import draw_scene
+from palpmap.commands.scan_scene import Laboratory, draw_scene
 from palpmap.commands.scan_truth import scaled_truth, true_parameters, write_truth
 from palpmap.console import Output, to_type
 from palpmap.recording.recorder import Recording
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from models.press_program import PressProgram
-    from sim.body.soft_body import SoftBody
     from sim.body.true_map import TruthMap
     from sim.motion.scan_plan import ScanPlan
     from sim.motion.settings import ScanSettings
-    from sim.scan.plant_on_robot import RobotPlant
     from sim.scan.result import PressResult, ScanRun
 
 DEFAULT_FORCE_N = 0.3
@@ -43,26 +41,6 @@ LARGEST_COUPLING_ERROR = 1e-3
 
 PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
 SMALL_DEPTH_SHARE = 0.2  # deeper ones are said: beyond a tenth a linear law goes wrong by so much
-
-
-@dataclass(frozen=True)
-class Laboratory:
-    """A scan that is planned but not yet made.
-
-    Attributes
-    ----------
-    plan, settings : how it is made
-    truth, body : the map with planted inclusions, and the body that has it
-    study : what is known
-    hidden : effects that are hidden in it
-    """
-
-    plan: "ScanPlan"
-    truth: "TruthMap"
-    body: "SoftBody"
-    settings: "ScanSettings"
-    study: Study
-    hidden: "RobotPlant"
 
 
 def run_scan_command(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from identify.fit.files import read_fit
 from identify.fit.result import Fit
@@ -13,7 +12,7 @@ from palpmap.figures.fit import draw_figures, save_figures
 from palpmap.report.fit_report import write_report
 from palpmap.result.caveats import limits_of
 from palpmap.result.finding import Finding, read_truth, study_outline
-from palpmap.run_folder import read_record
+from palpmap.run_folder import how_made, read_record
 from palpmap.study.placement import place_scan
 from palpmap.study.study import Study, load_study
 
@@ -64,19 +63,3 @@ def write_finding(finding: Finding, folder: Path) -> dict[str, Path]:
     finding.comparison.write(paths["comparison"])
     write_report(finding, pictures, paths["report"])
     return paths
-
-
-def how_made(runs: list[dict[str, Any]]) -> dict[str, str]:
-    """Return commands, seeds, settings, input hashes and versions of a run folder as text."""
-    how: dict[str, str] = {}
-    for number, run in enumerate(runs, start=1):
-        settings = ", ".join(f"{k} = {v}" for k, v in run.get("settings", {}).items())
-        seed = "" if run.get("seed") is None else f", seed {run['seed']}"
-        how[f"{number}. palpmap {run.get('command', '?')}"] = (
-            f"{run.get('started', '?')}{seed}{'; ' + settings if settings else ''}"
-        )
-        for name, digest in run.get("inputs", {}).items():
-            how[Path(name).name] = f"SHA-256 {digest}"
-    if runs:
-        how["Versions"] = ", ".join(f"{k} {v}" for k, v in runs[-1].get("versions", {}).items())
-    return how

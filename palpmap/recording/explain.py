@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from identify.residual.statement import length
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
-from palpmap import __version__
-from palpmap.commands.fit import deepest_rows
 from palpmap.figures.ladder import press_rms
 from palpmap.recording import entities as parts
 from palpmap.recording import style as style
@@ -46,6 +44,7 @@ from palpmap.recording.stream import Log, RecordingFile
 from palpmap.result.explain_words import headline, rung_labels, step_evidence, verdict_detail
 from palpmap.result.finding import Finding, matched
 from palpmap.study.open_study import Problem
+from palpmap.version import __version__
 
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
 _LIFT_M = 0.004
@@ -195,7 +194,7 @@ def _press_times(finding: Finding) -> NDArray[np.float64]:
     scan = finding.scan
     if not scan.has_time:
         return np.arange(len(scan.press_ids), dtype=float)
-    times = scan.time_s[deepest_rows(scan)]
+    times = scan.time_s[scan.deepest_rows]
     return times - float(scan.time_s.min())
 
 

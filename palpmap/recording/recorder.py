@@ -8,7 +8,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
-from palpmap import __version__
 from palpmap.recording import entities as names
 from palpmap.recording import style as style
 from palpmap.recording.fit import Iteration, log_iteration, log_residuals, style_parameters
@@ -18,6 +17,7 @@ from palpmap.recording.maps import MapViews, log_map, log_outlines, modulus_colo
 from palpmap.recording.scene import LinkShape, drawn_shape, lifted, link_names, vertex_normals, xyzw
 from palpmap.recording.story import story
 from palpmap.recording.stream import Log, RecordingFile
+from palpmap.version import __version__
 
 _LIFT = 0.004  # m, by which the painted residuals stand off the surface
 

@@ -7,10 +7,9 @@ from identify.fit.joint_result import fit_of
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
-from palpmap.commands.write_fit_run import how_made
 from palpmap.result.caveats import limits_of
 from palpmap.result.finding import Finding, study_outline
-from palpmap.run_folder import read_record
+from palpmap.run_folder import how_made, read_record
 from palpmap.study.open_study import Problem
 
 TRUTH = "truth.json"

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
+from identify.body.body_model import BodyModel
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -22,7 +23,7 @@ from palpmap.__main__ import app
 from palpmap.commands.write_explain_run import write_explain_files
 from palpmap.result.explain_record import explain_record
 from palpmap.run_folder import RunFolder, write_record
-from palpmap.study.body_model import BodyModel, contacts_of
+from palpmap.study.body_model import contacts_of
 from palpmap.study.open_study import Problem, measurement_model
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study

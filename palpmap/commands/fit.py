@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from identify.body.body_model import BodyModel
 from identify.fit.files import write_fit
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.joint_result import fit_of
@@ -22,7 +23,7 @@ from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding
 from palpmap.run_folder import RunFolder
-from palpmap.study.body_model import BodyModel, build_body_model
+from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
 from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
 from palpmap.study.map_fit import fit_study

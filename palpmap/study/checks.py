@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.fit.number_of_inclusions import different_presses
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.study.placement import Placement
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from identify.effects.base import Effect
     from identify.effects.readings import Readings
 
-_SAME_M, _SAME_DIRECTION = 1e-4, 1e-2  # presses that differ by less are repeats
 _FEWEST = 2  # one alone leaves nothing to judge the fit by
 _STEADY, _MOVED = 0.95, 0.2  # of the press's largest force and travel
 
@@ -69,18 +69,6 @@ def refuse_effect(effect: "Effect", readings: "Readings", initial: Mapping[str, 
             f"effect '{effect.name}', key initial: expected values of {names}; "
             f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
         )
-
-
-def different_presses(scan: Scan) -> int:
-    """Return the number of presses that differ in place, direction or tip radius."""
-    kinds = np.column_stack(
-        [
-            scan.contact_points / _SAME_M,
-            scan.contact_directions / _SAME_DIRECTION,
-            scan.contact_radii / _SAME_M,
-        ]
-    )
-    return len(np.unique(np.rint(kinds), axis=0))
 
 
 def _refuse_too_deep(scan: Scan, study: Study) -> None:

@@ -4,18 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from identify.body.body_model import BodyModel
 from identify.fit.map_fit import fit_scan
+from identify.fit.number_of_inclusions import best_number
 from identify.fit.result import Fit, FitIteration
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.optimizers import OPTIMIZERS
-from models.scan import Scan
-from palpmap.study.body_model import BodyModel
-from palpmap.study.checks import different_presses
 from palpmap.study.placement import Placement
 from palpmap.study.study import Study
 
-MOST_INCLUSIONS = 4
 AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
 
 
@@ -41,7 +39,7 @@ def fit_study(
     method = OPTIMIZERS[optimizer]
     fine = None if rough else body.fine
     if study.map.inclusions == "auto":
-        start = _best_number(scan, body, noise)
+        start = best_number(scan, body, noise)
         return fit_scan(
             scan, body.coarse, noise=noise, fine_model=fine, start=start,
             optimizer=method, callback=callback,
@@ -74,20 +72,3 @@ def fit_study(
         start=GaussianMap.from_values(values), free=free, callback=callback,
         curved_intervals=not rough,
     )  # fmt: skip
-
-
-def _best_number(scan: Scan, body: BodyModel, noise: Noise) -> GaussianMap:
-    """Return the map of the number of inclusions with the least information criterion."""
-    rows = np.log(len(scan.used()))
-    best, least = None, np.inf
-    bearable = (different_presses(scan.used()) - 1) // 5  # as many unknowns as presses
-    for inclusions in range(min(MOST_INCLUSIONS, bearable) + 1):
-        fit = fit_scan(
-            scan, body.coarse, inclusions=inclusions, noise=noise, search_model=body.search
-        )
-        criterion = fit.chi2 + len(fit.covariance_names) * rows
-        if best is not None and criterion > least:
-            break
-        best, least = fit.map, criterion
-    assert best is not None  # the loop has run
-    return best

@@ -12,12 +12,21 @@ from types import MappingProxyType
 import numpy as np
 
 from fem import PalpationModel
+from identify.body.body_model import BodyModel
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.user_effect import load_effect
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
 from identify.fit.contact_law import ContactLaw
+from identify.fit.free_compliance_start import (
+    curved_again,
+    law_of,
+    presses_alone,
+    straight,
+    typical_error,
+    typical_error_m,
+)
 from identify.fit.joint_fit import JointFit, fit_jointly
 from identify.fit.result import Fit, FitIteration
 from identify.map.gaussian_map import GaussianMap
@@ -33,18 +42,10 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
 from models.thin import thinned
-from palpmap.study.body_model import BodyModel, build_body_model
+from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_effect, refuse_unfit
 from palpmap.study.map_fit import fit_study
 from palpmap.study.placement import Placement, place_scan
-from palpmap.study.presses_alone import (
-    curved_again,
-    law_of,
-    presses_alone,
-    straight,
-    typical_error,
-    typical_error_m,
-)
 from palpmap.study.study import Study
 
 Say = Callable[[str], None]

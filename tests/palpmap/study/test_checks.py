@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identify.fit.number_of_inclusions import different_presses
 from models.errors import InputError
 from models.scan import Scan
-from palpmap.study.checks import different_presses, refuse_unfit, too_few
+from palpmap.study.checks import refuse_unfit, too_few
 from palpmap.study.placement import place_scan
 from palpmap.study.study import About, Body, Map, Probe, Study
 

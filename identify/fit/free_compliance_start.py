@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.body.body_model import BodyModel
 from identify.body.forward import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
@@ -21,7 +22,6 @@ from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.model import EffectInModel
 from identify.measurement.noise import Noise
 from models.scan import Scan
-from palpmap.study.body_model import BodyModel
 
 Say = Callable[[str], None]
 

@@ -1,4 +1,4 @@
-"""The presses of a study by themselves, before any map: the contact law that their curves show.
+"""The presses of a scan by themselves, before any map: the contact law that their curves show.
 
 Asked first where a scan is far from what the model with a map can say. The readings without the
 effects that were found are straight lines, on which the map is then fitted as on any others.
@@ -55,7 +55,7 @@ def law_of(
 
     Parameters
     ----------
-    had : effects of the study, those of the body left out
+    had : effects in the model already, those of the body left out
     catalogue : effects that may be found
     """
     plain = presses.fit(())

@@ -1,4 +1,4 @@
-"""Runs the benchmarks and writes their tables into the README, between its markers.
+"""Runs the benchmarks and writes their tables into docs/benchmarks.md, between its markers.
 
 `make bench` runs all, `python benchmarks/run.py accuracy` one. About fifteen minutes on two cores.
 Other programs take part where they are installed: `pip install -e ".[bench]"`, and `ccx`.
@@ -25,7 +25,7 @@ import scaling  # isort: skip
 import solver  # isort: skip
 from fem import default_solver  # isort: skip
 
-README = Path(__file__).parent.parent / "README.md"
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BENCHMARKS = {
     "demo": demo_run.table,
     "solver": solver.table,
@@ -63,7 +63,7 @@ def put(text: str, name: str, lines: list[str]) -> str:
     """
     first, last = f"<!-- bench:{name} -->", f"<!-- /bench:{name} -->"
     if text.count(first) != 1 or text.count(last) != 1 or text.index(first) > text.index(last):
-        raise ValueError(f"{README.name} needs {first} and, below it, {last}, each once")
+        raise ValueError(f"{PAGE.name} needs {first} and, below it, {last}, each once")
     before, rest = text.split(first)
     return f"{before}{first}\n{chr(10).join(lines)}\n{last}{rest.split(last)[1]}"
 
@@ -79,8 +79,8 @@ def main() -> None:
         lines = [*BENCHMARKS[name](), "", f"Measured on {machine()}."]
         print("\n".join(lines), end="\n\n", flush=True)
         # read afresh each time, so that an edit made during the run is kept
-        text = README.read_text(encoding="utf-8")
-        README.write_text(put(text, name, lines), encoding="utf-8")
+        text = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(put(text, name, lines), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """What the finite elements are held against: closed forms, published tables, other solvers.
 
-Writes the table between the marks `validate:table` of the README. `python benchmarks/validate.py`,
-part of `make validate`; about seven minutes. The references are those of the tests, from which this
-takes them.
+Writes the table between the marks `validate:table` of docs/benchmarks.md.
+`python benchmarks/validate.py`, part of `make validate`; about seven minutes. The
+references are those of the tests, from which this takes them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 import accuracy
-from run import README, machine
+from run import PAGE, machine
 from scipy.integrate import quad
 
 from fem import Contacts, PalpationModel, RefinedModel, Skin, block_mesh
@@ -275,10 +275,10 @@ def main() -> None:
             lines.append(f"| {' | '.join(row)} |")
             print(lines[-1], flush=True)
     lines += ["", f"Computed on {machine()}."]
-    text = README.read_text(encoding="utf-8")  # late, so that an edit made during the run is kept
+    text = PAGE.read_text(encoding="utf-8")  # late, so that an edit made during the run is kept
     before, rest = text.split(FIRST)
     after = rest.split(LAST)[1]
-    README.write_text("\n".join([before + FIRST, *lines, LAST + after]), encoding="utf-8")
+    PAGE.write_text("\n".join([before + FIRST, *lines, LAST + after]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -201,10 +201,12 @@ def test_the_benchmarks_find_their_place_and_have_left_a_table(monkeypatch):
     assert spec.loader is not None
     run = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(run)
+    page = PAGES["docs/benchmarks.md"]
+    assert page == run.PAGE.read_text(encoding="utf-8")
     for name in run.BENCHMARKS:
-        changed = run.put(README, name, ["| new |"])
-        table = README.split(f"<!-- bench:{name} -->")[1].split(f"<!-- /bench:{name} -->")[0]
-        assert changed == README.replace(table, "\n| new |\n")
+        changed = run.put(page, name, ["| new |"])
+        table = page.split(f"<!-- bench:{name} -->")[1].split(f"<!-- /bench:{name} -->")[0]
+        assert changed == page.replace(table, "\n| new |\n")
         assert table.count("\n") > 6, f"`make bench` has not filled the table {name}"
         assert "Measured on" in table
     with pytest.raises(ValueError, match="bench:solver"):

@@ -1,6 +1,18 @@
-"""The application: study files, command line, recording, report."""
+"""Stiffness maps of soft bodies from robotic palpation: scan, fit, compare, explain.
+
+    import palpmap as pm
+
+    experiment = pm.read_study("study.toml")
+    fit = pm.fit(experiment, inclusions=1)
+    why = pm.explain(experiment)
+    print(why.verdict)
+
+Every name is loaded when it is first used, so that the import itself is quick.
+"""
 
 import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from palpmap.version import __version__ as __version__
 
@@ -8,3 +20,103 @@ from palpmap.version import __version__ as __version__
 # solver's next step waits for: on two cores everything took 1.8 times as long. Read when numpy is
 # loaded, which comes later.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+if TYPE_CHECKING:
+    from identify.catalogue.catalogue import CATALOGUE
+    from identify.effects.base import Effect, EffectParameter
+    from identify.effects.conformance.kit import check_effect
+    from identify.effects.conformance.worked_example import WorkedExample
+    from identify.map.gaussian_map import GaussianMap, Inclusion
+    from models.errors import InputError
+    from models.press_program import PressProgram, grid_program
+    from models.scan import Scan
+    from models.scan_file import read_scan, write_scan
+    from models.scan_join import join_scans
+    from palpmap.api import (
+        Comparison,
+        Diagnosis,
+        Explanation,
+        FitResult,
+        Noise,
+        Run,
+        compare,
+        diagnose,
+        explain,
+        fit,
+        limits,
+        read_run,
+        scan,
+    )
+    from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
+    from palpmap.study.body import Body
+    from palpmap.study.study import Study
+
+_HOMES = {
+    "identify.catalogue.catalogue": ("CATALOGUE",),
+    "identify.effects.base": ("Effect", "EffectParameter"),
+    "identify.effects.conformance.kit": ("check_effect",),
+    "identify.effects.conformance.worked_example": ("WorkedExample",),
+    "identify.map.gaussian_map": ("GaussianMap", "Inclusion"),
+    "models.errors": ("InputError",),
+    "models.press_program": ("PressProgram", "grid_program"),
+    "models.scan": ("Scan",),
+    "models.scan_file": ("read_scan", "write_scan"),
+    "models.scan_join": ("join_scans",),
+    "palpmap.api": (
+        "Comparison", "Diagnosis", "Explanation", "FitResult", "Noise", "Run", "compare",
+        "diagnose", "explain", "fit", "limits", "read_run", "scan",
+    ),
+    "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
+    "palpmap.study.body": ("Body",),
+    "palpmap.study.study": ("Study",),
+}  # fmt: skip
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "CATALOGUE",
+    "Block",
+    "Body",
+    "Comparison",
+    "Diagnosis",
+    "Effect",
+    "EffectParameter",
+    "Experiment",
+    "Explanation",
+    "FitResult",
+    "FlatTip",
+    "GaussianMap",
+    "Inclusion",
+    "InputError",
+    "Noise",
+    "PressProgram",
+    "Run",
+    "Scan",
+    "Sphere",
+    "Study",
+    "WorkedExample",
+    "__version__",
+    "check_effect",
+    "compare",
+    "diagnose",
+    "explain",
+    "fit",
+    "grid_program",
+    "join_scans",
+    "limits",
+    "read_run",
+    "read_scan",
+    "read_study",
+    "scan",
+    "write_scan",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"palpmap has no '{name}'; there are {', '.join(__all__)}")
+    return getattr(import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -7,6 +7,7 @@ from typing import Any
 from identify.effects.base import Effect
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
+from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.commands.limits import hiding
 from palpmap.console import Output, to_type
@@ -51,7 +52,7 @@ def run_explain(
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         scan = read_scan(known.scan, known.study.units_checked)
         kept = keep_inputs(known, scan, run.path)
-        explained, problem, without = explain_study(known, own, seed, output)
+        explained, problem, without = explain_study(known, own, seed, output, scan)
         files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
         record = write_explanation(run.path, problem, explained, kept, files, without)
         output.result(
@@ -65,7 +66,11 @@ def run_explain(
 
 
 def explain_study(
-    study: Study, own: Sequence[Effect], seed: int, output: Output
+    study: Study,
+    own: Sequence[Effect],
+    seed: int,
+    output: Output,
+    measured: Scan | None = None,
 ) -> tuple[Explanation, Problem, WithoutSuspects | None]:
     """Run the loop on a study with progress shown.
 
@@ -83,7 +88,7 @@ def explain_study(
             if not output.quiet and not output.json:
                 progress.console.print(step_line(rung), highlight=False)
 
-        problem = pose(study, own, say, lambda step: progress.advance(task))
+        problem = pose(study, own, say, lambda step: progress.advance(task), measured=measured)
         explained = climbed(problem, seed, say, on_step)
         without = without_suspects(problem, own, seed, explained, say)
         progress.update(task, description="done", total=1, completed=1)

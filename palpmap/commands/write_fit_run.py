@@ -1,11 +1,14 @@
 """A finding from the files of a run folder, and the files that show it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from identify.fit.files import read_fit
 from identify.fit.result import Fit
+from identify.map.gaussian_map import GaussianMap
 from identify.residual.compare import compare
+from models.scan import Scan
 from models.scan_file import read_scan
 from models.thin import thinned
 from palpmap.figures.fit import draw_figures, save_figures
@@ -34,11 +37,23 @@ def build_finding(
 ) -> Finding:
     """Compare a fit with its study's scan and gather what figures and report need."""
     scan = read_scan(study.scan, study.study.units_checked)
+    truth = run / "truth.json"
+    runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
+    found = finding_of(fit, study, scan, read_truth(truth) if truth.is_file() else None)
+    return replace(found, stage_s=dict(stage_s or {}), how=how_made(runs))
+
+
+def finding_of(fit: Fit, study: Study, scan: Scan, truth: GaussianMap | None = None) -> Finding:
+    """Compare a fit with a scan in its own frame, without a run folder.
+
+    Raises
+    ------
+    InputError
+        The fit belongs to another scan.
+    """
     if len(scan.used()) != len(fit.force_n):
         scan = thinned(scan)  # as `palpmap explain` does with a large one
     placement = place_scan(scan, study)
-    truth = run / "truth.json"
-    runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
     outline, used = study_outline(study), placement.scan.used()
     height_m = float(outline.upper_m[2] - outline.lower_m[2])
     return Finding(
@@ -47,10 +62,8 @@ def build_finding(
         scan=used,
         comparison=compare(fit, placement.scan),
         outline=outline,
-        truth=read_truth(truth) if truth.is_file() else None,
+        truth=truth,
         origin_m=placement.origin_m,
-        stage_s=dict(stage_s or {}),
-        how=how_made(runs),
         limits=limits_of(fit, study, used.displacement_m, height_m),
     )
 

@@ -62,7 +62,8 @@ class Problem:
     """A scan, its body's models, the map without effects, and the model with the study's effects.
 
     `catalogue` holds the built-in effects and the user's own, `law` what the presses show by
-    themselves (None where that was not asked), `left_out` how many presses too many the scan has.
+    themselves (None where that was not asked), `left_out` how many presses too many the scan has,
+    `measured` the whole scan as read, in its own frame.
     """
 
     study: Study
@@ -74,6 +75,7 @@ class Problem:
     catalogue: tuple[Effect, ...]
     law: ContactLaw | None = None
     left_out: int = 0
+    measured: Scan | None = None
 
     @property
     def scan(self) -> Scan:
@@ -95,6 +97,7 @@ def pose(
     say: Say = lambda text: None,
     on_iteration: Callable[[FitIteration], None] | None = None,
     leave_out: Sequence[int] = (),
+    measured: Scan | None = None,
 ) -> Problem:
     """Build the models of a study and fit its map and its effects.
 
@@ -104,9 +107,11 @@ def pose(
     say : called with what is being done
     on_iteration : called with each step of the map's fit
     leave_out : ids of presses that are not to count
+    measured : the study's scan, if it was read before
     """
     catalogue = catalogue_with(own)
-    scan = read_scan(study.scan, study.study.units_checked)
+    measured = measured or read_scan(study.scan, study.study.units_checked)
+    scan = measured
     if leave_out:
         scan = scan.rows(~np.isin(scan.press, leave_out))
     placement = place_scan(thinned(scan), study)
@@ -117,7 +122,9 @@ def pose(
     starts = law.plain.values if law else {}
     model, start = fit_effects(study, placement.scan, body, fit, own, say, starts, error)
     left = len(scan.press_ids) - len(placement.scan.press_ids)
-    return Problem(study, placement, body, fit, model, start, catalogue, law, left)
+    return Problem(
+        study, placement, body, fit, model, start, catalogue, law, left, measured
+    )  # fmt: skip
 
 
 def law_of_study(

@@ -95,7 +95,8 @@ def without_suspects(
             same = _same_answer(problem, explained, presses, tell)
             if same is not None:
                 return same
-        fresh = pose(problem.study, own, tell, leave_out=presses)
+        again = pose(problem.study, own, tell, leave_out=presses, measured=problem.measured)
+        fresh = replace(again, catalogue=problem.catalogue)
         return WithoutSuspects.of(presses, climbed(fresh, seed, tell))
     except (InputError, InadmissibleError):
         return None

@@ -1,0 +1,163 @@
+"""An experiment: a scan and what is known of body, tip and noise, for the Python door."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ValidationError
+
+from models.errors import InputError
+from models.scan import Scan
+from models.scan_file import read_scan
+from palpmap.study.body import Body
+from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
+
+Support = Literal["base-bonded", "base-sliding", "base-elastic"]
+_NOWHERE = Path("(in memory)") / "scan.csv"
+
+
+@dataclass(frozen=True, init=False)
+class Experiment:
+    """A measured scan, and what is known of how it was made.
+
+    Parameters
+    ----------
+    scan : the measured table, in its own frame
+    body : `Block`, or a `Body` from a closed surface
+    tip : `FlatTip` or `Sphere`
+    noise : standard deviations of both readings; what is left out is estimated from the scan
+    name : title of reports
+
+    Attributes
+    ----------
+    study : the same as the tables of a study file
+    source : the study file, None where the experiment was made in Python
+
+    Raises
+    ------
+    InputError
+        A value is impossible: which one, what was found and what is expected.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> study = pm.read_study("tests/data/lab/case_a/study.toml")
+    >>> again = pm.Experiment(
+    ...     study.scan, pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49), pm.FlatTip(0.005)
+    ... )
+    >>> len(again.scan.press_ids)
+    81
+    """
+
+    scan: Scan = field(repr=False)
+    study: Study
+    source: Path | None
+
+    def __init__(
+        self,
+        scan: Scan,
+        body: Body,
+        tip: Probe,
+        *,
+        noise: Noise | None = None,
+        name: str = "experiment",
+    ) -> None:
+        about = About(name=name, scan=_NOWHERE)  # pyright: ignore[reportCallIssue]
+        study = Study(study=about, body=body, probe=tip, noise=noise or Noise())
+        self._hold(scan, study, None)
+
+    def _hold(self, scan: Scan, study: Study, source: Path | None) -> None:
+        for key, value in (("scan", scan), ("study", study), ("source", source)):
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    def of(cls, scan: Scan, study: Study, source: Path | None = None) -> Experiment:
+        """Return the experiment of a scan and a study that was read."""
+        made = cls.__new__(cls)
+        made._hold(scan, study, source)
+        return made
+
+    @property
+    def inputs(self) -> list[Path]:
+        """Files that the experiment was read from."""
+        return [] if self.source is None else [self.source, self.study.scan]
+
+    def with_inclusions(self, inclusions: int | Literal["auto"] | None) -> Experiment:
+        """Return the experiment with another number of inclusions in its map; None keeps it."""
+        if inclusions is None:
+            return self
+        map_table = self.study.map.model_copy(update={"inclusions": inclusions})
+        checked = _checked(Map, **map_table.model_dump())
+        study = self.study.model_copy(update={"map": checked})
+        return Experiment.of(self.scan, study, self.source)
+
+
+def read_study(path: str | Path) -> Experiment:
+    """Read a study file and its scan.
+
+    Raises
+    ------
+    InputError
+        Naming file, key or row and column, what was found and what is expected.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.read_study("tests/data/lab/case_a/study.toml").study.body.poisson_ratio
+    0.49
+    """
+    study = load_study(path)
+    return Experiment.of(read_scan(study.scan, study.study.units_checked), study, Path(path))
+
+
+def Block(
+    size_m: Sequence[float],
+    *,
+    poisson_ratio: float,
+    origin_m: Sequence[float] = (0.0, 0.0, 0.0),
+    support: Support = "base-bonded",
+    cell_size_m: float | None = None,
+) -> Body:
+    """Return a block: x and y in [0, size], z up from its base.
+
+    Parameters
+    ----------
+    size_m : (3,) edges, m
+    poisson_ratio : 0 to 0.4999
+    origin_m : (3,) place of the block's corner in the scan's frame, m
+    support : of the base
+    cell_size_m : size of the finite elements; None takes the default
+    """
+    return _checked(
+        Body,
+        shape="block",
+        size_m=tuple(size_m),
+        poisson_ratio=poisson_ratio,
+        origin_m=tuple(origin_m),
+        support=support,
+        cell_size_m=cell_size_m,
+    )
+
+
+def FlatTip(radius_m: float) -> Probe:
+    """Return a flat, round tip of a radius in m."""
+    return _checked(Probe, tip="flat", radius_m=radius_m)
+
+
+def Sphere(radius_m: float) -> Probe:
+    """Return a ball-shaped tip of a radius in m."""
+    return _checked(Probe, tip="sphere", radius_m=radius_m)
+
+
+def _checked(kind, **values):
+    """Make a record; an impossible value becomes one sentence."""
+    try:
+        return kind(**values)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        key = ".".join(map(str, fault["loc"])) or kind.__name__
+        expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+        raise InputError(f"{key}: found {fault['input']!r}, expected {expected}") from error

@@ -1,0 +1,149 @@
+"""The Python door: what it returns is what the commands leave."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import palpmap as pm
+from tests.paths import LAB, ROOT
+
+NAMES = ("contact_offset", "force_drift", "viscoelasticity")
+
+
+@pytest.fixture(scope="module")
+def fitted() -> pm.FitResult:
+    return pm.fit(pm.read_study(LAB / "case_a" / "study.toml"), inclusions=1)
+
+
+@pytest.fixture(scope="module")
+def why() -> pm.Explanation:
+    """Every second press of case_g, whose hidden effect is `contact_offset`, made in memory."""
+    study = pm.read_study(LAB / "case_g" / "study.toml")
+    points = np.round(study.scan.contact_points[:, :2], 6)
+    keep = np.all([np.isin(points[:, a], np.unique(points[:, a])[::2]) for a in (0, 1)], axis=0)
+    experiment = pm.Experiment(
+        study.scan.rows(keep[study.scan.press_index]),
+        pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49),
+        pm.FlatTip(0.005),
+        noise=study.study.noise,
+    )
+    said: list[str] = []
+    effects = [effect for effect in pm.CATALOGUE if effect.name in NAMES]
+    found = pm.explain(experiment, effects, progress=said.append)
+    assert "fitting the map" in said
+    return found
+
+
+def test_every_public_name_is_there_and_documented():
+    for name in pm.__all__:
+        thing = getattr(pm, name)
+        assert isinstance(thing, str | tuple) or thing.__doc__, name
+    with pytest.raises(AttributeError, match="palpmap has no 'fitt'"):
+        _ = pm.fitt  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_import_alone_loads_nothing_heavy():
+    code = "import sys, palpmap; print({'numpy', 'scipy', 'fem', 'pydantic'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_a_fit_holds_the_truth_and_shows_itself(fitted):
+    truth = json.loads((LAB / "case_a" / "truth.json").read_text())["body"]
+    found = fitted.parameters["background_pa"]
+    assert fitted.success
+    assert found.lower95 < truth["background_pa"] < found.upper95
+    assert fitted.covariance.shape == (6, 6)
+    assert fitted.map.background_pa == found.value
+    assert "background" in fitted.summary()
+    assert "kPa" in fitted.summary()
+    assert len(fitted.plot_map().axes) >= 2
+    assert fitted.plot_residual().axes
+    assert '<img src="data:image/png;base64,' in fitted._repr_html_()
+
+
+def test_a_comparison_is_that_of_the_fit(fitted):
+    comparison = pm.compare(fitted)
+    assert comparison.is_noise
+    assert {test.name for test in comparison.tests} >= {"time", "force"}
+    assert comparison.statement in comparison.summary().replace("\n", " ")
+    assert comparison.plot().axes
+    assert comparison.to_dict()["is_noise"] is True
+
+
+def test_a_written_fit_is_the_commands_folder_and_reads_back(fitted, tmp_path, run_command):
+    written = fitted.write(tmp_path / "door")
+    done = run_command("fit", LAB / "case_a" / "study.toml", "--inclusions", "1")
+    assert {p.name for p in written.iterdir()} == {p.name for p in done.folder.iterdir()}
+    theirs = json.loads((done.folder / "fit.json").read_text())
+    ours = json.loads((written / "fit.json").read_text())
+    for name, entry in theirs["parameters"].items():
+        assert ours["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-6)
+    again = pm.read_run(written)
+    assert again.verdict is None
+    assert again.fit.parameters == fitted.parameters
+    np.testing.assert_array_equal(again.fit.residual_m, fitted.residual_m)
+    assert again.fit.summary().split("residual", 1)[1] == fitted.summary().split("residual", 1)[1]
+
+
+def test_a_missing_effect_is_found_from_memory(why):
+    assert why.verdict == "explained"
+    assert why.added == ("contact_offset",)
+    assert [step.fit.model.has for step in why.ladder] == [(), ("contact_offset",)]
+    assert {row["name"] for row in why.candidates} == set(NAMES)
+    assert {row["name"] for row in why.limits} == set(NAMES)
+    assert why.next_presses == ()
+    assert "Explained. With contact_offset" in why.summary().replace("\n", " ")
+    assert why.plot_ladder().axes
+    offset = why.fit.parameters["contact_offset.offset_m"]
+    assert offset.lower95 < 0.15e-3 < offset.upper95
+
+
+def test_a_written_explanation_reads_back(why, tmp_path):
+    folder = why.write(tmp_path / "why")
+    names = {p.name for p in folder.iterdir()}
+    assert {"result.json", "fit.json", "report.html", "recording.rrd", "study.toml"} <= names
+    run = pm.read_run(folder)
+    assert run.verdict == why.verdict
+    assert run.result is not None
+    assert run.result["parameters"] == json.loads(json.dumps(why.to_dict()["parameters"]))
+    assert [e.name for e in run.experiment.study.effects] == ["contact_offset"]
+    assert run.fit.parameters == why.fit.parameters
+
+
+def test_the_virtual_robot_follows_a_program():
+    program = pm.PressProgram(
+        x_m=np.array([0.03, 0.05]),
+        y_m=np.array([0.04, 0.06]),
+        force_n=np.array([0.2, 0.4]),
+        radius_m=np.full(2, 0.005),
+        ramp_s=np.full(2, 0.8),
+        hold_s=np.full(2, 0.4),
+        unload_s=np.full(2, 0.4),
+        pause_s=np.ones(2),
+    )
+    experiment = pm.scan(program=program, seed=3)
+    deepest = experiment.scan.at_largest_force(experiment.scan.force_n)
+    np.testing.assert_allclose(deepest, [0.2, 0.4], rtol=0.05)
+    np.testing.assert_allclose(experiment.scan.contact_points[:, 0], [0.03, 0.05], atol=2e-4)
+    assert experiment.study.noise.force_n is not None
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: pm.FlatTip(-1.0), "radius_m: found -1.0, expected"),
+        (lambda: pm.Block((0.1, 0.1), poisson_ratio=0.4), "size_m"),
+        (lambda: pm.Block((0.1, 0.1, 0.1), poisson_ratio=0.6), "poisson_ratio: found 0.6"),
+        (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
+        (lambda: pm.read_run(ROOT / "docs"), "found no fit.json"),
+    ],
+)
+def test_bad_input_gets_a_sentence(make, sentence):
+    with pytest.raises(pm.InputError) as caught:
+        make()
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -21,8 +21,8 @@ FEM_DOORS_OF_SIM = ("sim.body.soft_body",)
 ORDER = {
     "models": (),
     "fem": (
-        "mesh", "linear", "contact", "near_field", "solve", "palpation", "finite_strain",
-        "reference",
+        "mesh", "linear", "contact", "near_field", "solve", "palpation", "reduced",
+        "finite_strain", "reference",
     ),
     "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
     "identify": (

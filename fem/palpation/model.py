@@ -192,15 +192,8 @@ class PalpationModel:
             A modulus that is not positive and finite, or a body that a press pushes off a support
             on which it slides.
         """
-        modulus = checked_modulus(modulus_pa, len(self.points_m))
-        split = len(self.stiffness.points_m)
-        if fibres is not None:
-            direction, strength = checked_fibres(fibres, len(modulus))
-            fibres = Fibres(direction, np.asarray(strength)[:split])
-        skin = None if skin is None else Skin(*skin)
-        modulus, close, local = np.split(modulus, [split, len(modulus) - len(self.contacts)])
-        close = QuadraticModulus(close.reshape(-1, len(CLOSE_SAMPLES)))
-        material = Material(modulus, fibres, skin, close, local)
+        material = self.material(modulus_pa, fibres, skin)
+        modulus, skin, local = material.modulus, material.skin, material.local
         support = self.support
         if support_compliance is not None:
             normal, tangential = support_compliance
@@ -232,6 +225,23 @@ class PalpationModel:
         for array in (compliance, field, amplitude):
             array.setflags(write=False)
         return response
+
+    def material(
+        self,
+        modulus_pa: np.ndarray | float,
+        fibres: Fibres | tuple | None = None,
+        skin: Skin | tuple | None = None,
+    ) -> Material:
+        """Return what the body is made of, for the arguments of `evaluate`."""
+        modulus = checked_modulus(modulus_pa, len(self.points_m))
+        split = len(self.stiffness.points_m)
+        if fibres is not None:
+            direction, strength = checked_fibres(fibres, len(modulus))
+            fibres = Fibres(direction, np.asarray(strength)[:split])
+        skin = None if skin is None else Skin(*skin)
+        modulus, close, local = np.split(modulus, [split, len(modulus) - len(self.contacts)])
+        close = QuadraticModulus(close.reshape(-1, len(CLOSE_SAMPLES)))
+        return Material(modulus, fibres, skin, close, local)
 
     def _enriched(
         self, body: HeldBody, material: Material, values: np.ndarray

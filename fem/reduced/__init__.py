@@ -1,0 +1,1 @@
+"""Reduced basis: the compliance of every press, and its derivatives, without the mesh."""

@@ -41,6 +41,9 @@ LARGEST_TRAVEL_M = 0.1
 LARGEST_RADIUS_M = 0.05
 FALLING = -0.5  # correlation of force and displacement within a press
 LARGEST_TYPICAL_FORCE_N = 20.0
+LARGEST_NUMBER = 1.0e6  # of newtons and metres: beyond any rig, whatever the unit
+LARGEST_PRESS = 2.0**53  # above it a float64 no longer tells two whole numbers apart
+LARGEST_TIME_S = 1.0e11  # the year 5138 since 1970
 STIFFEST_BODY_PA = 1.0e6
 UNIT_LENGTH_TOLERANCE = 1.0e-3
 SAME_CONTACT_TOLERANCE = 1.0e-6
@@ -153,6 +156,8 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
             f"{where.file}: the table has a header and no rows; expected one row a sample"
         )
     _check_finite(columns, where)
+    _check_possible(columns, where)
+    _check_epoch(columns["time_s"], where)
     _check_press_order(columns["press"], where)
     _check_phase(columns["phase"], where)
     _check_radius(columns["probe_radius_m"], where)
@@ -183,8 +188,37 @@ def _check_finite(columns: Columns, where: Where) -> None:
             )
 
 
+def _check_possible(columns: Columns, where: Where) -> None:
+    for name, values in columns.items():
+        if name in ("phase", "press", "time_s"):
+            continue
+        row = int(np.abs(values).argmax())
+        if np.abs(values[row]) > LARGEST_NUMBER:
+            raise InputError(
+                f"{where.cell(row, name)}: found {values[row]:g}, expected a size below "
+                f"{LARGEST_NUMBER:g}; correct the reading or remove the row"
+            )
+
+
+def _check_epoch(time: np.ndarray, where: Where) -> None:
+    row = int(np.abs(time).argmax())  # all NaN gives the first row, which is then not greater
+    if not np.abs(time[row]) > LARGEST_TIME_S:
+        return
+    units = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+    unit = next((u for u, s in units.items() if 1e8 < abs(time[row]) / s < 1e10), None)
+    hint = "convert the times"
+    if unit:
+        hint = (
+            f"this looks like {unit} since 1970: subtract the first time, divide by {units[unit]:g}"
+        )
+    raise InputError(
+        f"{where.cell(row, 'time_s')}: found {time[row]:.10g} s, expected seconds, at most "
+        f"{LARGEST_TIME_S:g} s; {hint}"
+    )
+
+
 def _check_press_order(press: np.ndarray, where: Where) -> None:
-    bad = np.flatnonzero((press != np.round(press)) | (press < 0))
+    bad = np.flatnonzero((press != np.round(press)) | (press < 0) | (press > LARGEST_PRESS))
     if len(bad):
         raise InputError(
             f"{where.cell(bad[0], 'press')}: found {press[bad[0]]:g}, expected a whole number "

@@ -148,10 +148,10 @@ def _read_parquet(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], Where
             f"{path}: found a file that is not Parquet or is cut off ({error}); write it again, "
             "or name it .csv if it is text"
         ) from error
-    schema = int((table.schema.metadata or {}).get(_SCHEMA_KEY, b"1"))
-    if schema > SCHEMA:
+    found = (table.schema.metadata or {}).get(_SCHEMA_KEY, b"1").decode("utf-8", "replace")
+    if not (found.isascii() and found.isdigit() and len(found) < 10 and int(found) <= SCHEMA):
         raise InputError(
-            f"{path}: found scan schema {schema}, expected at most {SCHEMA}; update palpmap"
+            f"{path}: found scan schema {found[:20]}, expected at most {SCHEMA}; update palpmap"
         )
     check_header(table.column_names, where)
     return _columns_from_table(table, where), where

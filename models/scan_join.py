@@ -6,6 +6,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan
+from models.scan_quality import identical_presses
 
 OPTIONAL = {"force_vector_n": "fx_n, fy_n, fz_n", "tip_pose": "tip_x_m ... tip_qz"}
 
@@ -40,7 +41,8 @@ def join_scans(
     Raises
     ------
     InputError
-        Some scans know the time and others do not, or a clock goes back and no pause is given.
+        Some scans know the time and others do not, a clock goes back and no pause is given, or a
+        press stands twice.
     """
     timed = [scan.has_time for scan in scans]
     if any(timed) and not all(timed):
@@ -59,7 +61,27 @@ def join_scans(
             if timed[0]:
                 changes["time_s"] = _time_after(before, scan, name, pause_s)
         joined.append(scan.replace(**changes))
-    return stack_scans(joined), tuple(OPTIONAL[n] for n in left_out)
+    table = stack_scans(joined)
+    _refuse_repeated(table, joined, scans, names)
+    return table, tuple(OPTIONAL[n] for n in left_out)
+
+
+def _refuse_repeated(
+    table: Scan, joined: Sequence[Scan], scans: Sequence[Scan], names: Sequence[str]
+) -> None:
+    def source(press: int) -> str:
+        i = next(i for i, scan in enumerate(joined) if press <= scan.press[-1])
+        own = scans[i].press_ids[np.searchsorted(joined[i].press_ids, press)]
+        return f"{names[i]}, press {own}"
+
+    pairs = identical_presses(table)
+    if pairs:
+        first, later = pairs[0]
+        raise InputError(
+            f"{source(later)}: holds the same readings as {source(first)} ({len(pairs)} presses "
+            "are like this), expected other presses; the same noise twice would make the map look "
+            "surer than it is: give each press once"
+        )
 
 
 def _time_after(before: Scan, scan: Scan, name: str, pause_s: float | None) -> np.ndarray:

@@ -21,7 +21,9 @@ def check(study: StudyFile, quiet: Quiet = False, json: Json = False) -> None:
     output.result(found, _table(found))
     for note in found["notes"]:
         output.say(f"- {note}")
-    if found["can_be_fitted"]:
+    if found["can_be_fitted"] and found["doubts"]:
+        output.say("Study and scan can be read; look at the doubtful readings above before a fit.")
+    elif found["can_be_fitted"]:
         output.say("Study and scan can be used.")
     else:
         output.say("Study and scan can be read; the map cannot be fitted yet.")

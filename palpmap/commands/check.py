@@ -1,6 +1,7 @@
 """`palpmap check`: read a study and its scan, and say what is there."""
 
 import os
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from models.scan import Scan
 from models.scan_checks import PHASES
 from models.scan_file import read_scan
+from models.scan_quality import scan_findings
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import cell_size_m
 from palpmap.study.checks import refuse_contradictions, refuse_effect, too_few
@@ -35,6 +37,7 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
+    doubts = scan_findings(scan)
     placement = place_scan(scan, study)
     refuse_contradictions(placement, study)
     if study.effects:
@@ -68,7 +71,8 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
             "largest_angle_deg": float(placement.angle_deg.max()),
         },
         "can_be_fitted": too_few(placement, study) is None,
-        "notes": _notes(study, scan, placement),
+        "doubts": [asdict(doubt) for doubt in doubts],
+        "notes": [doubt.sentence for doubt in doubts] + _notes(study, scan, placement),
     }
 
 

@@ -1,0 +1,298 @@
+"""Readings of a Scan that are not what they seem, found from the table alone.
+
+All tests compare readings of one press with each other, or presses with each other; none needs a
+mesh or a modulus. Each returns findings that name the press, and the row where there is one.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.scan import Scan
+
+FACTOR = 2.0  # off by this much from both sides: a reading off by 3 is seen beside its noise
+NOISE_LEVELS = 8.0  # robust standard deviations of the scan's differences to the neighbours
+LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is worth a stop
+NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
+FREE_TRAVEL = 0.35  # of the largest travel; a sphere's force is below NO_FORCE up to 0.14
+CLIPPED_ROWS = 3
+CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
+COLLAPSE = 0.1  # of the force before it
+LISTED = 5
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A doubt about some presses.
+
+    Attributes
+    ----------
+    kind : str
+        bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase or repeated_press.
+    presses : tuple of int
+        Ids of the presses.
+    rows : tuple of int
+        Rows (0-based) of the table, where single readings are meant.
+    sentence : str
+        What was found, where, and what to do.
+    """
+
+    kind: str
+    presses: tuple[int, ...]
+    rows: tuple[int, ...]
+    sentence: str
+
+
+def scan_findings(scan: Scan) -> list[Finding]:
+    """Return all doubts about a Scan, single readings first."""
+    rows = np.flatnonzero(scan.in_contact)
+    used = scan.rows(rows)
+    found = [
+        _bad_reading(scan, int(rows[row]), column, value, expected)
+        for row, column, value, expected in bad_readings(used)
+    ]
+    bad = {press for finding in found for press in finding.presses}
+    tests: Sequence[tuple[str, Callable[[Scan], list[int]], str]] = (
+        ("clipped", _clipped, "the force stays at one largest value while the tip goes on into "
+         "the body: the sensor was at its limit; press less deep or leave these presses out"),
+        ("no_contact", _held_without_contact, "hold without contact: the force is below 5 % of a "
+         "typical press's; check place and depth, or leave these presses out"),
+        ("collapsed", _collapsed, "the force falls to a tenth or less while the tip stays in the "
+         "body: the tip slipped or the sensor failed; leave these presses out"),
+    )  # fmt: skip
+    for kind, test, words in tests:
+        presses = [press for press in test(used) if press not in bad]
+        if presses:
+            found.append(Finding(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
+    return found + _free_travel(used) + _missing_phases(used) + _repeated(used)
+
+
+def bad_readings(scan: Scan) -> list[tuple[int, str, float, float]]:
+    """Find single readings of force or travel that no neighbour in their press explains.
+
+    A reading is compared with the line through its two neighbours, and with the lines through the
+    two readings before and the two after it. The nearest of the three counts, so that a corner of
+    the motion and the neighbours of a bad reading are not taken for one. A tip that really jumps
+    moves force and travel alike: then neither is bad.
+
+    Parameters
+    ----------
+    scan : Scan
+        Rows in contact.
+
+    Returns
+    -------
+    list of (row, column, found, expected)
+    """
+    time = scan.time_s if scan.has_time else np.arange(len(scan), dtype=float)
+    presses = [np.arange(len(scan))[rows] for _, rows in _by_press(scan)]
+    found: dict[str, dict[int, tuple[float, float]]] = {}
+    for column in ("force_n", "displacement_m"):
+        values = getattr(scan, column)
+        allowed = _allowed_errors(values, time, presses)
+        found[column] = {}
+        for rows in presses:
+            for row, expected in _off_in_press(rows, values, time, allowed):
+                found[column][row] = (float(values[row]), expected)
+    both = found["force_n"].keys() & found["displacement_m"].keys()
+    return sorted(
+        (row, column, *pair)
+        for column, pairs in found.items()
+        for row, pair in pairs.items()
+        if row not in both
+    )
+
+
+def identical_presses(scan: Scan) -> list[tuple[int, int]]:
+    """Return pairs of press ids with the same place and the very same readings, later one last.
+
+    Two measurements never have the same noise; presses whose readings are all whole multiples of
+    a coarse step need at least four different forces to count.
+    """
+    first: dict[bytes, int] = {}
+    pairs = []
+    used = scan.used()
+    for press, rows in _by_press(used):
+        parts = (used.point_m[rows], used.direction[rows], used.force_n[rows])
+        key = b"".join(part.tobytes() for part in (*parts, used.displacement_m[rows]))
+        if len(np.unique(used.force_n[rows])) < 4:
+            continue
+        if key in first:
+            pairs.append((first[key], press))
+        first.setdefault(key, press)
+    return pairs
+
+
+def _by_press(scan: Scan) -> list[tuple[int, slice]]:
+    starts = np.unique(scan.press, return_index=True)[1]
+    ends = np.append(starts[1:], len(scan))
+    return [
+        (int(press), slice(int(a), int(b)))
+        for press, a, b in zip(scan.press_ids, starts, ends, strict=True)
+    ]
+
+
+def _named(presses: Sequence[int], scan: Scan) -> str:
+    some = ", ".join(map(str, presses[:LISTED])) + (" ..." if len(presses) > LISTED else "")
+    return f"Press {some} ({len(presses)} of {len(scan.press_ids)})"
+
+
+def _bad_reading(scan: Scan, row: int, column: str, found: float, expected: float) -> Finding:
+    press, unit = int(scan.press[row]), "N" if column == "force_n" else "m"
+    return Finding(
+        "bad_reading",
+        (press,),
+        (row,),
+        f"Row {row + 1} (press {press}), column {column}: found {found:.4g} {unit}, expected about "
+        f"{expected:.4g} {unit} by its neighbours; correct the reading or remove the row.",
+    )
+
+
+def _allowed_errors(
+    values: np.ndarray, time: np.ndarray, presses: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Largest difference to the neighbours that noise makes, by the number of lines 0..3."""
+    errors, lines = [], []
+    for rows in presses:
+        expected, count = _from_neighbours(values[rows], time[rows])
+        errors.append(np.abs(values[rows] - expected))
+        lines.append(count)
+    error, count = np.concatenate(errors), np.concatenate(lines)
+    least = LEAST_ERROR * np.median([np.abs(values[rows]).max() for rows in presses])
+    allowed = np.full(4, np.inf)
+    for number in range(1, 4):  # one line alone is off by more than the nearest of three
+        if np.any(count == number):
+            noise = 1.4826 * np.median(error[count == number])
+            allowed[number] = max(NOISE_LEVELS * noise, least)
+    return allowed
+
+
+def _off_in_press(
+    rows: np.ndarray, values: np.ndarray, time: np.ndarray, allowed: np.ndarray
+) -> list[tuple[int, float]]:
+    """Bad readings of one press and what was expected.
+
+    Of several that disagree, the one without which the others agree best is taken out first.
+    """
+
+    def off(rows: np.ndarray) -> dict[int, float]:
+        read = values[rows]
+        expected, lines = _from_neighbours(read, time[rows])
+        small, large = np.sort(np.abs([read, expected]), axis=0)
+        wrong = (np.abs(read - expected) > allowed[lines]) & (
+            (large > FACTOR * small) | (read * expected < 0)
+        )
+        return dict(zip(rows[wrong].tolist(), expected[wrong].tolist(), strict=True))
+
+    found = []
+    while doubtful := off(rows):
+        left = {row: len(off(rows[rows != row])) for row in doubtful}
+        worst = min(left, key=lambda row: (left[row], -abs(values[row] - doubtful[row])))
+        found.append((worst, doubtful[worst]))
+        rows = rows[rows != worst]
+    return found
+
+
+def _from_neighbours(values: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value that the neighbours in a press predict, the nearest of up to three, NaN without any.
+
+    Second, the number of lines that there were to choose from.
+    """
+    best, lines = np.full(len(values), np.nan), np.zeros(len(values), dtype=int)
+    for a, b in ((-1, 1), (-2, -1), (1, 2)):
+        row = np.arange(max(0, -a), len(values) - max(0, b))
+        slope = (values[row + b] - values[row + a]) / (time[row + b] - time[row + a])
+        line = values[row + a] + slope * (time[row] - time[row + a])
+        nearer = ~(np.abs(line - values[row]) >= np.abs(best[row] - values[row]))
+        best[row[nearer]] = line[nearer]
+        lines[row] += 1
+    return best, lines
+
+
+def _clipped(scan: Scan) -> list[int]:
+    largest = scan.force_n.max()
+    found = []
+    for press, rows in _by_press(scan):
+        at = (scan.force_n[rows] == largest) & (scan.phase[rows] == "load")
+        travel = scan.displacement_m[rows]
+        if np.sum(at) >= CLIPPED_ROWS and np.ptp(travel[at]) > CLIPPED_TRAVEL * travel.max():
+            found.append(press)
+    return found
+
+
+def _held_without_contact(scan: Scan) -> list[int]:
+    peak = np.array([scan.force_n[rows].max() for _, rows in _by_press(scan)])
+    least = NO_FORCE * np.median(peak)
+    held = [
+        (press, scan.force_n[rows][scan.phase[rows] == "hold"]) for press, rows in _by_press(scan)
+    ]
+    return [press for press, force in held if len(force) and force.max() < least]
+
+
+def _collapsed(scan: Scan) -> list[int]:
+    """Presses whose force falls from one reading to the next and stays down, the tip inside."""
+    found = []
+    typical = np.median([scan.force_n[rows].max() for _, rows in _by_press(scan)])
+    for press, rows in _by_press(scan):
+        going = scan.phase[rows] != "unload"
+        force, travel = scan.force_n[rows][going], scan.displacement_m[rows][going]
+        if len(force) < 3:
+            continue
+        after = np.maximum.accumulate(force[::-1])[::-1][1:]  # the largest force from here on
+        still_in = np.minimum.accumulate(travel[::-1])[::-1][1:] >= 0.9 * travel[:-1]
+        fell = (force[:-1] > 0.3 * typical) & (after < COLLAPSE * force[:-1]) & still_in
+        if np.any(fell[:-1]):  # two readings and more stay down: one alone is a bad reading
+            found.append(press)
+    return found
+
+
+def _free_travel(scan: Scan) -> list[Finding]:
+    """Find travel that was counted from above the surface: the tip moves and feels nothing."""
+    free = {}
+    for press, rows in _by_press(scan):
+        load = scan.phase[rows] == "load"
+        force, travel = scan.force_n[rows][load], scan.displacement_m[rows][load]
+        if len(force) < 3:
+            continue
+        force = force - force.min()
+        touch = int(np.argmax(force > NO_FORCE * force.max()))
+        if touch and travel[touch - 1] > FREE_TRAVEL * travel.max():
+            free[press] = travel[touch - 1]
+    if not free:
+        return []
+    start = np.array(list(free.values())) * 1e3
+    about = (
+        f"{start.min():.3g}" if np.ptp(start) < 0.05 else f"{start.min():.3g} to {start.max():.3g}"
+    )
+    sentence = (
+        f"{_named(list(free), scan)}: the tip travels without force at first: displacement_m is "
+        f"counted from above the surface; count it from first touch (now at about {about} mm)."
+    )
+    return [Finding("free_travel", tuple(free), (), sentence)]
+
+
+def _missing_phases(scan: Scan) -> list[Finding]:
+    found = []
+    presses = _by_press(scan)
+    for phase in ("load", "hold", "unload"):
+        without = [press for press, rows in presses if not np.any(scan.phase[rows] == phase)]
+        if without and (phase == "load" or len(without) < len(presses) / 2):
+            others = "" if len(without) == len(presses) else ", as the others have"
+            sentence = f"{_named(without, scan)}: no row of phase {phase}{others}; check the cut."
+            found.append(Finding("missing_phase", tuple(without), (), sentence))
+    return found
+
+
+def _repeated(scan: Scan) -> list[Finding]:
+    pairs = identical_presses(scan)
+    if not pairs:
+        return []
+    presses = tuple(later for _, later in pairs)
+    first, later = pairs[0]
+    sentence = (
+        f"{_named(presses, scan)}: the same readings as an earlier press at the same place "
+        f"(press {later} as press {first}); the same noise twice makes the map look surer than it "
+        "is: keep each press once."
+    )
+    return [Finding("repeated_press", presses, (), sentence)]

@@ -1,0 +1,216 @@
+"""Readings that are not what they seem are named press by press; clean scans are left alone."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from models.errors import InputError
+from models.scan import Scan
+from models.scan_file import read_scan, write_scan
+from models.scan_join import join_scans
+from models.scan_quality import bad_readings, identical_presses, scan_findings
+from palpmap.__main__ import app
+from tests.paths import LAB
+
+RUN = CliRunner()
+SEEN_SHARE = 0.1  # of its press's largest: of a smaller reading the third part is within noise
+
+
+def drawn_scan(seed: int) -> Scan:
+    """Draw a clean scan: another body, robot program and sensor for each seed."""
+    rng = np.random.default_rng(seed)
+    presses = int(rng.integers(9, 40))
+    load, hold, unload = (int(rng.integers(*limits)) for limits in ((5, 16), (2, 12), (5, 16)))
+    ramp = np.r_[
+        np.arange(1, load + 1) / load, np.ones(hold), np.arange(unload - 1, -1, -1) / unload
+    ]
+    count = len(ramp)
+    phase = ["load"] * load + ["hold"] * hold + ["unload"] * unload
+    time = 0.1 * np.arange(count)
+    stiffness = rng.uniform(50, 300) * rng.uniform(0.6, 1.8, presses)
+    depth = rng.uniform(1e-3, 6e-3)
+    travel = depth * ramp * np.ones((presses, 1))
+    relaxed = 1 - rng.uniform(0, 0.3) * (1 - np.exp(-time / rng.uniform(0.2, 2)))
+    stiffening = rng.uniform(0, 1)
+    force = stiffness[:, None] * travel * (1 + stiffening * ramp**2) * relaxed
+    typical = np.median(force.max(axis=1))
+    force = force + rng.normal(0, rng.uniform(0.001, 0.02) * typical, force.shape)
+    travel = travel + rng.normal(0, rng.uniform(0.0005, 0.01) * depth, travel.shape)
+    place = rng.uniform(0.02, 0.07, (presses, 2))
+    return Scan(
+        press=np.repeat(np.arange(presses), count),
+        time_s=(time + 5.0 * np.arange(presses)[:, None]).ravel(),
+        phase=np.tile(phase, presses),
+        point_m=np.repeat(np.c_[place, np.full(presses, 0.048)], count, axis=0),
+        direction=np.tile([0.0, 0.0, -1.0], (presses * count, 1)),
+        force_n=force.ravel(),
+        displacement_m=travel.ravel(),
+        probe_radius_m=np.full(presses * count, 0.005),
+    )
+
+
+def with_bad_reading(
+    scan: Scan, rng: np.random.Generator, least: float = SEEN_SHARE
+) -> tuple[Scan, int, str]:
+    column = ("force_n", "displacement_m")[rng.integers(2)]
+    values = np.array(getattr(scan, column))
+    largest = np.zeros(len(scan.press_ids))
+    np.maximum.at(largest, scan.press_index, values)
+    row = int(rng.choice(np.flatnonzero(values > least * largest[scan.press_index])))
+    values[row] *= rng.uniform(3, 30) ** rng.choice([-1, 1])
+    return scan.replace(**{column: values}), row, column
+
+
+def test_single_bad_readings_are_named_by_row():
+    rng = np.random.default_rng(1)
+    found = 0
+    for seed in range(200):
+        scan, row, column = with_bad_reading(drawn_scan(seed), rng)
+        found += [place[:2] for place in bad_readings(scan)] == [(row, column)]
+    assert found >= 0.98 * 200
+
+
+def test_bad_readings_of_laboratory_scans_are_named_by_row():
+    rng = np.random.default_rng(2)
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    found = 0
+    for _ in range(100):
+        bad, row, column = with_bad_reading(scan, rng, least=0.2)  # its force is noisier
+        found += (row, column) in [place[:2] for place in bad_readings(bad)]
+    assert found >= 0.98 * 100
+
+
+def test_clean_scans_raise_no_doubt():
+    alarms = [seed for seed in range(1000, 1200) if scan_findings(drawn_scan(seed))]
+    assert len(alarms) <= 0.02 * 200
+
+
+@pytest.mark.parametrize("case", sorted(path.name for path in LAB.iterdir() if path.is_dir()))
+def test_laboratory_scans_raise_no_doubt(case):
+    assert scan_findings(read_scan(LAB / case / "scan.csv")) == []
+
+
+def kinds(scan: Scan) -> dict[str, tuple[int, ...]]:
+    return {finding.kind: finding.presses for finding in scan_findings(scan)}
+
+
+def test_a_jump_of_the_tip_is_not_taken_for_a_bad_reading():
+    scan = drawn_scan(3)
+    row = int(scan.deepest_rows[2])
+    scale = np.ones(len(scan))
+    scale[row] = 3.0
+    jumped = scan.replace(force_n=scan.force_n * scale, displacement_m=scan.displacement_m * scale)
+    assert "bad_reading" not in kinds(jumped)
+
+
+def test_travel_counted_from_above_the_surface_is_seen_with_its_start():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    first = scan.press_ids[0]
+    rows = np.flatnonzero((scan.press == first) & (scan.phase == "load"))
+    # The same press from 10 mm above: free rows first, then the readings as they were.
+    above = scan.rows(np.r_[rows[:4], np.arange(len(scan))])
+    force, travel = np.array(above.force_n), np.array(above.displacement_m)
+    travel[above.press == first] += 0.010
+    force[:4], travel[:4] = [0.001, -0.002, 0.0, 0.001], [0.001, 0.004, 0.007, 0.0098]
+    found = scan_findings(above.replace(force_n=force, displacement_m=travel))
+    assert [f.kind for f in found] == ["free_travel"]
+    assert found[0].presses == (first,)
+    assert "at about 9.8 mm" in found[0].sentence
+
+
+def test_a_clipped_sensor_is_said_press_by_press():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    limit = 0.5 * np.median(scan.force_n[scan.deepest_rows])
+    clipped = scan.replace(force_n=np.minimum(scan.force_n, limit))
+    assert len(kinds(clipped)["clipped"]) > 0.5 * len(scan.press_ids)
+
+
+def test_hold_without_contact_and_collapsed_force_are_said_press_by_press():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    force = np.array(scan.force_n)
+    rng = np.random.default_rng(0)
+    missed, slipped = scan.press == 5, (scan.press == 9) & (scan.phase == "hold")
+    force[missed] = rng.normal(0, 1e-3, missed.sum())
+    force[np.flatnonzero(slipped)[2:]] = rng.normal(0, 1e-3, slipped.sum() - 2)
+    found = kinds(scan.replace(force_n=force))
+    assert found == {"no_contact": (5,), "collapsed": (9,)}
+
+
+def test_a_press_without_a_phase_that_the_others_have_is_said():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    cut = scan.rows(~((scan.press == 4) & (scan.phase == "unload")))
+    assert kinds(cut) == {"missing_phase": (4,)}
+
+
+def test_identical_presses_are_refused_when_scans_are_joined():
+    scan = drawn_scan(5)
+    with pytest.raises(InputError, match=r"b, press 0: holds the same readings as a, press 0"):
+        join_scans([scan, scan], ["a", "b"], 60.0)
+    other = drawn_scan(6)
+    mixed = other.rows(other.press < 3)
+    with pytest.raises(InputError, match=r"b, press 2: holds .* as a, press 2 \(1 presses"):
+        join_scans([scan, scan.rows(scan.press == 2)], ["a", "b"], 60.0)
+    joined, _ = join_scans([scan, mixed], ["a", "b"], 60.0)
+    assert identical_presses(joined) == []
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_second"), [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)]
+)
+def test_times_since_1970_in_another_unit_are_recognised(unit, per_second, tmp_path):
+    scan = drawn_scan(7)
+    write_scan(scan.replace(time_s=(scan.time_s + 1.75e9) * per_second), tmp_path / "scan.csv")
+    with pytest.raises(InputError, match=f"column time_s.*looks like {unit} since 1970"):
+        read_scan(tmp_path / "scan.csv", units_checked=True)
+    write_scan(scan.replace(time_s=scan.time_s + 1.75e9), tmp_path / "seconds.csv")
+    assert read_scan(tmp_path / "seconds.csv").time_s[0] == 1.75e9
+
+
+@pytest.mark.parametrize("column", ["force_n", "displacement_m", "z_m"])
+def test_numbers_beyond_any_rig_are_refused(column, tmp_path):
+    lines = (LAB / "case_a" / "scan.csv").read_text(encoding="utf-8").splitlines()
+    cells = lines[7].split(",")
+    cells[lines[0].split(",").index(column)] = "1e308"
+    lines[7] = ",".join(cells)
+    (tmp_path / "scan.csv").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InputError, match=rf"row 7 \(line 8\), column {column}: found 1e\+308"):
+        read_scan(tmp_path / "scan.csv", units_checked=True)
+
+
+@pytest.mark.parametrize("found", [b"v3 of another", b"\xff\xfe", b"-1", b"9" * 5000])
+def test_parquet_metadata_of_another_program_is_refused(found, tmp_path):
+    write_scan(drawn_scan(8), tmp_path / "scan.parquet")
+    table = pq.read_table(tmp_path / "scan.parquet")
+    table = table.replace_schema_metadata({b"palpmap.scan_schema": found})
+    pq.write_table(table, tmp_path / "scan.parquet")
+    with pytest.raises(InputError, match="found scan schema"):
+        read_scan(tmp_path / "scan.parquet")
+
+
+def test_a_press_number_beyond_whole_numbers_is_refused(tmp_path):
+    write_scan(drawn_scan(8), tmp_path / "scan.parquet")
+    table = pq.read_table(tmp_path / "scan.parquet")
+    press = np.full(len(table), 2**63, dtype=np.uint64)
+    pq.write_table(table.set_column(0, "press", pa.array(press)), tmp_path / "scan.parquet")
+    with pytest.raises(InputError, match=r"row 1, column press: found 9\.22337e\+18"):
+        read_scan(tmp_path / "scan.parquet")
+
+
+def test_check_names_the_bad_reading(tmp_path):
+    for name in ("scan.csv", "study.toml"):
+        shutil.copy(LAB / "case_a" / name, tmp_path / name)
+    scan = read_scan(tmp_path / "scan.csv")
+    force = np.array(scan.force_n)
+    force[100] = 15.0
+    write_scan(scan.replace(force_n=force), tmp_path / "scan.csv")
+    study = Path(tmp_path / "study.toml")
+    done = RUN.invoke(app, ["check", str(study)])
+    said = " ".join(done.output.split())
+    assert done.exit_code == 0, done.output
+    assert f"Row 101 (press {scan.press[100]}), column force_n: found 15 N" in said
+    assert "look at the doubtful readings" in said

@@ -226,7 +226,7 @@ def _columns_from_table(table: pa.Table, where: Where) -> dict[str, np.ndarray]:
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[name] = _from_text([cell or "" for cell in cells.to_pylist()], name, where)
         elif numeric and name != "phase":
-            columns[name] = cells.cast(pa.float64()).to_numpy()
+            columns[name] = cells.cast(pa.float64(), safe=False).to_numpy()
         elif pa.types.is_null(kind) and name == "time_s":
             columns[name] = np.full(len(cells), np.nan)
         else:

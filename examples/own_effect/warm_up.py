@@ -8,7 +8,7 @@ from identify.effects.base import Effect, EffectParameter, WorkedExample
 class WarmUp(Effect):
     """The zero starts right and ends `rise_n` too high."""
 
-    name, title, link = "warm_up", "Warm-up of the force sensor", "instrument"
+    name, title = "warm_up", "Warm-up of the force sensor"
     summary = "The force sensor warms up during the scan. Its zero moves fast at first, then rests."
     formula = "F = F_read - rise (1 - exp(-t / tau)),  t since the scan's first reading"
     source = "the sensor's data sheet"
@@ -28,9 +28,9 @@ class WarmUp(Effect):
         ),
     )
 
-    def force(self, readings, force_n, values):
+    def force(self, readings, force_n, *, rise_n, tau_s):
         """Take off what the sensor reads too much."""
-        return force_n + values["rise_n"] * np.expm1(-readings.elapsed_s / values["tau_s"])
+        return force_n + rise_n * np.expm1(-readings.elapsed_s / tau_s)
 
     def grid(self, readings, state):
         """Try times from some presses to the whole scan."""

@@ -19,7 +19,6 @@ class Anisotropy(Effect):
 
     name = "anisotropy"
     title = "Fibres (anisotropy)"
-    link = "body"
     summary = (
         "The body is stiffer along one direction in the plane, as muscle is along its fibres. "
         "The dimple under a tip is then an ellipse, and edges and inclusions act differently "
@@ -51,9 +50,9 @@ class Anisotropy(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, fibre_share: float, angle_rad: float) -> BodyState:
         """Give the body fibres."""
-        return state.changed(fibre_share=values["fibre_share"], fibre_angle_rad=values["angle_rad"])
+        return state.changed(fibre_share=fibre_share, fibre_angle_rad=angle_rad)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Directions over half a turn, 11 degrees apart; the bounds leave room beyond both ends."""

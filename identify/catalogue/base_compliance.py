@@ -13,7 +13,6 @@ class BaseCompliance(Effect):
 
     name = "base_compliance"
     title = "Yielding base"
-    link = "body"
     summary = (
         "The body lies on foam, gel or a soft table that gives way under it. "
         "Every press sinks by a little more, least where the load spreads widest."
@@ -47,9 +46,9 @@ class BaseCompliance(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, normal_m_per_pa: float) -> BodyState:
         """Put the springs below the body, beside any that are there."""
-        total = state.base_normal_m_per_pa + values["normal_m_per_pa"]
+        total = state.base_normal_m_per_pa + normal_m_per_pa
         return state.changed(base_normal_m_per_pa=total)
 
     def evidence(self, values: Values, readings: Readings) -> str:

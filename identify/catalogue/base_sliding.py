@@ -13,7 +13,6 @@ class BaseSliding(Effect):
 
     name = "base_sliding"
     title = "Sliding base"
-    link = "body"
     summary = (
         "The body is not bonded to its support but can slide on it, against some resistance. "
         "A body of nearly constant volume then spreads under the tip instead of being held."
@@ -45,9 +44,9 @@ class BaseSliding(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, tangential_m_per_pa: float) -> BodyState:
         """Put the springs below the body, beside any that are there."""
-        total = state.base_tangential_m_per_pa + values["tangential_m_per_pa"]
+        total = state.base_tangential_m_per_pa + tangential_m_per_pa
         return state.changed(base_tangential_m_per_pa=total)
 
     def levels(self, state: BodyState) -> tuple[float, ...]:

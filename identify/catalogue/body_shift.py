@@ -20,7 +20,6 @@ class BodyShift(Effect):
 
     name = "body_shift"
     title = "Body elsewhere than stated"
-    link = "body"
     summary = (
         "The body lies further to one side under the robot than the study states, as after a "
         "registration that is off. Presses that are thought to be far from an edge are near it."
@@ -43,10 +42,10 @@ class BodyShift(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, x_m: float, y_m: float) -> BodyState:
         """Move it."""
         x, y = state.shift_m
-        return state.changed(shift_m=(x + values["x_m"], y + values["y_m"]))
+        return state.changed(shift_m=(x + x_m, y + y_m))
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Keep the tips on the body."""

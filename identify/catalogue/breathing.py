@@ -24,7 +24,7 @@ class Breathing(Effect):
 
     name = "breathing"
     title = "Breathing"
-    link = "instrument"
+    order = 10
     summary = (
         "The body rises and falls by itself, as with breath or pulse, and the robot takes that "
         "for travel. The motion goes on through all presses at one frequency."
@@ -52,11 +52,18 @@ class Breathing(Effect):
     )
 
     def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self,
+        readings: Readings,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        *,
+        sine_m: float,
+        cosine_m: float,
+        frequency_hz: float,
     ) -> np.ndarray:
         """Add the motion."""
-        angle = 2 * math.pi * values["frequency_hz"] * readings.elapsed_s
-        return travel_m + values["sine_m"] * np.sin(angle) + values["cosine_m"] * np.cos(angle)
+        angle = 2 * math.pi * frequency_hz * readings.elapsed_s
+        return travel_m + sine_m * np.sin(angle) + cosine_m * np.cos(angle)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-
 from identify.catalogue.anisotropy import Anisotropy
 from identify.catalogue.base_compliance import BaseCompliance
 from identify.catalogue.base_sliding import BaseSliding
@@ -34,60 +32,38 @@ from identify.catalogue.tool_compliance import ToolCompliance
 from identify.catalogue.touch_threshold import TouchThreshold
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.effects.base import Effect
-from models.errors import InputError
+from models.catalogue import Catalogue
 
-CATALOGUE: tuple[Effect, ...] = (
-    ExtraInclusion(),
-    InclusionEdge(),
-    InclusionStretch(),
-    StiffnessGradient(),
-    SideGradient(),
-    SkinLayer(),
-    Anisotropy(),
-    PoissonRatio(),
-    BaseCompliance(),
-    BaseSliding(),
-    BodyShift(),
-    MeshError(),
-    RigidTip(),
-    SphericalTip(),
-    FiniteStrain(),
-    StrainStiffening(),
-    Viscoelasticity(),
-    Preconditioning(),
-    Hysteresis(),
-    ToolCompliance(),
-    ForceBias(),
-    ForceDrift(),
-    SensitivityDrift(),
-    ForceSaturation(),
-    ContactOffset(),
-    TouchThreshold(),
-    SurfaceTilt(),
-    DisplacementDrift(),
-    Breathing(),
+CATALOGUE: Catalogue[Effect] = Catalogue(
+    (
+        ExtraInclusion(),
+        InclusionEdge(),
+        InclusionStretch(),
+        StiffnessGradient(),
+        SideGradient(),
+        SkinLayer(),
+        Anisotropy(),
+        PoissonRatio(),
+        BaseCompliance(),
+        BaseSliding(),
+        BodyShift(),
+        MeshError(),
+        RigidTip(),
+        SphericalTip(),
+        FiniteStrain(),
+        StrainStiffening(),
+        Viscoelasticity(),
+        Preconditioning(),
+        Hysteresis(),
+        ToolCompliance(),
+        ForceBias(),
+        ForceDrift(),
+        SensitivityDrift(),
+        ForceSaturation(),
+        ContactOffset(),
+        TouchThreshold(),
+        SurfaceTilt(),
+        DisplacementDrift(),
+        Breathing(),
+    )
 )
-
-
-_PLACES = {effect.name: place for place, effect in enumerate(CATALOGUE)}
-
-
-def place_in_catalogue(effect: Effect) -> int:
-    """Return where an effect acts among others; a user's own after all built-in ones."""
-    return _PLACES.get(effect.name, len(CATALOGUE))
-
-
-def effect_named(name: str) -> Effect:
-    """Return the built-in effect of this name.
-
-    Raises
-    ------
-    InputError
-        There is none; says the nearest right name, or all of them.
-    """
-    names = {effect.name: effect for effect in CATALOGUE}
-    if name in names:
-        return names[name]
-    near = difflib.get_close_matches(name.lower().replace("-", "_"), names, n=1, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"there are: {', '.join(names)}"
-    raise InputError(f"no effect is called '{name}'; {hint}")

@@ -14,7 +14,7 @@ class ContactOffset(Effect):
 
     name = "contact_offset"
     title = "Offset of first touch"
-    link = "instrument"
+    order = 6
     summary = (
         "First touch is declared too early or too late, by the same distance in every press. "
         "All displacements are then too large or too small by a constant."
@@ -40,10 +40,10 @@ class ContactOffset(Effect):
     )
 
     def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, *, offset_m: float
     ) -> np.ndarray:
         """Add the offset."""
-        return travel_m + values["offset_m"]
+        return travel_m + offset_m
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how far off first touch is."""

@@ -14,7 +14,7 @@ class DisplacementDrift(Effect):
 
     name = "displacement_drift"
     title = "Drift of the displacement"
-    link = "instrument"
+    order = 9
     summary = (
         "The arm grows as it warms up, or the body settles on its bed, and displacements change "
         "with it. They are too large or too small by a length that grows over the scan."
@@ -40,10 +40,10 @@ class DisplacementDrift(Effect):
     )
 
     def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, *, rate_m_per_s: float
     ) -> np.ndarray:
         """Add the drift."""
-        return travel_m + values["rate_m_per_s"] * readings.elapsed_s
+        return travel_m + rate_m_per_s * readings.elapsed_s
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how far the displacement went over the scan."""

@@ -26,7 +26,6 @@ class ExtraInclusion(Effect):
 
     name = "extra_inclusion"
     title = "Further inclusion"
-    link = "body"
     summary = (
         "There is a harder or softer spot beside those that the map has. "
         "The map then bends its own inclusions towards it."
@@ -55,9 +54,18 @@ class ExtraInclusion(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(
+        self,
+        state: BodyState,
+        *,
+        weight_pa: float,
+        x_m: float,
+        y_m: float,
+        z_m: float,
+        radius_m: float,
+    ) -> BodyState:
         """Put the inclusion into the body."""
-        return state.changed(bumps=(*state.bumps, Inclusion(**values)))
+        return state.changed(bumps=(*state.bumps, Inclusion(weight_pa, x_m, y_m, z_m, radius_m)))
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Places below the pressed area, a good radius apart, at two depths."""

@@ -30,7 +30,7 @@ class FiniteStrain(Effect):
 
     name = "finite_strain"
     title = "Large strain (geometry)"
-    link = "contact"
+    order = 2
     summary = (
         "The tip goes so deep that the body's changing shape matters, and force is no longer "
         "proportional to travel. Thick bodies soften by it; thin ones and deep presses may harden."
@@ -71,10 +71,11 @@ class FiniteStrain(Effect):
         pressing: Pressing,
         force_n: np.ndarray,
         travel_m: np.ndarray,
-        values: Values,
+        *,
+        s: float,
     ) -> np.ndarray:
         """Bend the travel by its depth over the contact radius; outwards, noise only, likewise."""
-        s, a = values["s"], pressing.radius_m
+        a = pressing.radius_m
         x = travel_m / a
         if s <= 0:
             return travel_m * np.where(x > 0, 1 - s * x * (1 + x), 1 / (1 + s * np.minimum(x, 0)))

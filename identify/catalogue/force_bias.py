@@ -17,7 +17,7 @@ class ForceBias(Effect):
 
     name = "force_bias"
     title = "Bias of the force sensor"
-    link = "instrument"
+    order = 2
     summary = (
         "The force sensor reads a constant too much or too little. "
         "Travel is then missing or left over at small forces, most at soft places."
@@ -39,9 +39,9 @@ class ForceBias(Effect):
         ),
     )
 
-    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+    def force(self, readings: Readings, force_n: np.ndarray, *, bias_n: float) -> np.ndarray:
         """Take the bias off."""
-        return force_n - values["bias_n"]
+        return force_n - bias_n
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the bias by the largest force."""

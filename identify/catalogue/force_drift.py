@@ -17,7 +17,7 @@ class ForceDrift(Effect):
 
     name = "force_drift"
     title = "Drift of the force sensor"
-    link = "instrument"
+    order = 3
     summary = (
         "The sensor's zero wanders steadily over the scan, as it does while it warms up. "
         "Late presses seem stiffer or softer than early ones."
@@ -39,9 +39,9 @@ class ForceDrift(Effect):
         ),
     )
 
-    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+    def force(self, readings: Readings, force_n: np.ndarray, *, rate_n_per_s: float) -> np.ndarray:
         """Take the drift off."""
-        return force_n - values["rate_n_per_s"] * readings.elapsed_s
+        return force_n - rate_n_per_s * readings.elapsed_s
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the rate by the largest force over the scan."""

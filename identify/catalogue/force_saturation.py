@@ -24,7 +24,7 @@ class ForceSaturation(Effect):
 
     name = "force_saturation"
     title = "Saturation of the force sensor"
-    link = "instrument"
+    order = 5
     summary = (
         "The sensor reads too little at high force, as near the end of its range. "
         "The body seems to give way once the force is high, everywhere at the same force."
@@ -54,10 +54,12 @@ class ForceSaturation(Effect):
         ),
     )
 
-    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+    def force(
+        self, readings: Readings, force_n: np.ndarray, *, loss: float, sharpness: float
+    ) -> np.ndarray:
         """Put back what was not read."""
         level = np.abs(force_n) / max(readings.largest_force_n, 1e-9)
-        return force_n * (1 + values["loss"] * level ** values["sharpness"])
+        return force_n * (1 + loss * level**sharpness)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """From a gradual loss to all but clipping."""

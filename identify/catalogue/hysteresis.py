@@ -14,7 +14,7 @@ class Hysteresis(Effect):
 
     name = "hysteresis"
     title = "Hysteresis"
-    link = "response"
+    order = 3
     summary = (
         "On the way back the tip is deeper than on the way in at the same force. "
         "The loop closes at the largest force and at none, and does not depend on the speed."
@@ -45,13 +45,13 @@ class Hysteresis(Effect):
     )
 
     def response(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, *, h: float
     ) -> np.ndarray:
         """Widen the unloading branch."""
         peak = readings.peak_of(force_n)
         level = np.divide(force_n, peak, out=np.ones_like(force_n), where=peak > 0)
         back = readings.phase == "unload"
-        return travel_m * (1 + np.where(back, 4 * values["h"] * (1 - level), 0.0))
+        return travel_m * (1 + np.where(back, 4 * h * (1 - level), 0.0))
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how wide the loop is."""

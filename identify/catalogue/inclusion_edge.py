@@ -15,7 +15,6 @@ class InclusionEdge(Effect):
 
     name = "inclusion_edge"
     title = "Edge of the inclusions"
-    link = "body"
     summary = (
         "The hard or soft spots are bodies with an edge, as a ball in a phantom is, and no smooth "
         "Gaussians. The map then misses their depth, size and stiffness."
@@ -37,10 +36,10 @@ class InclusionEdge(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, edge: float) -> BodyState:
         """Give the inclusions an edge."""
         shape = state.inclusion_shape
-        return state.changed(inclusion_shape=replace(shape, edge=shape.edge + values["edge"]))
+        return state.changed(inclusion_shape=replace(shape, edge=shape.edge + edge))
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say what the inclusions are like."""

@@ -15,7 +15,6 @@ class InclusionStretch(Effect):
 
     name = "inclusion_stretch"
     title = "Long inclusions"
-    link = "body"
     summary = (
         "The hard or soft spots are longer in one horizontal direction than across it. "
         "With several inclusions, all are taken to be stretched alike."
@@ -38,11 +37,11 @@ class InclusionStretch(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, along_x: float, along_diagonal: float) -> BodyState:
         """Stretch the inclusions."""
         shape = state.inclusion_shape
         a, b = shape.stretch
-        stretch = (a + values["along_x"], b + values["along_diagonal"])
+        stretch = (a + along_x, b + along_diagonal)
         return state.changed(inclusion_shape=replace(shape, stretch=stretch))
 
     def evidence(self, values: Values, readings: Readings) -> str:

@@ -13,7 +13,6 @@ class MeshError(Effect):
 
     name = "mesh_error"
     title = "Error of the mesh"
-    link = "body"
     summary = (
         "The finite element mesh is too coarse, and the model a little too stiff where strains "
         "are steep. This is a fault of the computation, not of the body or of the robot."
@@ -27,9 +26,9 @@ class MeshError(Effect):
         WorkedExample("The whole estimated error.", {"share": 1.0}, {}, {"mesh_error_share": 1.0}),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, share: float) -> BodyState:
         """Add a share of the error."""
-        return state.changed(mesh_error_share=state.mesh_error_share + values["share"])
+        return state.changed(mesh_error_share=state.mesh_error_share + share)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say what share of the estimated error the data ask for."""

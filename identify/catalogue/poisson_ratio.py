@@ -16,7 +16,6 @@ class PoissonRatio(Effect):
 
     name = "poisson_ratio"
     title = "Poisson's ratio"
-    link = "body"
     summary = (
         "The body is more compressible, or less, than the study states. "
         "A bonded base holds back an incompressible body more, and free edges less."
@@ -35,9 +34,9 @@ class PoissonRatio(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, change: float) -> BodyState:
         """Change the ratio."""
-        return state.changed(poisson_ratio=state.poisson_ratio + values["change"])
+        return state.changed(poisson_ratio=state.poisson_ratio + change)
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Stay between 0 and what the finite elements take."""

@@ -17,7 +17,7 @@ class Preconditioning(Effect):
 
     name = "preconditioning"
     title = "Preconditioning"
-    link = "response"
+    order = 2
     summary = (
         "Fresh tissue yields a little more with each press until it has settled. "
         "Presses made later in the scan therefore seem softer, wherever they are."
@@ -48,11 +48,11 @@ class Preconditioning(Effect):
     )
 
     def response(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, *, p: float, k0: float
     ) -> np.ndarray:
         """Scale each press's travel by its order."""
-        settled = -np.expm1(-readings.order[readings.press] / values["k0"])
-        return travel_m * (1 + values["p"] * settled)
+        settled = -np.expm1(-readings.order[readings.press] / k0)
+        return travel_m * (1 + p * settled)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """From one press to as many as there are; beyond, the law is a straight line."""

@@ -13,7 +13,6 @@ class RigidTip(Effect):
 
     name = "rigid_tip"
     title = "Rigid tip held upright"
-    link = "body"
     summary = (
         "The arm holds the flat tip so stiffly that it cannot follow where the surface would tilt "
         "or bulge. Beside hard places and near edges it sinks less than under the assumed pressure."
@@ -27,9 +26,9 @@ class RigidTip(Effect):
     )
     examples = (WorkedExample("Held upright.", {"share": 1.0}, {}, {"rigid_tip_share": 1.0}),)
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, share: float) -> BodyState:
         """Hold the tip."""
-        return state.changed(rigid_tip_share=state.rigid_tip_share + values["share"])
+        return state.changed(rigid_tip_share=state.rigid_tip_share + share)
 
     def redundant(self, profile: str, nonlinear: bool) -> str | None:
         """Only a flat tip can be held upright."""

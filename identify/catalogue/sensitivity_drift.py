@@ -19,7 +19,7 @@ class SensitivityDrift(Effect):
 
     name = "sensitivity_drift"
     title = "Drift of the sensor's sensitivity, or of the body's stiffness"
-    link = "instrument"
+    order = 4
     summary = (
         "The sensor reads steadily more or less of the same force, as it does while it warms up, "
         "or the body steadily stiffens or softens as it dries, cools or warms. "
@@ -48,9 +48,9 @@ class SensitivityDrift(Effect):
         ),
     )
 
-    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+    def force(self, readings: Readings, force_n: np.ndarray, *, rate_per_s: float) -> np.ndarray:
         """Undo the change of sensitivity."""
-        return force_n / (1 + values["rate_per_s"] * readings.elapsed_s)
+        return force_n / (1 + rate_per_s * readings.elapsed_s)
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the change over the scan by a half."""

@@ -15,7 +15,6 @@ class SideGradient(Effect):
 
     name = "side_gradient"
     title = "Stiffness changing from side to side"
-    link = "body"
     summary = (
         "The whole body grows stiffer towards one side, as where a gel has set unevenly. "
         "A map with one background cannot follow, and its inclusions drift that way."
@@ -38,9 +37,9 @@ class SideGradient(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, g_x: float, g_y: float) -> BodyState:
         """Grade the modulus."""
-        slope = np.array([values["g_x"], values["g_y"]])
+        slope = np.array([g_x, g_y])
         low, high = (np.array(corner[:2]) for corner in state.box_m)
 
         def graded(points_m: np.ndarray) -> np.ndarray:

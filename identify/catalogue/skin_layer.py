@@ -15,7 +15,6 @@ class SkinLayer(Effect):
 
     name = "skin_layer"
     title = "Skin layer"
-    link = "body"
     summary = (
         "A thin layer on top is stiffer, or softer, than what lies below. "
         "Its stiffness and its thickness can hardly be told apart: about their product counts."
@@ -39,11 +38,9 @@ class SkinLayer(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, stiffening: float, thickness_m: float) -> BodyState:
         """Cover the body."""
-        return state.changed(
-            skin_factor=1 + values["stiffening"], skin_thickness_m=values["thickness_m"]
-        )
+        return state.changed(skin_factor=1 + stiffening, skin_thickness_m=thickness_m)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Three thicknesses: finer would be no different."""

@@ -23,7 +23,7 @@ class SphericalTip(Effect):
 
     name = "spherical_tip"
     title = "Rounded or spherical tip"
-    link = "contact"
+    order = 1
     summary = (
         "The tip is a ball, or domed, and its contact grows with the force, while the model takes "
         "one contact for all forces. It sinks easily at first and ever harder later."
@@ -79,10 +79,11 @@ class SphericalTip(Effect):
         pressing: Pressing,
         force_n: np.ndarray,
         travel_m: np.ndarray,
-        values: Values,
+        *,
+        share: float,
     ) -> np.ndarray:
         """Exchange a share of the near travel."""
-        return travel_m + values["share"] * beyond_fixed(readings, pressing, force_n)
+        return travel_m + share * beyond_fixed(readings, pressing, force_n)
 
     def redundant(self, profile: str, nonlinear: bool) -> str | None:
         """Say that a study of a ball has it."""

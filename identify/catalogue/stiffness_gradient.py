@@ -15,7 +15,6 @@ class StiffnessGradient(Effect):
 
     name = "stiffness_gradient"
     title = "Stiffness changing with depth"
-    link = "body"
     summary = (
         "The body grows stiffer or softer from its base to its top. "
         "With one tip this looks much like a different background."
@@ -41,9 +40,9 @@ class StiffnessGradient(Effect):
         ),
     )
 
-    def body(self, state: BodyState, values: Values) -> BodyState:
+    def body(self, state: BodyState, *, gradient: float) -> BodyState:
         """Grade the modulus."""
-        gradient, base, height = values["gradient"], state.box_m[0][2], state.height_m
+        base, height = state.box_m[0][2], state.height_m
 
         def graded(points_m: np.ndarray) -> np.ndarray:
             return 1 + gradient * ((points_m[:, 2] - base) / height - 0.5)

@@ -19,7 +19,7 @@ class StrainStiffening(Effect):
 
     name = "strain_stiffening"
     title = "Strain stiffening"
-    link = "contact"
+    order = 3
     summary = (
         "The tissue itself grows stiffer with strain, as liver, skin and muscle do. "
         "The force grows exponentially with depth."
@@ -46,10 +46,11 @@ class StrainStiffening(Effect):
         pressing: Pressing,
         force_n: np.ndarray,
         travel_m: np.ndarray,
-        values: Values,
+        *,
+        b: float,
     ) -> np.ndarray:
         """Bend the travel; on the negative side, noise only, by the first two terms of the law."""
-        x = values["b"] * travel_m / pressing.radius_m
+        x = b * travel_m / pressing.radius_m
         inward = np.maximum(x, 0.0)
         ratio = np.ones_like(x)  # ln(1 + x) / x
         np.divide(np.log1p(inward), inward, out=ratio, where=inward > 1e-8)

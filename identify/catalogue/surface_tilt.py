@@ -16,7 +16,7 @@ class SurfaceTilt(Effect):
 
     name = "surface_tilt"
     title = "Tilted surface"
-    link = "instrument"
+    order = 8
     summary = (
         "The surface is tilted and shifted against the plane from which depths are counted. "
         "Displacements are too large on one side of the scan and too small on the other."
@@ -50,11 +50,18 @@ class SurfaceTilt(Effect):
     )
 
     def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self,
+        readings: Readings,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        *,
+        offset_m: float,
+        slope_x: float,
+        slope_y: float,
     ) -> np.ndarray:
         """Add the plane."""
         x, y, _ = (readings.point_m - _middle(readings)).T
-        return travel_m + values["offset_m"] + values["slope_x"] * x + values["slope_y"] * y
+        return travel_m + offset_m + slope_x * x + slope_y * y
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how steep the tilt is and what it makes of the far ends."""

@@ -13,7 +13,7 @@ class ToolCompliance(Effect):
 
     name = "tool_compliance"
     title = "Compliance of tool and arm"
-    link = "instrument"
+    order = 1
     summary = (
         "Tool, sensor and arm bend under the contact force, and the robot takes that for travel "
         "of the tip. The same is added at every place, so that hard places suffer most."
@@ -35,10 +35,10 @@ class ToolCompliance(Effect):
     )
 
     def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, *, c_m_per_n: float
     ) -> np.ndarray:
         """Add the tool's own travel."""
-        return travel_m + values["c_m_per_n"] * force_n
+        return travel_m + c_m_per_n * force_n
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how stiff the tool is."""

@@ -24,7 +24,7 @@ class TouchThreshold(Effect):
 
     name = "touch_threshold"
     title = "Force threshold of first touch"
-    link = "instrument"
+    order = 7
     summary = (
         "The robot takes the surface for touched when the force passes a threshold, and counts "
         "the travel from there. What the body has yielded by then is missing in every "
@@ -52,9 +52,9 @@ class TouchThreshold(Effect):
         ),
     )
 
-    def touch(self, readings: Readings, values: Values) -> float:
+    def touch(self, readings: Readings, *, threshold_n: float) -> float:
         """Return the threshold."""
-        return values["threshold_n"]
+        return threshold_n
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the threshold by the forces of an ordinary press."""

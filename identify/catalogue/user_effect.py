@@ -12,10 +12,11 @@ from types import ModuleType
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import Effect
+from identify.effects.hook import hook_fault
 from models.errors import InputError
 
 _DEMANDED = (
-    "name", "title", "link", "summary", "formula", "source", "gives_away", "cure", "parameters",
+    "name", "title", "summary", "formula", "source", "gives_away", "cure", "parameters",
 )  # fmt: skip
 
 
@@ -26,7 +27,7 @@ def load_effect(path: str | os.PathLike[str]) -> Effect:
     ------
     InputError
         There is no such file, it fails when it is executed, it defines no effect or several, the
-        effect lacks an attribute or has the name of a built-in one.
+        effect lacks an attribute, has a wrong hook or the name of a built-in one.
     """
     path = Path(path)
     if path.suffix != ".py":
@@ -75,6 +76,9 @@ def _instance(kind: type[Effect], path: Path) -> Effect:
     missing = [name for name in _DEMANDED if not hasattr(kind, name)]
     if missing:
         raise InputError(f"{path}: {kind.__name__} has no {', '.join(missing)}")
+    fault = hook_fault(kind)
+    if fault:
+        raise InputError(f"{path}: {fault}")
     if any(kind.name == built_in.name for built_in in CATALOGUE):
         raise InputError(
             f"{path}: {kind.__name__} is called '{kind.name}', as a built-in effect is; "

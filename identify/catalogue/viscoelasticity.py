@@ -18,7 +18,7 @@ class Viscoelasticity(Effect):
 
     name = "viscoelasticity"
     title = "Creep (viscoelasticity)"
-    link = "response"
+    order = 1
     summary = (
         "The body goes on yielding under a constant force and lags behind a changing one. "
         "Its creep is described by one strength and one time constant for all places."
@@ -62,10 +62,16 @@ class Viscoelasticity(Effect):
     )
 
     def response(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
+        self,
+        readings: Readings,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        *,
+        g: float,
+        tau_s: float,
     ) -> np.ndarray:
         """Add g z, where z lags behind the travel."""
-        return travel_m + values["g"] * lagging(readings, travel_m, values["tau_s"])
+        return travel_m + g * lagging(readings, travel_m, tau_s)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Time constants from half a sampling step to a few presses, evenly in the logarithm."""

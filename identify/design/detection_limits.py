@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.effects.base import Effect, EffectParameter
+from identify.effects.base import BodyEffect, Effect, EffectParameter
 from identify.fit.joint_fit import JointFit
 from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
@@ -333,8 +333,8 @@ def _moved(
     own, force = model.chain, at.latent_force_n
     c, e = at.body.compliance, at.body.local_modulus
     base = own.predict(c, e, force, at.values)
-    if effect.link == "body":
-        dc, de = at.body.exact_change(effect.body(at.state, values))
+    if isinstance(effect, BodyEffect):
+        dc, de = at.body.exact_change(effect.body(at.state, **values))
         moved = own.predict(c + dc, e + de, force, at.values)
     else:
         effects = [*own.effects, effect]

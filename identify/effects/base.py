@@ -11,16 +11,22 @@ The measurement chain of a reading, from the body to the robot's table:
 Travel is counted from first touch; an effect of the instrument may say from which force on the
 robot counts instead, `touch`: u is then contact(C F) less contact(C touch).
 
-An effect overrides one hook, that of its link (see `Effect`). With all amplitudes at their null
-value it is the identity, to rounding; the conformance kit (`identify.effects.conformance.kit`)
-checks that, and the rest of what is promised here, for built-in effects and for users' own alike.
+An effect is an `Effect` with one hook, a method called as the step above; its link follows from it.
+The hook takes its parameters by name, as keyword arguments (protocols `BodyEffect` to
+`TouchEffect`):
+
+    def response(self, readings, force_n, travel_m, *, g, tau_s): ...
+
+With all amplitudes at their null value an effect is the identity, to rounding; the conformance kit
+(`identify.effects.conformance.kit`) checks that, and the rest of what is promised here, for
+built-in effects and for users' own alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -32,11 +38,13 @@ Link = Literal["body", "contact", "response", "instrument"]
 Need = Literal["time", "unloading", "hold", "several forces", "several presses"]
 Values = Mapping[str, float]
 Hook = Literal["force", "body", "contact", "response", "reading", "touch"]
-HOOKS: Mapping[Link, tuple[Hook, ...]] = {
-    "body": ("body",),
-    "contact": ("contact",),
-    "response": ("response",),
-    "instrument": ("force", "reading", "touch"),
+LINKS: Mapping[Hook, Link] = {
+    "body": "body",
+    "contact": "contact",
+    "response": "response",
+    "force": "instrument",
+    "reading": "instrument",
+    "touch": "instrument",
 }
 Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
 
@@ -102,12 +110,13 @@ class Pressing:
 
 
 class Effect:
-    """Base of all effects: describe it, and override the one hook of its link.
+    """Base of all effects: its description; a derived class adds the one hook.
 
     Class attributes
     ----------------
     name, title : `force_drift`, "Drift of the force sensor"
-    link : where in the chain it acts
+    hooks, link : its hook, and with it the link of the chain; both follow from the methods
+    order : place among the effects of its link, a smaller one acts first; a user's own act last
     summary : what it is, two sentences for an experimenter
     formula : one line of plain text
     source : paper, book or derivation
@@ -123,7 +132,9 @@ class Effect:
 
     name: ClassVar[str]
     title: ClassVar[str]
+    hooks: ClassVar[tuple[Hook, ...]] = ()
     link: ClassVar[Link]
+    order: ClassVar[int] = 100
     summary: ClassVar[str]
     formula: ClassVar[str]
     source: ClassVar[str]
@@ -135,42 +146,11 @@ class Effect:
     refitted_from: ClassVar[Values] = {}
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
-    # ---- hooks; override one -------------------------------------------------------------
-
-    def force(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
-        """Force (m,) that acted, from the force (m,) that the sensor read."""
-        return force_n
-
-    def body(self, state: BodyState, values: Values) -> BodyState:
-        """Return the changed body."""
-        return state
-
-    def contact(
-        self,
-        readings: Readings,
-        pressing: Pressing,
-        force_n: np.ndarray,
-        travel_m: np.ndarray,
-        values: Values,
-    ) -> np.ndarray:
-        """Elastic travel (m,) of the tip from that of the model's fixed contact, C F."""
-        return travel_m
-
-    def response(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
-    ) -> np.ndarray:
-        """Travel (m,) with what the loading's history adds to the elastic one."""
-        return travel_m
-
-    def reading(
-        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, values: Values
-    ) -> np.ndarray:
-        """Displacement (m,) that the robot reports for a travel of the tip."""
-        return travel_m
-
-    def touch(self, readings: Readings, values: Values) -> float:
-        """Force, N, from which on the robot counts the travel."""
-        return 0.0
+    def __init_subclass__(cls, **kwargs: object) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.hooks = tuple(hook for hook in LINKS if callable(getattr(cls, hook, None)))
+        if cls.hooks:
+            cls.link = LINKS[cls.hooks[0]]
 
     # ---- shape parameters ----------------------------------------------------------------
 
@@ -221,12 +201,6 @@ class Effect:
     # ---- conveniences --------------------------------------------------------------------
 
     @property
-    def hooks(self) -> tuple[Hook, ...]:
-        """The hooks that the effect overrides: one, if it is well made."""
-        every: tuple[Hook, ...] = ("force", "body", "contact", "response", "reading", "touch")
-        return tuple(h for h in every if getattr(type(self), h) is not getattr(Effect, h))
-
-    @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The parameters that have a null value."""
         return tuple(p for p in self.parameters if p.null is not None)
@@ -246,3 +220,71 @@ class Effect:
     def null(self) -> dict[str, float]:
         """Values of the amplitudes at which the effect is absent."""
         return {p.name: p.null for p in self.amplitudes if p.null is not None}
+
+
+# ---- hooks; an effect has one of them --------------------------------------------------------
+
+
+@runtime_checkable
+class ForceEffect(Protocol):
+    """Instrument: what the force sensor read."""
+
+    def force(self, readings: Readings, force_n: np.ndarray, **parameters: float) -> np.ndarray:
+        """Force (m,) that acted, from the force (m,) that the sensor read."""
+        ...
+
+
+@runtime_checkable
+class BodyEffect(Protocol):
+    """Body: its stiffness, shape and support."""
+
+    def body(self, state: BodyState, **parameters: float) -> BodyState:
+        """Return the changed body."""
+        ...
+
+
+@runtime_checkable
+class ContactEffect(Protocol):
+    """Contact: the tip against the surface."""
+
+    def contact(
+        self,
+        readings: Readings,
+        pressing: Pressing,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        **parameters: float,
+    ) -> np.ndarray:
+        """Elastic travel (m,) of the tip from that of the model's fixed contact, C F."""
+        ...
+
+
+@runtime_checkable
+class ResponseEffect(Protocol):
+    """Response: the history of loading."""
+
+    def response(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **parameters: float
+    ) -> np.ndarray:
+        """Travel (m,) with what the loading's history adds to the elastic one."""
+        ...
+
+
+@runtime_checkable
+class ReadingEffect(Protocol):
+    """Instrument: what the robot reports as travel."""
+
+    def reading(
+        self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **parameters: float
+    ) -> np.ndarray:
+        """Displacement (m,) that the robot reports for a travel of the tip."""
+        ...
+
+
+@runtime_checkable
+class TouchEffect(Protocol):
+    """Instrument: the start of the travel's count."""
+
+    def touch(self, readings: Readings, **parameters: float) -> float:
+        """Force, N, from which on the robot counts the travel."""
+        ...

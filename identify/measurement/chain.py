@@ -10,12 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from identify.catalogue.catalogue import place_in_catalogue
-from identify.effects.base import Effect, Pressing, Values
+from identify.effects.base import (
+    ContactEffect,
+    Effect,
+    ForceEffect,
+    Pressing,
+    ReadingEffect,
+    ResponseEffect,
+    TouchEffect,
+    Values,
+)
 from identify.effects.hertz import beyond_fixed
 from identify.effects.readings import Readings
 from identify.measurement.noise import Noise
@@ -33,8 +42,8 @@ class Chain:
     Attributes
     ----------
     readings : what was measured
-    effects : those that act; they do so in the order of the catalogue, in whatever order they were
-        added to a model
+    effects : those that act; within a link they do so by their `order`, in whatever order they
+        were added to a model
     radius_m : (j,) contact radius that the body's model assumes
     profile : "flat", a flat tip of that radius, or "hertz", a ball of the probe's radius
     poisson_ratio : of the body
@@ -47,7 +56,7 @@ class Chain:
     poisson_ratio: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "effects", sorted(self.effects, key=place_in_catalogue))
+        object.__setattr__(self, "effects", sorted(self.effects, key=attrgetter("order")))
 
     def predict(
         self,
@@ -63,22 +72,29 @@ class Chain:
         r = self.readings
         force = force_n
         for effect in self.effects:
-            force = effect.force(r, force, values[effect.name])
+            if isinstance(effect, ForceEffect):
+                force = effect.force(r, force, **values[effect.name])
         travel = self._elastic(compliance, modulus, force, values)
-        touch = sum(effect.touch(r, values[effect.name]) for effect in self.effects)
+        touch = sum(
+            effect.touch(r, **values[effect.name])
+            for effect in self.effects
+            if isinstance(effect, TouchEffect)
+        )
         if touch:
             start = np.full(len(force), touch)
             travel = travel - self._elastic(compliance, modulus, start, values)
         for effect in self.effects:
-            travel = effect.response(r, force, travel, values[effect.name])
+            if isinstance(effect, ResponseEffect):
+                travel = effect.response(r, force, travel, **values[effect.name])
         for effect in self.effects:
-            travel = effect.reading(r, force, travel, values[effect.name])
+            if isinstance(effect, ReadingEffect):
+                travel = effect.reading(r, force, travel, **values[effect.name])
         return travel
 
     @property
     def nonlinear(self) -> bool:
         """Whether travel and force part from proportion within a press."""
-        return self.profile == "hertz" or any(e.link == "contact" for e in self.effects)
+        return self.profile == "hertz" or any(isinstance(e, ContactEffect) for e in self.effects)
 
     def _elastic(
         self,
@@ -101,7 +117,8 @@ class Chain:
         if ball:
             travel = travel + beyond_fixed(r, pressing, force_n)
         for effect in self.effects:
-            travel = effect.contact(r, pressing, force_n, travel, values[effect.name])
+            if isinstance(effect, ContactEffect):
+                travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
         return travel
 
     def by_force(

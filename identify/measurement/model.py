@@ -19,7 +19,7 @@ import numpy as np
 from identify.body.mechanics import BodyMechanics
 from identify.body.response import BodyResponse
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter
+from identify.effects.base import BodyEffect, Effect, EffectParameter
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
@@ -232,7 +232,8 @@ class MeasurementModel:
         background = self.space.start.background_pa
         state = self.mechanics.state().changed(background_pa=background)
         for part in self.effects:
-            state = part.effect.body(state, values[part.effect.name])
+            if isinstance(part.effect, BodyEffect):
+                state = part.effect.body(state, **values[part.effect.name])
         return state
 
     def slope(self, u: np.ndarray) -> np.ndarray:

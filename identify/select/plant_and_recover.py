@@ -15,7 +15,7 @@ import numpy as np
 
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.mechanics import BodyMechanics
-from identify.effects.base import Effect, Values
+from identify.effects.base import BodyEffect, Effect, Values
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.example_scan import ExampleScan, trial
 from identify.fit.joint_fit import JointFit, fit_jointly
@@ -98,7 +98,9 @@ def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> JointFit:
     readings, mechanics = own.readings, _mechanics()
     space = parameter_space(_MAP, np.array(own.state.box_m), ["background_pa"])
     state = mechanics.state().changed(background_pa=_MAP.background_pa)
-    body = mechanics.evaluate(_MAP, effect.body(state, values) if values else state)
+    if values and isinstance(effect, BodyEffect):
+        state = effect.body(state, **values)
+    body = mechanics.evaluate(_MAP, state)
     coarse = mechanics.coarse.contacts
     chain = Chain(
         readings, [effect] if values else [], coarse.radius_m, coarse.profile,

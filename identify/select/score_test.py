@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.effects.base import Effect, EffectParameter
+from identify.effects.base import BodyEffect, Effect, EffectParameter
 from identify.fit.joint_fit import JointFit
 from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
@@ -109,8 +109,8 @@ def effect_patterns(
             step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
             size = null[amplitude.name] + step * amplitude.typical
             values = {**null, **shape, amplitude.name: size}
-            if effect.link == "body":
-                dc, de = at.body.change(effect.body(at.state, values))
+            if isinstance(effect, BodyEffect):
+                dc, de = at.body.change(effect.body(at.state, **values))
                 press = model.readings.press
                 moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
             else:
@@ -139,9 +139,11 @@ def _far_patterns(
 ) -> list[tuple[Mapping[str, float], np.ndarray]]:
     """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Effect.levels`."""
     null, press, found = effect.null, model.readings.press, []
-    for level in effect.levels(at.state) if effect.link == "body" else ():
+    if not isinstance(effect, BodyEffect):
+        return found
+    for level in effect.levels(at.state):
         for shape in shapes:
-            state = effect.body(at.state, {**null, **shape, amplitude.name: level})
+            state = effect.body(at.state, **{**null, **shape, amplitude.name: level})
             dc, de = at.body.exact_change(state)
             moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
             size = (level - null[amplitude.name]) / amplitude.typical

@@ -26,7 +26,7 @@ def effects(
 
     Example: palpmap effects viscoelasticity
     """
-    from identify.catalogue.catalogue import CATALOGUE, effect_named
+    from identify.catalogue.catalogue import CATALOGUE
     from identify.catalogue.user_effect import load_effect
     from palpmap.commands.effects import catalogue_table, effect_page, effect_record
 
@@ -36,5 +36,5 @@ def effects(
         output.result({"effects": records}, catalogue_table(CATALOGUE))
         output.say("More on one of them: palpmap effects NAME")
     else:
-        effect = load_effect(name) if name.endswith(".py") else effect_named(name)
+        effect = load_effect(name) if name.endswith(".py") else CATALOGUE[name]
         output.result(effect_record(effect), *effect_page(effect))

@@ -78,13 +78,13 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def _refuse_effects(study: Study, placement: Placement) -> None:
     """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
-    from identify.catalogue.catalogue import effect_named
+    from identify.catalogue.catalogue import CATALOGUE
     from identify.effects.readings import Readings
 
     readings = Readings.of(placement.scan)
     for entry in study.effects:
         if entry.file is None:
-            refuse_effect(effect_named(entry.name), readings, entry.initial)
+            refuse_effect(CATALOGUE[entry.name], readings, entry.initial)
 
 
 def _range(values: np.ndarray) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from identify.body.state import BodyState, ChangedMap
 from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.base import BodyEffect
 from identify.fit.result import Fit
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.residual.comparison import Comparison
@@ -77,10 +78,12 @@ class Finding:
         low, high = (tuple(corner) for corner in (self.outline.lower_m, self.outline.upper_m))
         state = BodyState((low, high), poisson_ratio=0.0)  # no part of the modulus
         for effect in CATALOGUE:
+            if not isinstance(effect, BodyEffect):
+                continue
             named = {p.name: f"{effect.name}.{p.name}" for p in effect.parameters}
             if set(named.values()) <= set(self.fit.parameters):
                 values = {p: self.fit.parameters[name].value for p, name in named.items()}
-                state = effect.body(state, values)
+                state = effect.body(state, **values)
         return ChangedMap(self.fit.map, state)
 
 

@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from identify.effects.base import HOOKS, Effect, EffectParameter, Values
+from identify.effects.base import Effect, EffectParameter, Values
 from identify.effects.conformance.example_scan import ExampleScan, arrays_of, ragged, trial
 from identify.effects.conformance.worked_example import work
+from identify.effects.hook import hook_fault
 
 _TEXTS = ("title", "summary", "formula", "source", "gives_away", "cure")
 _ENDINGS = {"m": "_m", "s": "_s", "N": "_n", "Hz": "_hz", "rad": "_rad", "Pa": "_pa", "N/s": "_s"}
@@ -81,13 +82,10 @@ def _sound(p: EffectParameter, fixed: bool = False) -> None:
 
 
 def hook(effect: Effect, own: ExampleScan) -> str:
-    """Demand one hook, that of the link."""
-    allowed = HOOKS.get(effect.link)
-    if allowed is None:
-        raise Fault(f"link is {effect.link!r}, expected one of {', '.join(HOOKS)}")
-    if len(effect.hooks) != 1 or effect.hooks[0] not in allowed:
-        wanted = " or ".join(allowed)
-        raise Fault(f"overrides {', '.join(effect.hooks) or 'nothing'}, expected {wanted}")
+    """Demand one hook that takes the effect's parameters by name."""
+    fault = hook_fault(type(effect))
+    if fault:
+        raise Fault(fault)
     return f"{effect.hooks[0]}()"
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, Need, Pressing, Values
+from identify.effects.base import BodyEffect, Effect, ForceEffect, Need, Pressing, Values
 from identify.effects.conformance.worked_example import apply
 from identify.effects.readings import Readings
 
@@ -43,15 +43,15 @@ class ExampleScan:
 
     def out(self, effect: Effect, values: Values) -> np.ndarray:
         """Return what the effect's hook makes of it: (m,), or for a body what is felt of it."""
-        if effect.link == "body":
-            return self.felt(effect.body(self.state, values))
+        if isinstance(effect, BodyEffect):
+            return self.felt(effect.body(self.state, **values))
         return apply(effect, self.readings, self.pressing, self.travel_m, values)
 
     def plain(self, effect: Effect) -> np.ndarray:
         """Return what comes out without the effect."""
-        if effect.link == "body":
+        if isinstance(effect, BodyEffect):
             return self.felt(self.state)
-        return self.readings.force_n if "force" in effect.hooks else self.travel_m
+        return self.readings.force_n if isinstance(effect, ForceEffect) else self.travel_m
 
     def felt(self, state: BodyState) -> np.ndarray:
         """Say in numbers how a body differs; to judge likeness by, not to fit with.

@@ -19,7 +19,7 @@ Check = Callable[[Effect, ExampleScan], str]  # returns what was found, raises F
 DESCRIPTION: Mapping[str, Check] = {
     "described": checks.described,
     "parameters with units and bounds": checks.parameters,
-    "one hook, that of its link": checks.hook,
+    "one hook, parameters by name": checks.hook,
 }
 BEHAVIOUR: Mapping[str, Check] = {
     "worked examples come out": checks.examples,

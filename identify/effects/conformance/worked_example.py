@@ -7,7 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, Pressing, WorkedExample
+from identify.effects.base import (
+    BodyEffect,
+    ContactEffect,
+    Effect,
+    ForceEffect,
+    Pressing,
+    ReadingEffect,
+    ResponseEffect,
+    TouchEffect,
+    WorkedExample,
+)
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import Inclusion
 
@@ -46,13 +56,13 @@ def work(effect: Effect, example: WorkedExample) -> dict[str, np.ndarray]:
     if unknown:
         raise ValueError(f"an example cannot give {sorted(unknown)}; it can: {sorted(_GIVEN)}")
     inputs = Inputs(example.given)
-    (hook,) = effect.hooks
-    if hook == "body":
+    if isinstance(effect, BodyEffect):
         nu = float(inputs.get("poisson_ratio", 0.49)[0])
-        return _body(effect.body(BodyState(_BOX_M, nu), example.values), inputs, example)
+        return _body(effect.body(BodyState(_BOX_M, nu), **example.values), inputs, example)
     out = apply(
         effect, inputs.readings(), inputs.pressing(), inputs.get("travel_m", 1e-3), example.values
     )
+    (hook,) = effect.hooks
     if set(example.expected) != {_BY_HOOK[hook]}:
         raise ValueError(f"an example of a '{hook}' expects {_BY_HOOK[hook]} and nothing else")
     return {_BY_HOOK[hook]: out}
@@ -67,17 +77,16 @@ def apply(
 ) -> np.ndarray:
     """Return what the effect's hook makes of readings: forces or travels (m,). Not for bodies."""
     force = readings.force_n
-    (hook,) = effect.hooks
-    if hook == "force":
-        return effect.force(readings, force, values)
-    if hook == "contact":
-        return effect.contact(readings, pressing, force, travel_m, values)
-    if hook == "response":
-        return effect.response(readings, force, travel_m, values)
-    if hook == "touch":  # a linear contact
-        return travel_m - pressing.compliance_m_per_n * effect.touch(readings, values)
-    assert hook == "reading"
-    return effect.reading(readings, force, travel_m, values)
+    if isinstance(effect, ForceEffect):
+        return effect.force(readings, force, **values)
+    if isinstance(effect, ContactEffect):
+        return effect.contact(readings, pressing, force, travel_m, **values)
+    if isinstance(effect, ResponseEffect):
+        return effect.response(readings, force, travel_m, **values)
+    if isinstance(effect, TouchEffect):  # a linear contact
+        return travel_m - pressing.compliance_m_per_n * effect.touch(readings, **values)
+    assert isinstance(effect, ReadingEffect)
+    return effect.reading(readings, force, travel_m, **values)
 
 
 class Inputs:

@@ -16,7 +16,7 @@ BODY = replace(mechanics(), fine=None, ratio=1.0)
 
 
 def effect(name):
-    return next(effect for effect in CATALOGUE if effect.name == name)
+    return CATALOGUE[name]
 
 
 @cache

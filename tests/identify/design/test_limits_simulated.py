@@ -64,7 +64,7 @@ def score(problem, name, size, seed, shape):
 
     The same noise with and without it, so that the difference is the effect's alone.
     """
-    effect = next(effect for effect in CATALOGUE if effect.name == name)
+    effect = CATALOGUE[name]
     hidden, truth = planted_scan(name, size, seed, (RADIUS_M,), values=dict(shape))
     plain, _ = planted_scan(None, seed=seed, radii=(RADIUS_M,))
     found, none = refitted(problem, hidden), refitted(problem, plain)

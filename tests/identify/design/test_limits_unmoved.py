@@ -13,14 +13,13 @@ class HalfDead(Effect):
     """A slope of the displacement, and an amplitude that nothing feels."""
 
     name = "half_dead"
-    link = "instrument"
     parameters = (
         EffectParameter("slope", "m/m", "along x", 0.0, -1.0, 1.0, 1e-3),
         EffectParameter("dead", "m", "of nothing", 0.0, -1.0, 1.0, 1e-3),
     )
 
-    def reading(self, readings, force_n, travel_m, values):
-        return travel_m + values["slope"] * readings.point_m[:, 0]
+    def reading(self, readings, force_n, travel_m, *, slope, dead):
+        return travel_m + slope * readings.point_m[:, 0]
 
 
 class Dead(HalfDead):
@@ -28,7 +27,7 @@ class Dead(HalfDead):
 
     name = "dead"
 
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, slope, dead):
         return np.array(travel_m)
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.design.next_presses import ENOUGH, FEWEST, NEEDED, _Planned, next_presses
 from identify.design.scan_variants import (
     BETWEEN_SCANS_S,
@@ -56,7 +56,7 @@ def fits(of_scan: Scan, body: BodyMechanics | None = None):
     plain = model(of_scan, body)
     state = fit_jointly(plain, TRUE).at.state
     return [
-        (name, fit_jointly(plain.with_effect(effect_named(name), start, state), TRUE))
+        (name, fit_jointly(plain.with_effect(CATALOGUE[name], start, state), TRUE))
         for name, start in RIVALS.items()
     ]
 

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import CATALOGUE, effect_named
-from identify.effects.base import HOOKS
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.base import LINKS
 from identify.effects.conformance.kit import check_effect, failures
 from models.errors import InputError
 
@@ -25,9 +25,11 @@ def test_the_catalogue_holds_the_effects_that_studies_may_name():
 
 
 def test_effects_stand_in_the_order_of_the_chain():
-    links = list(HOOKS)
-    places = [links.index(effect.link) for effect in CATALOGUE]
+    links = list(dict.fromkeys(LINKS.values()))
+    places = [(links.index(effect.link), effect.order) for effect in CATALOGUE]
     assert places == sorted(places)
+    beyond = [place for place in places if place[0] != links.index("body")]
+    assert len(set(beyond)) == len(beyond)
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
@@ -59,7 +61,7 @@ def test_effects_that_can_only_go_one_way_are_known():
 
 
 def test_an_effect_is_found_by_its_name():
-    assert effect_named("breathing").title == "Breathing"
+    assert CATALOGUE["breathing"].title == "Breathing"
 
 
 @pytest.mark.parametrize(
@@ -72,7 +74,7 @@ def test_an_effect_is_found_by_its_name():
 )
 def test_a_wrong_name_is_answered_with_the_nearest_right_one(wrong, says):
     with pytest.raises(InputError, match=re.escape(says)):
-        effect_named(wrong)
+        CATALOGUE[wrong]
 
 
 def test_the_surface_tilt_contains_the_contact_offset():
@@ -80,7 +82,7 @@ def test_the_surface_tilt_contains_the_contact_offset():
     from identify.effects.conformance.example_scan import trial
 
     own = trial()
-    tilt, offset = effect_named("surface_tilt"), effect_named("contact_offset")
+    tilt, offset = CATALOGUE["surface_tilt"], CATALOGUE["contact_offset"]
     tilted = own.out(tilt, {"offset_m": 2e-4, "slope_x": 0.0, "slope_y": 0.0})
     assert np.array_equal(tilted, own.out(offset, {"offset_m": 2e-4}))
     assert tilt.contains == ("contact_offset",)

@@ -11,13 +11,15 @@ from identify.effects.base import Effect, EffectParameter, WorkedExample
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.kit import check_effect, failures
 
+HOOK = "one hook, parameters by name"
+RIGHT = "form: write reading(self, readings, force_n, travel_m, *, offset_m)"
 OFFSET = EffectParameter("offset_m", "m", "of all readings", 0.0, -1.0, 1.0, 1e-4)
 
 
 class Sound(Effect):
     """An offset that keeps to all; each broken effect below differs from it in one thing."""
 
-    name, title, link = "sound", "Sound", "instrument"
+    name, title = "sound", "Sound"
     summary, formula, source = "One. Two.", "d = u + offset", "derivation"
     gives_away, cure = "all is shifted", "Zero it."
     parameters = (OFFSET,)
@@ -30,9 +32,9 @@ class Sound(Effect):
         ),
     )
 
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, offset_m):
         """Shift."""
-        return travel_m + values["offset_m"]
+        return travel_m + offset_m
 
 
 class NoSource(Sound):
@@ -63,17 +65,43 @@ class LogOfAnAmplitude(Sound):
     parameters = (replace(OFFSET, log=True),)
 
 
-class OtherLink(Sound):
-    link = "body"
+class OldForm(Sound):
+    def reading(self, readings, force_n, travel_m, values):
+        return travel_m + values["offset_m"]
+
+
+class NamesNothing(Sound):
+    def reading(self, readings, force_n, travel_m, **values):
+        return travel_m + values["offset_m"]
+
+
+class MissesAParameter(Sound):
+    def reading(self, readings, force_n, travel_m):
+        return travel_m
+
+
+class NamesAnUnknown(Sound):
+    def reading(self, readings, force_n, travel_m, *, offset_m, slope):
+        return travel_m + offset_m + slope
+
+
+class TakesByPlace(Sound):
+    def reading(self, readings, force_n, travel_m, offset_m):
+        return travel_m + offset_m
+
+
+class GivenTooLittle(Sound):
+    def reading(self, readings, travel_m, *, offset_m):
+        return travel_m + offset_m
 
 
 class TwoHooks(Sound):
-    def force(self, readings, force_n, values):
-        return force_n + values["offset_m"]
+    def force(self, readings, force_n, *, offset_m):
+        return force_n + offset_m
 
 
 class NoHook(Sound):
-    reading = Effect.reading
+    reading = None
 
 
 class NoExample(Sound):
@@ -91,48 +119,51 @@ class ExampleAtTheNull(Sound):
 
 
 class ChangesAtTheNull(Sound):
-    def reading(self, readings, force_n, travel_m, values):
-        return travel_m * (1 + 1e-9) + values["offset_m"]
+    def reading(self, readings, force_n, travel_m, *, offset_m):
+        return travel_m * (1 + 1e-9) + offset_m
 
 
 class Random(Sound):
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, offset_m):
         noise = np.random.default_rng().normal(size=len(travel_m))
-        return travel_m + values["offset_m"] * (1 + 1e-9 * noise)
+        return travel_m + offset_m * (1 + 1e-9 * noise)
 
 
 class WritesToItsInput(Sound):
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, offset_m):
         out = travel_m
-        out += values["offset_m"]
+        out += offset_m
         return out
 
 
 class NotFinite(Sound):
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, offset_m):
         with np.errstate(invalid="ignore"):
-            return travel_m + values["offset_m"] * np.sqrt(force_n)
+            return travel_m + offset_m * np.sqrt(force_n)
 
 
 class WrongShape(Sound):
-    def reading(self, readings, force_n, travel_m, values):
-        return (travel_m + values["offset_m"])[:, None]
+    def reading(self, readings, force_n, travel_m, *, offset_m):
+        return (travel_m + offset_m)[:, None]
 
 
 class MovesNothing(Sound):
     parameters = (OFFSET, replace(OFFSET, name="idle_m"))
     examples = (replace(Sound.examples[0], values={"offset_m": 1e-4, "idle_m": 0.0}),)
 
+    def reading(self, readings, force_n, travel_m, *, offset_m, idle_m):
+        return travel_m + offset_m
+
 
 class Jumps(Sound):
-    def reading(self, readings, force_n, travel_m, values):
+    def reading(self, readings, force_n, travel_m, *, offset_m):
         step = np.floor(travel_m * 1e7)
-        return travel_m + values["offset_m"] * (1 + 10 * np.mod(step, 2))
+        return travel_m + offset_m * (1 + 10 * np.mod(step, 2))
 
 
 class HidesItsNeed(Sound):
-    def reading(self, readings, force_n, travel_m, values):
-        return travel_m + values["offset_m"] * np.ones_like(readings.elapsed_s)
+    def reading(self, readings, force_n, travel_m, *, offset_m):
+        return travel_m + offset_m * np.ones_like(readings.elapsed_s)
 
 
 class AcceptsTooMuch(Sound):
@@ -192,9 +223,14 @@ def test_a_sound_effect_passes(kind):
         (NoUnit, "parameters with units and bounds", "no unit"),
         (WrongEnding, "parameters with units and bounds", "should end with _m"),
         (LogOfAnAmplitude, "parameters with units and bounds", "logarithm"),
-        (OtherLink, "one hook, that of its link", "overrides reading, expected body"),
-        (TwoHooks, "one hook, that of its link", "overrides force, reading"),
-        (NoHook, "one hook, that of its link", "overrides nothing"),
+        (TwoHooks, HOOK, "has the hooks force, reading"),
+        (NoHook, HOOK, "has no hook: write one of body, "),
+        (OldForm, HOOK, f"reading(self, readings, force_n, travel_m, values) is the old {RIGHT}"),
+        (NamesNothing, HOOK, f"reading() does not name its parameters{RIGHT[4:]}"),
+        (MissesAParameter, HOOK, f"reading() misses the parameter offset_m{RIGHT[4:]}"),
+        (NamesAnUnknown, HOOK, f"takes slope, which is none of its parameters{RIGHT[4:]}"),
+        (TakesByPlace, HOOK, f"takes offset_m by place, not by name alone{RIGHT[4:]}"),
+        (GivenTooLittle, HOOK, f"is given 3 arguments before its parameters{RIGHT[4:]}"),
         (NoExample, "worked examples come out", "no worked example"),
         (WrongExample, "worked examples come out", "0.0011"),
         (ExampleAtTheNull, "worked examples come out", "at the null"),

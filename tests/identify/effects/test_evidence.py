@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.effects import units as words
 from identify.effects.conformance.example_scan import trial
 from identify.effects.conformance.worked_example import Inputs
@@ -27,7 +27,7 @@ def test_creep_says_by_how_much_the_tip_sinks_during_a_hold():
     ).readings()
     g, tau = 0.2, 0.8
     z = [1 - tau * math.expm1(1 / tau) * math.exp(-t / tau) for t in (1.25, 3.0)]
-    sentence = effect_named("viscoelasticity").evidence({"g": g, "tau_s": tau}, own)
+    sentence = CATALOGUE["viscoelasticity"].evidence({"g": g, "tau_s": tau}, own)
     assert number_before("%", sentence) == pytest.approx(100 * g * (z[1] - z[0]), rel=0.01)
     assert "time constant of 0.8 s" in sentence
     assert "would add 20 %" in sentence
@@ -35,7 +35,7 @@ def test_creep_says_by_how_much_the_tip_sinks_during_a_hold():
 
 def test_creep_without_holds_is_told_by_its_limit():
     own = Inputs({"time_s": (1.0, 2.0), "force_n": (0.1, 0.2)}).readings()
-    sentence = effect_named("viscoelasticity").evidence({"g": 0.06, "tau_s": 150.0}, own)
+    sentence = CATALOGUE["viscoelasticity"].evidence({"g": 0.06, "tau_s": 150.0}, own)
     assert "by 6 % with a time constant of 2.5 min" in sentence
 
 
@@ -57,28 +57,28 @@ def test_creep_without_holds_is_told_by_its_limit():
     ],
 )
 def test_evidence_speaks_in_units_of_a_reader(name, values, says):
-    assert says in effect_named(name).evidence(values, trial().readings)
+    assert says in CATALOGUE[name].evidence(values, trial().readings)
 
 
 def test_drift_and_preconditioning_are_told_over_the_whole_scan():
     own = trial().readings
-    drift = effect_named("force_drift").evidence({"rate_n_per_s": -1e-4}, own)
+    drift = CATALOGUE["force_drift"].evidence({"rate_n_per_s": -1e-4}, own)
     assert f"falls steadily by {words.force(1e-4 * own.elapsed_s[-1])} over" in drift
-    gain = effect_named("sensitivity_drift")
+    gain = CATALOGUE["sensitivity_drift"]
     gain = gain.evidence({"rate_per_s": -0.05 / own.elapsed_s[-1]}, own)
     assert "5 % less after the" in gain
     assert "or the body softens" in gain
-    growth = effect_named("displacement_drift")
+    growth = CATALOGUE["displacement_drift"]
     growth = growth.evidence({"rate_m_per_s": 2e-4 / own.elapsed_s[-1]}, own)
     assert "grow steadily, by 0.2 mm over" in growth
-    soft = effect_named("preconditioning").evidence({"p": 0.1, "k0": 24.0}, own)
+    soft = CATALOGUE["preconditioning"].evidence({"p": 0.1, "k0": 24.0}, own)
     assert number_before("%", soft) == pytest.approx(10 * (1 - math.exp(-1)), rel=0.01)
 
 
 def test_a_tilt_is_told_by_its_angle_and_its_ends():
     # 72 mm along x at 1 %: 0.36 mm up and down of the middle; atan(0.01) = 0.57 degrees
     values = {"offset_m": 0.0, "slope_x": 0.01, "slope_y": 0.0}
-    sentence = effect_named("surface_tilt").evidence(values, trial().readings)
+    sentence = CATALOGUE["surface_tilt"].evidence(values, trial().readings)
     assert "off by -0.36 mm on one side" in sentence
     assert "by 0.36 mm on the other" in sentence
     assert "tilted by 0.57 degrees" in sentence

@@ -10,7 +10,7 @@ import pytest
 
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.state import BodyState
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.conformance.worked_example import Inputs
 
 SIZE = (0.096, 0.096, 0.048)
@@ -37,7 +37,7 @@ def without(background, patterns):
 @pytest.mark.slow
 def test_any_inclusion_is_like_one_of_the_candidates(response):
     model, _, solved = response
-    inclusion = effect_named("extra_inclusion")
+    inclusion = CATALOGUE["extra_inclusion"]
 
     def felt(places):
         moduli = [
@@ -59,7 +59,7 @@ def test_any_inclusion_is_like_one_of_the_candidates(response):
 @pytest.mark.slow
 def test_neighbouring_directions_of_fibres_are_alike(response):
     _, modulus, solved = response
-    grid = effect_named("anisotropy").grid(READINGS, STATE)
+    grid = CATALOGUE["anisotropy"].grid(READINGS, STATE)
     angles = [c["angle_rad"] for c in grid]
     patterns = without(
         solved.compliance,

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
+from identify.measurement.chain import Chain
 from models.scan_file import read_scan
 from tests.paths import LAB
 
@@ -24,16 +25,17 @@ def found(case: str, name: str, start: tuple[float, ...]):
     scan = read_scan(folder / "scan.csv")
     truth = json.loads((folder / "truth.json").read_text())
     readings = Readings.of(scan)
-    compliance = np.array(truth["compliance_m_per_n"])[readings.press]
+    compliance_j = np.array(truth["compliance_m_per_n"])
+    compliance = compliance_j[readings.press]
     noise = np.hypot(DISPLACEMENT_NOISE_M, compliance * FORCE_NOISE_N)
-    effect = effect_named(name)
+    effect = CATALOGUE[name]
     scale = np.array([p.typical for p in effect.parameters])
 
     def residual(u):
         values = dict(zip((p.name for p in effect.parameters), scale * u, strict=True))
-        force = effect.force(readings, readings.force_n, values)
-        travel = effect.response(readings, force, compliance * force, values)
-        predicted = effect.reading(readings, force, travel, values)
+        chain = Chain(readings, [effect], np.zeros(len(compliance_j)), "flat", 0.49)
+        own = {effect.name: values}
+        predicted = chain.predict(compliance_j, compliance_j, readings.force_n, own)
         return (scan.used().displacement_m - predicted) / noise
 
     fit = least_squares(residual, np.array(start) / scale)

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from identify.body.state import BodyState
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.viscoelasticity import lagging
 from identify.effects.base import Pressing
 from identify.effects.conformance.example_scan import trial
@@ -61,29 +61,29 @@ def test_a_loop_closes_at_both_ends_whatever_its_width():
         phase=("load", "load", "hold", "unload", "unload"), force_n=(0.15, 0.3, 0.3, 0.3, 0.0)
     )
     travel = 0.01 * own.force_n
-    looped = effect_named("hysteresis").response(own, own.force_n, travel, {"h": 0.2})
+    looped = CATALOGUE["hysteresis"].response(own, own.force_n, travel, h=0.2)
     assert_allclose(looped, travel, rtol=1e-14)
 
 
 def test_loops_of_presses_to_different_forces_close_at_their_own():
     own = readings(press=(0, 0, 1, 1), phase=("load", "unload") * 2, force_n=(0.3, 0.3, 0.1, 0.1))
     travel = 0.01 * own.force_n
-    looped = effect_named("hysteresis").response(own, own.force_n, travel, {"h": 0.2})
+    looped = CATALOGUE["hysteresis"].response(own, own.force_n, travel, h=0.2)
     assert_allclose(looped, travel, rtol=1e-14)
 
 
 def test_creep_is_proportional_to_the_travel_and_so_the_same_everywhere():
     own = trial()
-    creep = effect_named("viscoelasticity")
+    creep = CATALOGUE["viscoelasticity"]
     values = {"g": 0.2, "tau_s": 0.6}
-    once = creep.response(own.readings, own.readings.force_n, own.travel_m, values)
-    thrice = creep.response(own.readings, own.readings.force_n, 3 * own.travel_m, values)
+    once = creep.response(own.readings, own.readings.force_n, own.travel_m, **values)
+    thrice = creep.response(own.readings, own.readings.force_n, 3 * own.travel_m, **values)
     assert_allclose(thrice, 3 * once, rtol=1e-12)
 
 
 def test_candidates_of_the_time_constant_span_the_scan():
     own = trial()
-    grid = [c["tau_s"] for c in effect_named("viscoelasticity").grid(own.readings, own.state)]
+    grid = [c["tau_s"] for c in CATALOGUE["viscoelasticity"].grid(own.readings, own.state)]
     assert grid[0] <= own.readings.sampling_step_s
     assert grid[-1] >= 3 * own.readings.press_length_s
 
@@ -103,17 +103,15 @@ def test_a_ball_on_a_half_space_is_hertz_whatever_contact_the_model_assumed(
     share = 0.5 if profile == "flat" else 0.6
     compliance = share / (plane * contact_radius)
     given = pressing(3, compliance, modulus, contact_radius, nu, profile)
-    travel = effect_named("spherical_tip").contact(
-        own, given, force, compliance * force, {"share": 1.0}
-    )
+    travel = CATALOGUE["spherical_tip"].contact(own, given, force, compliance * force, share=1.0)
     assert_allclose(4 / 3 * plane * np.sqrt(ball) * travel**1.5, force, rtol=3e-4)
 
 
 def test_a_ball_is_smooth_through_no_force():
     force = np.linspace(-0.01, 0.01, 201)
     own = replace(readings(force_n=tuple(force)), force_n=np.append(force[:-1], 0.3))
-    ball = effect_named("spherical_tip")
-    travel = ball.contact(own, pressing(201), force, 0.01 * force, {"share": 1.0})
+    ball = CATALOGUE["spherical_tip"]
+    travel = ball.contact(own, pressing(201), force, 0.01 * force, share=1.0)
     assert_allclose(travel, -travel[::-1], atol=1e-15)
     slope = np.diff(travel) / np.diff(force)
     assert slope.min() > 0
@@ -124,13 +122,13 @@ def test_large_strain_and_stiffening_invert_their_laws_and_begin_alike():
     travel, a = np.linspace(0, 8e-3, 9), 5e-3
     own = readings(force_n=tuple(100 * travel))
     given = pressing(9, radius=a)
-    strain, fung = effect_named("finite_strain"), effect_named("strain_stiffening")
-    d = strain.contact(own, given, own.force_n, travel, {"s": 0.3})
+    strain, fung = CATALOGUE["finite_strain"], CATALOGUE["strain_stiffening"]
+    d = strain.contact(own, given, own.force_n, travel, s=0.3)
     assert_allclose(d * (1 + 0.3 * d / a * (1 + d / a)), travel, rtol=1e-12)
-    d = fung.contact(own, given, own.force_n, travel, {"b": 0.6})
+    d = fung.contact(own, given, own.force_n, travel, b=0.6)
     assert_allclose(a / 0.6 * np.expm1(0.6 * d / a), travel, rtol=1e-12)
     slight = [
-        effect.contact(own, given, own.force_n, 1e-3 * travel, {name: size}) - 1e-3 * travel
+        effect.contact(own, given, own.force_n, 1e-3 * travel, **{name: size}) - 1e-3 * travel
         for effect, name, size in ((strain, "s", 0.1), (strain, "s", -0.1), (fung, "b", 0.2))
     ]
     assert_allclose(slight[0], slight[2], rtol=2e-3, atol=1e-15)
@@ -147,7 +145,7 @@ def test_large_strain_has_the_form_that_finite_elements_gave(s, ratio):
     travel = 5e-3 * np.array(DEPTH)
     own = readings(force_n=tuple(100 * travel))
     given = pressing(3, radius=5e-3)
-    d = effect_named("finite_strain").contact(own, given, own.force_n, travel, {"s": s})
+    d = CATALOGUE["finite_strain"].contact(own, given, own.force_n, travel, s=s)
     assert_allclose(d / travel, ratio, atol=1.2e-3)
 
 
@@ -158,7 +156,7 @@ def test_large_strain_has_the_form_that_finite_elements_gave(s, ratio):
 def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus, upper):
     own = readings(force_n=(0.1, 0.3), radius_m=5e-3)  # 0.3 N: 4.2 mm in 6 kPa, 13 mm in 2 kPa
     state = BodyState(((0.0, 0.0, 0.0), (0.1, 0.1, height)), 0.4, background_pa=modulus)
-    (s,) = effect_named("finite_strain").bounded(own, state)
+    (s,) = CATALOGUE["finite_strain"].bounded(own, state)
     assert (s.lower, s.upper) == (-0.5, upper)
 
 
@@ -166,11 +164,11 @@ def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus,
     ("name", "parameter"), [("finite_strain", "s"), ("strain_stiffening", "b")]
 )
 def test_noise_at_no_force_stays_finite_at_the_bounds(name, parameter):
-    effect = effect_named(name)
+    effect = CATALOGUE[name]
     travel = np.array([-2e-3, -1e-5, 0.0, 1e-9, 1e-5, 0.02])
     for bound in (effect.parameters[0].lower, effect.parameters[0].upper):
         own = readings(force_n=tuple(travel * 50))
-        out = effect.contact(own, pressing(6), own.force_n, travel, {parameter: bound})
+        out = effect.contact(own, pressing(6), own.force_n, travel, **{parameter: bound})
         assert np.all(np.isfinite(out))
         assert np.all(np.diff(out) > 0)
 
@@ -178,9 +176,7 @@ def test_noise_at_no_force_stays_finite_at_the_bounds(name, parameter):
 def test_stiffening_is_smooth_through_no_force():
     travel = np.linspace(-1e-4, 1e-4, 201)
     own = readings(force_n=tuple(100 * travel))
-    out = effect_named("strain_stiffening").contact(
-        own, pressing(201), own.force_n, travel, {"b": 5.0}
-    )
+    out = CATALOGUE["strain_stiffening"].contact(own, pressing(201), own.force_n, travel, b=5.0)
     bend = np.diff(out, 2) / np.diff(travel)[0] ** 2  # -b / a at no force
     assert_allclose(bend[98:101], -5.0 / 5e-3, rtol=0.01)
 
@@ -191,7 +187,7 @@ def test_stiffening_is_smooth_through_no_force():
 def fitted_loss(true, read):
     """Smallest rms error in N of the saturation's law within its bounds, loss chosen best."""
     own = readings(force_n=tuple(read))
-    effect = effect_named("force_saturation")
+    effect = CATALOGUE["force_saturation"]
 
     def error(log_sharpness):
         shape = {"sharpness": np.exp(log_sharpness)}
@@ -223,7 +219,7 @@ def test_breathing_in_step_with_the_presses_is_no_candidate():
     regular = 4.5 * own.press + (own.time_s - own.time_s[own.first][own.press])
     even = replace(own, time_s=regular)
     state = trial().state
-    breathing = effect_named("breathing")
+    breathing = CATALOGUE["breathing"]
     frequency = np.array([c["frequency_hz"] for c in breathing.grid(even, state)])
     resolution = 1 / even.elapsed_s[-1]
     multiples = np.arange(1, 9) / 4.5
@@ -239,7 +235,7 @@ def test_breathing_in_step_with_the_presses_is_no_candidate():
 def test_breathing_counts_from_the_first_reading_so_that_clocks_do_not_matter():
     early, late = trial(start_s=0.0), trial(start_s=1.7e9)
     values = {"sine_m": 1e-4, "cosine_m": 5e-5, "frequency_hz": 0.3}
-    breathing = effect_named("breathing")
+    breathing = CATALOGUE["breathing"]
     # times of 1.7e9 s are rounded to 2e-7 s
     assert_allclose(early.out(breathing, values), late.out(breathing, values), atol=1e-9)
 
@@ -253,7 +249,7 @@ def test_candidate_inclusions_lie_in_the_body_below_the_presses(size):
     points = [(a, b, size[2]) for a in x for b in y]
     own = readings(press=tuple(range(25)), point_m=tuple(points))
     state = BodyState(((0.0, 0.0, 0.0), size), 0.49)
-    grid = effect_named("extra_inclusion").grid(own, state)
+    grid = CATALOGUE["extra_inclusion"].grid(own, state)
     assert 2 <= len(grid) <= 300
     for candidate in grid:
         assert x[0] <= candidate["x_m"] <= x[-1]
@@ -265,7 +261,7 @@ def test_candidate_inclusions_stand_closer_than_their_radius():
     side = np.linspace(0.012, 0.084, 9)
     points = tuple((a, b, 0.048) for a in side for b in side)
     own = readings(press=tuple(range(81)), point_m=points)
-    grid = effect_named("extra_inclusion").grid(own, BodyState(BOX, 0.49))
+    grid = CATALOGUE["extra_inclusion"].grid(own, BodyState(BOX, 0.49))
     for axis in ("x_m", "y_m"):
         places = np.unique([candidate[axis] for candidate in grid])
         assert np.diff(places).max() < grid[0]["radius_m"]
@@ -274,14 +270,14 @@ def test_candidate_inclusions_stand_closer_than_their_radius():
 
 def test_bounds_of_an_inclusion_follow_body_and_background():
     state = BodyState(BOX, 0.49, background_pa=8000.0)
-    weight, x, _, z, _ = effect_named("extra_inclusion").bounded(readings(), state)
+    weight, x, _, z, _ = CATALOGUE["extra_inclusion"].bounded(readings(), state)
     assert (weight.lower, weight.typical) == (-7600.0, 8000.0)
     assert (x.lower, x.upper, z.upper) == (0.0, 0.096, 0.048)
 
 
 @pytest.mark.parametrize(("nu", "room"), [(0.49, 0.0099), (0.3, 0.1999)])
 def test_poissons_ratio_stays_within_what_the_finite_elements_take(nu, room):
-    (change,) = effect_named("poisson_ratio").bounded(readings(), BodyState(BOX, nu))
+    (change,) = CATALOGUE["poisson_ratio"].bounded(readings(), BodyState(BOX, nu))
     assert_allclose([change.lower, change.upper], [-nu, room], atol=1e-12)
 
 
@@ -295,7 +291,7 @@ def test_body_effects_add_up_and_leave_the_state_as_it_was():
         ("stiffness_gradient", {"gradient": 1.0}),
         ("base_compliance", {"normal_m_per_pa": 1e-7}),
     ):
-        state = effect_named(name).body(state, values)
+        state = CATALOGUE[name].body(state, **values)
     corner = np.zeros((1, 3))
     assert_allclose(state.added_pa(corner), 3000.0)
     assert_allclose(state.factor(corner), 0.75 * 0.5)

@@ -29,8 +29,8 @@ class Forgetful(ContactOffset):
 
     rng = np.random.default_rng(0)
 
-    def reading(self, readings, force_n, travel_m, values):
-        return travel_m + values["offset_m"] * self.rng.integers(0, 2, len(travel_m))
+    def reading(self, readings, force_n, travel_m, *, offset_m):
+        return travel_m + offset_m * self.rng.integers(0, 2, len(travel_m))
 
 
 def test_an_effect_that_does_not_come_back_is_at_fault():

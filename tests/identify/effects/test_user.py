@@ -39,8 +39,14 @@ def test_the_example_is_loaded_and_keeps_to_the_kit():
         ("import nothing_of_that_name\n", "line 1: ModuleNotFoundError"),
         ("import sys\nsys.exit()\n", "SystemExit"),
         ("class A(Effect):\n    name = 'a'\nclass B(A):\n    name = 'b'\n", "2 effects (A, B)"),
-        ("class A(Effect):\n    name = 'a'\n", "A has no title, link, summary"),
+        ("class A(Effect):\n    name = 'a'\n", "A has no title, summary"),
         ("class A(Breathing):\n    pass\n", "called 'breathing', as a built-in effect is"),
+        (
+            "class A(Breathing):\n    name = 'a'\n    def reading(self, readings, force_n, "
+            "travel_m, values):\n        pass\n",
+            "own.py: reading(self, readings, force_n, travel_m, values) is the old form: write "
+            "reading(self, readings, force_n, travel_m, *, sine_m, cosine_m, frequency_hz)",
+        ),
         (
             "class A(Breathing):\n    name = 'a'\n    def __init__(self, x):\n        pass\n",
             "made without arguments",

@@ -19,7 +19,7 @@ def fit():
     """With meshes that are said to be exact: the noise alone makes the intervals."""
     press, _, _, force = timing(7)
     own = model(scan(true_compliance()[press] * force + OFFSET_M, force, 7))
-    offset = next(effect for effect in CATALOGUE if effect.name == "contact_offset")
+    offset = CATALOGUE["contact_offset"]
     found = fit_jointly(
         own.with_effect(offset, {"offset_m": OFFSET_M}, own.mechanics.state()), TRUE
     )
@@ -97,7 +97,7 @@ def test_what_the_meshes_are_off_by_together_widens_by_what_it_moves_the_estimat
 
 
 def test_a_meshes_error_among_the_unknowns_is_not_counted_twice(fit):
-    effect = next(effect for effect in CATALOGUE if effect.name == "mesh_error")
+    effect = CATALOGUE["mesh_error"]
     erring = with_meshes_error(fit, np.full(25, 2e-3))
     known = erring.with_effect(effect, {"share": 0.0}, erring.mechanics.state())
     joint = fit_jointly(known, fit.map, rounds=0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fem import PalpationModel, RefinedModel, block_mesh
-from identify.catalogue.catalogue import CATALOGUE, effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.select import candidates as candidates
@@ -38,7 +38,7 @@ def saturated():
 
 
 def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
-    effect = effect_named("force_saturation")
+    effect = CATALOGUE["force_saturation"]
     fit = fit_with(saturated.fit, effect, saturated.diagnosis["force_saturation"])
     assert fit is not None
     assert fit.chi2 < saturated.fit.chi2 - 20
@@ -55,8 +55,8 @@ class Sawtooth(ContactOffset):
 
     name = "sawtooth"
 
-    def reading(self, readings, force_n, travel_m, values):
-        return travel_m + values["offset_m"] * (force_n / 1e-3 % 1 - 0.5)
+    def reading(self, readings, force_n, travel_m, *, offset_m):
+        return travel_m + offset_m * (force_n / 1e-3 % 1 - 0.5)
 
 
 def test_a_law_that_only_allows_more_noise_is_not_borne_out(saturated):
@@ -78,7 +78,7 @@ def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
     felt = body.evaluate(modulus, support_compliance=(0.0, compliance)).compliance
     press, _, _, force = timing(3)
     fit = fit_jointly(model(scan(felt[press] * force, force, 3)), TRUE)
-    effect = effect_named("base_sliding")
+    effect = CATALOGUE["base_sliding"]
     (amplitude,) = effect.amplitudes
     far = {amplitude.name: 10 * compliance}
     lost = try_fit(

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE as BUILT_IN
 from identify.select.confirm import confirmed
 from identify.select.forward_selection import Explanation, forward_selection
 from tests.identify.select.loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
 
 OFFSET_M = 2e-4
-CATALOGUE = [effect_named(name) for name in ("contact_offset", "hysteresis", "viscoelasticity")]
+CATALOGUE = [BUILT_IN[name] for name in ("contact_offset", "hysteresis", "viscoelasticity")]
 
 
 def explained(table) -> Explanation:

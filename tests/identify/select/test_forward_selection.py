@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import CATALOGUE, effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.fit import cross_validation as module
 from identify.fit.cross_validation import held_out, predicted_error
 from identify.fit.joint_fit import fit_jointly
@@ -26,7 +26,7 @@ from tests.identify.select.loop_problem import (
     true_compliance,
 )
 
-QUICK = [effect_named(n) for n in (
+QUICK = [CATALOGUE[n] for n in (
     "viscoelasticity", "hysteresis", "force_bias", "contact_offset", "force_drift",
     "tool_compliance", "extra_inclusion", "strain_stiffening",
 )]  # fmt: skip
@@ -104,7 +104,7 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     compliance = true_compliance(TruthMap(TRUE.background_pa, (ball,)))
     press, _, _, force = timing(8)
     table = scan(compliance[press] * 4 * force, 4 * force, 8)
-    catalogue = [*QUICK, *(effect_named(n) for n in ("inclusion_edge", "rigid_tip"))]
+    catalogue = [*QUICK, *(CATALOGUE[n] for n in ("inclusion_edge", "rigid_tip"))]
     found = forward_selection(model(table), TRUE, table, catalogue)
     assert found.ladder[0].diagnosis["inclusion_edge"].p_value > 0.01
     assert found.ladder[0].fit.values["inclusion_1.weight_pa"] > 3 * spot.weight_pa

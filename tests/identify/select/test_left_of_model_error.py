@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.select import forward_selection as explain
 from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
@@ -29,7 +29,7 @@ def explained(small: float, gradient: float = 0.0, drift_n: float = 0.0):
     table = replace(table, force_n=table.force_n + drift_n * time / time[-1])
     before, explain._LEFT_OF_ERROR = explain._LEFT_OF_ERROR, small
     try:
-        return forward_selection(model(table), TRUE, table, [effect_named(name) for name in NAMES])
+        return forward_selection(model(table), TRUE, table, [CATALOGUE[name] for name in NAMES])
     finally:
         explain._LEFT_OF_ERROR = before
 

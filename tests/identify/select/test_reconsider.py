@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.select.candidates import MARGIN
 from identify.select.forward_selection import forward_selection
@@ -29,7 +29,7 @@ def explained():
     names = ("contact_offset", "surface_tilt", "preconditioning", "force_bias")
     steps = []
     found = forward_selection(
-        model(table), TRUE, table, [effect_named(name) for name in names], on_step=steps.append
+        model(table), TRUE, table, [CATALOGUE[name] for name in names], on_step=steps.append
     )
     return found, [rung.fit.model.has for rung in steps]
 

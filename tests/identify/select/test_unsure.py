@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
@@ -39,7 +39,7 @@ def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_th
     found = weighed(explained, WithoutSuspects.of((3, 8), tied))
     assert found.verdict == "ambiguous"
     assert found.ambiguous == ((name, SUSPECT_PRESSES),)
-    record = candidate_record(effect_named(name), found, explained_case.problem)
+    record = candidate_record(CATALOGUE[name], found, explained_case.problem)
     assert record["verdict"] == "indistinguishable"
     assert record["confused_with"] == [SUSPECT_PRESSES]
     (note,) = _name_notes(found, name)
@@ -89,11 +89,11 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     assert "not to be believed" in verdict_detail(found)
     assert "structure" not in headline(found) + verdict_detail(found).split("The residual")[0]
     assert why in " ".join(_name_notes(found, name))
-    record = candidate_record(effect_named(name), found, explained_case.problem)
+    record = candidate_record(CATALOGUE[name], found, explained_case.problem)
     assert record["verdict"] == "not_seen"
     # Nor is it a rival of anything else
     tried = candidates.compare_rivals(
-        explained.ladder[0], {name: effect_named(name)}, lambda text: None, [name]
+        explained.ladder[0], {name: CATALOGUE[name]}, lambda text: None, [name]
     )
     assert tried == ()
 
@@ -130,8 +130,8 @@ def test_effects_that_the_scan_shows_nothing_of_are_named_beside_the_shifts():
 def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explained_case):
     last = explained_case.explained.final.fit
     (part,) = last.model.effects
-    twin = replace(part, effect=effect_named("hysteresis"), start={"loss": 0.01},
-                   parameters=effect_named("hysteresis").parameters)  # fmt: skip
+    twin = replace(part, effect=CATALOGUE["hysteresis"], start={"loss": 0.01},
+                   parameters=CATALOGUE["hysteresis"].parameters)  # fmt: skip
     both = replace(last, model=replace(last.model, effects=(part, twin)))
     now = with_exchanged(both, {"hysteresis": "viscoelasticity"}, last)
     assert now.model.has == ("viscoelasticity",)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import _beside, _verdict, is_more_missing
@@ -94,7 +94,7 @@ def test_beside_noise_only_a_score_that_chance_does_not_give_is_an_answer(
     diagnosis = replace(first.diagnosis, scores=(best, *others), significant=frozenset([best.name]))
     comparison = last.comparison if noise_like else first.comparison
     rung = replace(first, diagnosis=diagnosis, comparison=comparison)
-    effects = {best.name: effect_named(best.name)}
+    effects = {best.name: CATALOGUE[best.name]}
     assert bool(best_candidates(rung, effects, str, ())) is is_enough
 
 

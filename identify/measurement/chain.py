@@ -9,9 +9,9 @@ more pass for each, at no cost beside the finite elements'.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,13 @@ _STEEPEST = 2.0  # times the compliance: largest slope with which the force's no
 _ROUNDS = 6  # of the latent force, where travel and force are not in proportion
 _SETTLED = 1e-3  # of the largest force
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
+_HOOKS = {
+    "_forces": ForceEffect,
+    "_contacts": ContactEffect,
+    "_responses": ResponseEffect,
+    "_readings": ReadingEffect,
+    "_touches": TouchEffect,
+}
 
 
 @dataclass(frozen=True)
@@ -54,9 +61,18 @@ class Chain:
     radius_m: np.ndarray
     profile: str
     poisson_ratio: float
+    _forces: list[Any] = field(init=False, repr=False, compare=False)
+    _contacts: list[Any] = field(init=False, repr=False, compare=False)
+    _responses: list[Any] = field(init=False, repr=False, compare=False)
+    _readings: list[Any] = field(init=False, repr=False, compare=False)
+    _touches: list[Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "effects", sorted(self.effects, key=attrgetter("order")))
+        acting = sorted(self.effects, key=attrgetter("order"))
+        object.__setattr__(self, "effects", acting)
+        # Once a chain: to ask a protocol at each prediction would double its time
+        for name, kind in _HOOKS.items():
+            object.__setattr__(self, name, [e for e in acting if isinstance(e, kind)])
 
     def predict(
         self,
@@ -71,30 +87,23 @@ class Chain:
         """
         r = self.readings
         force = force_n
-        for effect in self.effects:
-            if isinstance(effect, ForceEffect):
-                force = effect.force(r, force, **values[effect.name])
+        for effect in self._forces:
+            force = effect.force(r, force, **values[effect.name])
         travel = self._elastic(compliance, modulus, force, values)
-        touch = sum(
-            effect.touch(r, **values[effect.name])
-            for effect in self.effects
-            if isinstance(effect, TouchEffect)
-        )
+        touch = sum(effect.touch(r, **values[effect.name]) for effect in self._touches)
         if touch:
             start = np.full(len(force), touch)
             travel = travel - self._elastic(compliance, modulus, start, values)
-        for effect in self.effects:
-            if isinstance(effect, ResponseEffect):
-                travel = effect.response(r, force, travel, **values[effect.name])
-        for effect in self.effects:
-            if isinstance(effect, ReadingEffect):
-                travel = effect.reading(r, force, travel, **values[effect.name])
+        for effect in self._responses:
+            travel = effect.response(r, force, travel, **values[effect.name])
+        for effect in self._readings:
+            travel = effect.reading(r, force, travel, **values[effect.name])
         return travel
 
     @property
     def nonlinear(self) -> bool:
         """Whether travel and force part from proportion within a press."""
-        return self.profile == "hertz" or any(isinstance(e, ContactEffect) for e in self.effects)
+        return self.profile == "hertz" or bool(self._contacts)
 
     def _elastic(
         self,
@@ -116,9 +125,8 @@ class Chain:
         travel = compliance[r.press] * force_n
         if ball:
             travel = travel + beyond_fixed(r, pressing, force_n)
-        for effect in self.effects:
-            if isinstance(effect, ContactEffect):
-                travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
+        for effect in self._contacts:
+            travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
         return travel
 
     def by_force(

@@ -45,6 +45,9 @@ GROUND = {
 TESTS_ONLY = "fem.reference"
 ENGINE = ("identify.fit", "identify.residual", "identify.select")
 """Folders that never import the catalogue: the caller hands the effects in."""
+SHOWING = ("palpmap.result", "palpmap.figures", "palpmap.report", "palpmap.recording")
+SOLVING = {"fit_jointly", "PalpationModel", "linearise"}
+"""Calls of the engine that folders which only show what was found never make."""
 MOST_MODULES = 20
 LONG_FOLDERS = {"identify/catalogue"}
 
@@ -176,6 +179,21 @@ def cycle(root: Path) -> list[str]:
     return []
 
 
+def decisions(root: Path) -> list[str]:
+    """Calls that solve, and verdicts that are changed, in the folders that only show."""
+    return [
+        f"{name}, line {node.lineno}: {ast.unparse(node.func)}"
+        for name, tree in modules(root).items()
+        if f"{name}.".startswith(tuple(f"{folder}." for folder in SHOWING))
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and (
+            ast.unparse(node.func).rpartition(".")[2] in SOLVING
+            or any(keyword.arg == "verdict" for keyword in node.keywords)
+        )
+    ]
+
+
 def test_each_package_imports_only_what_it_may():
     assert forbidden_imports(ROOT) == []
 
@@ -204,6 +222,10 @@ def test_no_folder_is_crowded():
 
 def test_the_library_does_not_print():
     assert prints(ROOT) == []
+
+
+def test_what_shows_a_result_neither_solves_nor_decides():
+    assert decisions(ROOT) == []
 
 
 def test_the_tests_look_at_every_package():
@@ -313,3 +335,20 @@ def test_a_print_is_found(path, source, count, tmp_path):
     file.parent.mkdir()
     file.write_text(source)
     assert len(prints(tmp_path)) == count
+
+
+@pytest.mark.parametrize(
+    ("path", "source", "count"),
+    [
+        ("palpmap/result/a.py", "fit = fit_jointly(model, start)", 1),
+        ("palpmap/report/a.py", "def f():\n    return model.linearise(u)", 1),
+        ("palpmap/recording/a.py", "replace(explained, verdict='explained')", 1),
+        ("palpmap/figures/a.py", "draw(explained.verdict)", 0),
+        ("palpmap/commands/a.py", "fit = fit_jointly(model, start)", 0),
+    ],
+)
+def test_a_decision_while_showing_is_found(path, source, count, tmp_path):
+    file = tmp_path / path
+    file.parent.mkdir(parents=True)
+    file.write_text(source)
+    assert len(decisions(tmp_path)) == count

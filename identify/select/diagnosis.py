@@ -16,7 +16,8 @@ from identify.select.score_test import Score, cosine, fitted_basis, holm_signifi
 ALPHA = 0.01  # chance that pure noise supports any effect of the catalogue
 ALIKE = 0.9  # cosine from which two effects cannot be told apart by their linear patterns
 
-CandidateVerdict = Literal["supported", "not_seen", "indistinguishable", "untestable"]
+CandidateVerdict = Literal["supported", "helps", "indistinguishable", "not_seen", "untestable"]
+"""Of one effect; "helps": it lowers chi-square, but structure remains (never from scores alone)."""
 
 
 @dataclass(frozen=True)

@@ -60,22 +60,12 @@ def rival_table(addition: AcceptedEffect) -> str:
     return table(head, rows) if len(rows) > 1 else ""
 
 
-def candidate_verdict(candidate: Mapping[str, Any], record: Mapping[str, Any]) -> str:
-    """Return a candidate's verdict; an effect that helps but leaves structure is not supported."""
-    if candidate["untestable"] is not None:
-        return "untestable"
-    verdict = candidate["verdict"]
-    if verdict == "supported" and record["verdict"] == "unexplained":
-        return "supported" if candidate["name"] in record["added"] else "helps"
-    return verdict
-
-
 def candidate_table(record: Mapping[str, Any]) -> str:
     """Return all candidates with what the scan says of them."""
-    known = [(candidate_verdict(c, record), c) for c in record["candidates"]]
-    known.sort(key=lambda pair: (_ORDER.index(pair[0]), -pair[1]["score"]))
+    known = sorted(record["candidates"], key=lambda c: (_ORDER.index(c["verdict"]), -c["score"]))
     rows = []
-    for verdict, c in known:
+    for c in known:
+        verdict = c["verdict"]
         kind = {"supported": "yes", "indistinguishable": "no", "helps": "no"}.get(verdict, "")
         word = escape(CANDIDATES[verdict])
         tested = c["untestable"] is None

@@ -7,11 +7,11 @@ from identify.design.geometry_confounders import mistakes
 from identify.design.redundant_inclusions import unseen_inclusions
 from identify.effects.base import Effect
 from identify.fit.joint_intervals import joint_intervals
-from identify.select.candidates import refit_chance
-from identify.select.diagnosis import CandidateVerdict, Diagnosis
-from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
+from identify.select.diagnosis import Diagnosis
+from identify.select.forward_selection import Explanation
 from identify.select.score_test import Score
 from identify.select.step import Step
+from identify.select.verdicts import effect_verdict
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.presses_words import counted, presses_record
 from palpmap.study.map_fit import AXES
@@ -97,74 +97,39 @@ def step_record(rung: Step) -> dict[str, Any]:
 
 
 def candidate_record(effect: Effect, explained: Explanation, problem: Problem) -> dict[str, Any]:
-    """Return what the scan says of one effect, at the step at which that was decided."""
-    name = effect.name
-    rung, group = _decided_at(name, explained)
-    score = rung.diagnosis[name]
-    verdict = rung.diagnosis.verdict(name)
-    confused = [other for other in rung.diagnosis.confused_with(name)]
-    if group is not None:
-        verdict, confused = _in_group(name, group, explained)
-    elif verdict == "supported":
-        # It scores while something else is missing, but does not win: no support of its own
-        verdict = "not_seen" if explained.verdict != "unexplained" else "supported"
-    elif verdict == "untestable":
-        verdict = "not_seen"  # the record says why under its own key
-    record = score_record(score, rung.diagnosis)
-    if effect.refitted_from:
-        record |= refit_record(name, explained)
+    """Return the verdict on one effect, and the numbers of the step that decided it."""
+    found = effect_verdict(effect, explained)
     return {
-        **record,
-        "verdict": verdict,
-        "confused_with": confused,
-        "evidence": evidence(effect, score, problem, explained.final),
+        **_numbers(found.score),
+        "verdict": found.verdict,
+        "score": found.statistic,
+        "p_value": found.p_value,
+        "explained_fraction": found.explained_fraction,
+        "confused_with": list(found.confused_with),
+        "evidence": evidence(effect, found.score, problem, explained.final),
     }
-
-
-def _in_group(
-    name: str, group: tuple[str, ...], explained: Explanation
-) -> tuple[CandidateVerdict, list[str]]:
-    """Verdict on an effect that was added or is as good as one that was, and what it looks like."""
-    others = [other for other in group if other != name]
-    if others or name in explained.added:
-        return ("indistinguishable" if others else "supported"), others
-    if name in explained.resting_on_suspects:
-        return "indistinguishable", [SUSPECT_PRESSES]
-    if name in (*explained.at_bound, *explained.doubted):
-        return "not_seen", []
-    return "supported", []  # a help; what is offered by name stands under `added`
 
 
 def score_record(score: Score, diagnosis: Diagnosis) -> dict[str, Any]:
     """Return an effect's score alone."""
     return {
-        "name": score.name,
+        **_numbers(score),
         "verdict": diagnosis.verdict(score.name),
         "score": score.statistic,
         "p_value": score.p_value,
         "explained_fraction": diagnosis.explained_fraction(score.name),
         "confused_with": list(diagnosis.confused_with(score.name)),
+    }
+
+
+def _numbers(score: Score) -> dict[str, Any]:
+    return {
+        "name": score.name,
         "rms_m": score.rms_m,
         "visible": score.visible,
         "values": {name: float(value) for name, value in score.values.items()},
         "untestable": score.untestable,
     }
-
-
-def refit_record(name: str, explained: Explanation) -> dict[str, float]:
-    """Return what the refit says of an effect that shows in none of its scores, or nothing."""
-    refits = (r for a in explained.additions for r in (*a.candidates, *a.tried) if r.name == name)
-    for rival in refits:
-        others = {part for part in rival.fit.model.has if part != name}
-        before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
-        if before is not None:
-            fall, excess = max(before.fit.chi2 - rival.chi2, 0.0), before.diagnosis.excess
-            return {
-                "score": fall,
-                "p_value": refit_chance(before, rival),
-                "explained_fraction": min(fall / excess, 1.0) if excess > 0 else 0.0,
-            }
-    return {}
 
 
 def evidence(effect: Effect, score: Score, problem: Problem, final: Step | None = None) -> str:
@@ -210,29 +175,6 @@ def unit_of(name: str, model: Any) -> str:
         if part.effect.name == effect:
             return next(p.unit for p in part.parameters if p.name == own)
     return "Pa" if name.endswith("_pa") else "m"
-
-
-def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...] | None]:
-    """Return the rung at which an effect was judged, and its group if it was chosen there."""
-    for addition in explained.additions:
-        if name in addition.group:
-            return _rung_before(explained, addition.name, name), addition.group
-    last = explained.final
-    if any(score.name == name for score in last.diagnosis.scores):
-        return last, None
-    return next(r for r in explained.ladder if _scored(r, name)), None
-
-
-def _rung_before(explained: Explanation, added: str, name: str) -> Step:
-    """Return the last rung without an addition that scored an effect."""
-    ladder = explained.ladder
-    number = next((i for i, rung in enumerate(ladder) if added in rung.fit.model.has), len(ladder))
-    before = [rung for rung in ladder[:number] if _scored(rung, name)]
-    return before[-1] if before else next(rung for rung in ladder if _scored(rung, name))
-
-
-def _scored(rung: Step, name: str) -> bool:
-    return any(score.name == name for score in rung.diagnosis.scores)
 
 
 __all__ = ["candidate_record", "explain_record", "named", "score_record", "step_record"]

@@ -13,7 +13,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.forward_selection import forward_selection
-from palpmap.result.explain_record import refit_record
+from identify.select.verdicts import refit_numbers
 from sim.body.true_map import Inclusion, TruthMap
 from tests.identify.select.loop_problem import (
     NOISE,
@@ -111,11 +111,13 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     assert "inclusion_edge" in (*found.added, *(n for group in found.ambiguous for n in group))
     assert found.final.fit.values["inclusion_1.weight_pa"] == pytest.approx(15000, rel=0.2)
     assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=0.2)
-    told = refit_record("inclusion_edge", found)  # what the report says in place of the score
-    assert told["score"] > 50
-    assert told["p_value"] < 1e-9
-    assert 0.3 < told["explained_fraction"] <= 1
-    assert refit_record("breathing", found) == {}
+    told = refit_numbers("inclusion_edge", found)  # what the report says in place of the score
+    assert told is not None
+    score, p_value, explained_fraction = told
+    assert score > 50
+    assert p_value < 1e-9
+    assert 0.3 < explained_fraction <= 1
+    assert refit_numbers("breathing", found) is None
 
 
 def test_a_late_force_channel_is_not_explained_by_any_name():

@@ -211,7 +211,11 @@ def test_explain_says_of_every_effect_how_it_was_judged(explained):
     assert candidates["viscoelasticity"]["verdict"] == "supported"
     assert candidates["viscoelasticity"]["explained_fraction"] > 0.8
     for candidate in candidates.values():
-        assert candidate["verdict"] in ("supported", "not_seen", "indistinguishable")
+        untestable = candidate["untestable"] is not None
+        assert (candidate["verdict"] == "untestable") == untestable
+        assert untestable or candidate["verdict"] in (
+            "supported", "not_seen", "indistinguishable",
+        )  # fmt: skip
         assert candidate["score"] >= 0
         assert 0 < candidate["p_value"] <= 1
         assert not set(candidate["confused_with"]) - NAMES

@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 from rich.console import Console
 
+from identify.catalogue.catalogue import effect_named
 from identify.fit.joint_result import estimates
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
@@ -21,10 +22,12 @@ from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
 from palpmap.report.explain_report import Told, write_explain_report
-from palpmap.report.explain_tables import candidate_verdict
+from palpmap.report.explain_tables import candidate_table
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.result.explain_finding import final_finding, truth_beside
+from palpmap.result.explain_record import candidate_record
 from palpmap.result.explain_words import (
+    CANDIDATES,
     _name_notes,
     stated_lengths,
     unseen_inclusions,
@@ -202,10 +205,24 @@ def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_ca
     unexplained = replace(case.explained, verdict="unexplained", ladder=ladder)
     assert unexplained.added == ()
     assert "a help, not the answer" in verdict_detail(unexplained)
-    record = {**case.record, "verdict": "unexplained", "added": []}
-    creep = next(c for c in record["candidates"] if c["name"] == "viscoelasticity")
-    assert candidate_verdict(creep, case.record) == "supported"
-    assert candidate_verdict(creep, record) == "helps"
+    for explained, verdict in ((case.explained, "supported"), (unexplained, "helps")):
+        creep = candidate_record(effect_named("viscoelasticity"), explained, case.problem)
+        assert creep["verdict"] == verdict
+
+
+def test_the_page_says_of_every_effect_what_result_json_says(told):
+    """Also of effects that only help or cannot be tested, which this scan has none of."""
+    candidates = told.record["candidates"]
+    changed = [
+        {**candidates[0], "verdict": "helps"},
+        {**candidates[1], "verdict": "untestable", "untestable": "the scan has no time stamps"},
+        *candidates[2:],
+    ]
+    for shown in (candidates, changed):
+        text = candidate_table({**told.record, "candidates": shown})
+        rows = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in text.split("<tr>")]
+        words = {row[0]: re.sub("<.*?>", "", row[1]) for row in rows if len(row) > 2}
+        assert {c["name"]: CANDIDATES[c["verdict"]] for c in shown}.items() <= words.items()
 
 
 def test_nothing_missing_is_no_proof(told, tmp_path):

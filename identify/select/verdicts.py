@@ -1,0 +1,109 @@
+"""The verdict on each effect of the catalogue after the whole search; the faces only show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identify.effects.base import Effect
+from identify.select.candidates import refit_chance
+from identify.select.diagnosis import CandidateVerdict
+from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
+from identify.select.score_test import Score
+from identify.select.step import Step
+
+
+@dataclass(frozen=True)
+class EffectVerdict:
+    """The verdict on one effect, with the numbers of the step that decided it.
+
+    Attributes
+    ----------
+    verdict : CandidateVerdict
+        See there; never "supported" without a place among what is offered by name.
+    confused_with : tuple of str
+        Effects that the scan cannot tell from it.
+    score : Score
+        Linear score at the deciding step.
+    statistic, p_value, explained_fraction : float
+        Decrease of chi-square, its p-value, and its share of the unexplained chi-square: of the
+        score, or of the refit for an effect that no score shows.
+    """
+
+    verdict: CandidateVerdict
+    confused_with: tuple[str, ...]
+    score: Score
+    statistic: float
+    p_value: float
+    explained_fraction: float
+
+
+def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
+    """Return the verdict on an effect, at the step that decided it."""
+    name = effect.name
+    step, group = _decided_at(name, explained)
+    score, diagnosis = step.diagnosis[name], step.diagnosis
+    verdict, confused = diagnosis.verdict(name), diagnosis.confused_with(name)
+    if group is not None:
+        verdict, confused = _in_group(name, group, explained)
+    elif verdict == "supported":
+        # It scores while something else is missing, but does not win: no support of its own
+        verdict = "helps" if explained.verdict == "unexplained" else "not_seen"
+    numbers = score.statistic, score.p_value, diagnosis.explained_fraction(name)
+    if effect.refitted_from:
+        numbers = refit_numbers(name, explained) or numbers
+    return EffectVerdict(verdict, confused, score, *numbers)
+
+
+def refit_numbers(name: str, explained: Explanation) -> tuple[float, float, float] | None:
+    """Return chi-square's decrease, its p-value and its share in the refit of an effect.
+
+    None without a refit of the effect beside a step of the ladder.
+    """
+    refits = (r for a in explained.additions for r in (*a.candidates, *a.tried) if r.name == name)
+    for candidate in refits:
+        others = {part for part in candidate.fit.model.has if part != name}
+        before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
+        if before is not None:
+            fall, excess = max(before.fit.chi2 - candidate.chi2, 0.0), before.diagnosis.excess
+            share = min(fall / excess, 1.0) if excess > 0 else 0.0
+            return fall, refit_chance(before, candidate), share
+    return None
+
+
+def _in_group(
+    name: str, group: tuple[str, ...], explained: Explanation
+) -> tuple[CandidateVerdict, tuple[str, ...]]:
+    """Verdict on an effect of the model, or of a group that stands in the model."""
+    others = tuple(other for other in group if other != name)
+    if others:
+        return "indistinguishable", others
+    if name in explained.added:
+        return "supported", ()
+    if name in explained.resting_on_suspects:
+        return "indistinguishable", (SUSPECT_PRESSES,)
+    if name in (*explained.at_bound, *explained.doubted):
+        return "not_seen", ()
+    return "helps", ()
+
+
+def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...] | None]:
+    """Return the step that decided on an effect, and its group if it was chosen there."""
+    for addition in explained.additions:
+        if name in addition.group:
+            return _step_before(explained, addition.name, name), addition.group
+    last = explained.final
+    return (
+        last if _scored(last, name) else next(s for s in explained.ladder if _scored(s, name))
+    ), None
+
+
+def _step_before(explained: Explanation, added: str, name: str) -> Step:
+    """Return the last step without an addition that scored an effect."""
+    ladder = explained.ladder
+    number = next((i for i, step in enumerate(ladder) if added in step.fit.model.has), len(ladder))
+    before = [step for step in ladder[:number] if _scored(step, name)]
+    return before[-1] if before else next(step for step in ladder if _scored(step, name))
+
+
+def _scored(step: Step, name: str) -> bool:
+    return any(score.name == name for score in step.diagnosis.scores)

@@ -17,6 +17,7 @@ from palpmap.figures.style import (
     plain_log_ticks,
 )
 from palpmap.result.finding import Finding, matched
+from palpmap.study.frame import frame_shift_m
 
 MARKS = {"load": "o", "hold": "s", "unload": "^"}
 HUES = (BLUE, ORANGE, GREEN, PINK, SKY, "#E69F00")
@@ -109,9 +110,7 @@ def _paths(axes: Axes, f: Finding, names: list[str], scale: float, true: dict[st
     panel_grid(axes)
     steps = [step.iteration for step in f.fit.history]
     for i, name in enumerate(names):
-        hue, shift = HUES[i % len(HUES)], 0.0
-        if name.endswith(("x_m", "y_m", "z_m")):
-            shift = float(f.origin_m["xyz".index(name[-3])])
+        hue, shift = HUES[i % len(HUES)], frame_shift_m(name, f.origin_m)
         path = [scale * (step.parameters[name] + shift) for step in f.fit.history]
         axes.plot(steps, path, "o-", color=hue, ms=3.5, label=plain_name(name))
         if name in true:

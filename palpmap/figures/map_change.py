@@ -24,6 +24,7 @@ from palpmap.figures.style import (
     panel_grid,
 )
 from palpmap.result.finding import Finding, matched
+from palpmap.study.frame import frame_shift_m
 
 _PALE = 0.25  # of the colour, for what no interval counts
 
@@ -136,7 +137,8 @@ def draw_parameters(
         axes.set_axis_off()
     for axes, name in zip(grid.flat, names, strict=False):
         panel_grid(axes)
-        scale, shift = (1e-3, 0.0) if name.endswith("_pa") else (1e3, _shift(finding, name))
+        scale = 1e-3 if name.endswith("_pa") else 1e3
+        shift = frame_shift_m(name, finding.origin_m)
         value = np.array([scale * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
         error = np.array([1.96 * scale * rung.fit.std.get(name, np.nan) for rung in rungs])
         low, high = value - error, value + error
@@ -158,11 +160,6 @@ def draw_parameters(
         axes.set_xlim(-0.6, len(rungs) - 0.4)
         axes.set_title(f"{plain_name(name)}\n{'kPa' if name.endswith('_pa') else 'mm'}", size=9)
     return figure
-
-
-def _shift(finding: Finding, name: str) -> float:
-    axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
-    return 0.0 if axis is None else float(finding.origin_m[axis])
 
 
 def draw_presses(explained: Explanation) -> Figure:

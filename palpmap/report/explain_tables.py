@@ -15,6 +15,7 @@ from palpmap.report.fit_report import shown
 from palpmap.report.html import table
 from palpmap.result.explain_words import CANDIDATES, interval, rung_labels, unseen_shift
 from palpmap.result.finding import Finding, matched
+from palpmap.study.frame import frame_shift_m
 
 _ORDER = ("supported", "helps", "indistinguishable", "not_seen", "untestable")
 _LEAST_P = 1e-12
@@ -109,8 +110,7 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
     stepped, shifts = len(explained.ladder) > 1, record.get("unseen_shifts")
     rows = []
     for name, p in record["parameters"].items():
-        axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
-        shift = 0.0 if axis is None else float(finding.origin_m[axis])
+        shift = frame_shift_m(name, finding.origin_m)
         row = [escape(plain_name(name) if name in last.map.names else name)]
         if stepped:
             known = name in first.values

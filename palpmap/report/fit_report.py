@@ -15,6 +15,7 @@ from identify.residual.statement import length, sigmas
 from palpmap.figures.curves import plain_name
 from palpmap.report.html import listing, picture, section, table, write_page
 from palpmap.result.finding import Finding, matched
+from palpmap.study.frame import frame_shift_m
 
 CAPTIONS = {
     "map": (
@@ -104,7 +105,7 @@ def parameter_rows(f: Finding) -> list[tuple[str, str, str, str, bool | None]]:
     true = {} if f.truth is None else matched(f.fit.map, f.truth)
     rows = []
     for name, estimate in f.fit.parameters.items():
-        shift = _shift(f, name)
+        shift = frame_shift_m(name, f.origin_m)
         found = shown(estimate.value + shift, estimate.unit)
         interval = _interval(estimate, shift) if estimate.free else "held fixed"
         if name not in true:
@@ -130,11 +131,6 @@ def parameter_table(f: Finding) -> str:
             row += [escape(true), mark]
         rows.append(row)
     return table(head, rows, raw=True)
-
-
-def _shift(f: Finding, name: str) -> float:
-    axis = {".x_m": 0, ".y_m": 1, ".z_m": 2}.get(name[-4:])
-    return 0.0 if axis is None else float(f.origin_m[axis])
 
 
 def _interval(e: Estimate, shift: float) -> str:

@@ -14,7 +14,7 @@ from identify.select.step import Step
 from identify.select.verdicts import effect_verdict
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.presses_words import counted, presses_record
-from palpmap.study.map_fit import AXES
+from palpmap.study.frame import frame_shift_m
 from palpmap.study.open_study import Problem, named
 from palpmap.study.outlying_presses import WithoutSuspects, suspects_left
 
@@ -154,8 +154,7 @@ def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str,
     held = fit.at_bound
     found = {}
     for name, value in fit.values.items():
-        axis = AXES.get(name.split(".")[-1])
-        shift = 0.0 if axis is None else float(problem.placement.origin_m[axis])
+        shift = frame_shift_m(name, problem.placement.origin_m)
         low, high = intervals.get(name, (value, value))
         found[name] = {
             "value": value + shift,

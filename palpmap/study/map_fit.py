@@ -11,10 +11,9 @@ from identify.fit.result import Fit, FitIteration
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.optimizers import OPTIMIZERS
+from palpmap.study.frame import frame_shift_m
 from palpmap.study.placement import Placement
 from palpmap.study.study import Study
-
-AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
 
 
 def fit_study(
@@ -63,9 +62,7 @@ def fit_study(
         values = np.array(quick.values)
     for index, name in enumerate(names):
         if name in known:  # the study speaks in the scan's frame
-            axis = AXES.get(name.split(".")[-1])
-            shift = 0.0 if axis is None else placement.origin_m[axis]
-            values[index] = known[name] - shift
+            values[index] = known[name] - frame_shift_m(name, placement.origin_m)
     free = [name for name in names if name not in study.map.fixed]
     return fit_scan(
         scan, body.coarse, noise=noise, fine_model=fine, optimizer=method,

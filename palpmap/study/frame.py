@@ -1,0 +1,24 @@
+"""From the body's frame to the frame of the scan."""
+
+import numpy as np
+
+_AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
+
+
+def frame_shift_m(name: str, origin_m: np.ndarray) -> float:
+    """Return the addition that takes a parameter to the scan's frame: zero but for positions.
+
+    Parameters
+    ----------
+    name : of the parameter, of map or effect
+    origin_m : (3,)
+        Origin of the body's frame in the scan's frame, m.
+
+    Examples
+    --------
+    >>> origin_m = np.array([0.1, 0.2, 0.3])
+    >>> frame_shift_m("inclusion_1.y_m", origin_m), frame_shift_m("inclusion_1.radius_m", origin_m)
+    (0.2, 0.0)
+    """
+    axis = _AXES.get(name.rpartition(".")[2])
+    return 0.0 if axis is None else float(origin_m[axis])

@@ -175,7 +175,7 @@ def _change_table(
         error.add_column(column, justify="right" if column else "left")
     pairs = [
         ("rms", before.fit.rms_m, after.fit.rms_m),
-        ("held-out presses", before.held_out.rms_m, after.held_out.rms_m),
+        ("cross-validation", before.held_out.rms_m, after.held_out.rms_m),
         ("noise alone", before.comparison.expected_rms_m, after.comparison.expected_rms_m),
     ]
     for label, was, now in pairs:
@@ -200,7 +200,7 @@ def _history_table(versions: list[dict[str, Any]]) -> "RenderableType":
     if not versions:
         return "No effects were added yet; `palpmap add STUDY EFFECT` adds one."
     table = Table(box=box.SIMPLE, title="the ladder", title_justify="left")
-    for column in ("version", "added", "rms", "held-out presses", "chi2/dof"):
+    for column in ("version", "added", "rms", "cross-validation", "chi2/dof"):
         table.add_column(column, justify="left" if column in ("version", "added") else "right")
     for number, v in enumerate(versions):
         added = v["added"] or ", ".join(v["effects"]) or "map alone"

@@ -85,7 +85,7 @@ def _ladder_table(explained: Explanation) -> "RenderableType":
     from rich.table import Table
 
     table = Table(box=box.SIMPLE, title="the error", title_justify="left")
-    for name in ("model", "rms", "held-out presses", "noise alone", "chi2/dof"):
+    for name in ("model", "rms", "cross-validation", "noise alone", "chi2/dof"):
         table.add_column(name, justify="left" if name == "model" else "right")
     for label, rung in zip(rung_labels(explained), explained.ladder, strict=True):
         table.add_row(

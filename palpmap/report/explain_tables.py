@@ -39,7 +39,7 @@ def ladder_table(explained: Explanation) -> str:
         for high in (rung.held_out.high_rms_m,)
     ]
     head = (
-        "Model", "Error (rms)", "At presses left out", "At forces left out", "Noise alone",
+        "Model", "Error (rms)", "Cross-validation", "At forces left out", "Noise alone",
         "Chi-square / dof",
     )  # fmt: skip
     return table(head, rows)
@@ -83,7 +83,7 @@ def candidate_table(record: Mapping[str, Any]) -> str:
                 escape(says),
             ]
         )
-    head = ("Effect", "Verdict", "Share of the unexplained", "Chance under noise", "Why")
+    head = ("Effect", "Verdict", "Share of the unexplained", "p-value", "Why")
     return table(head, rows, numeric=False, raw=True)
 
 

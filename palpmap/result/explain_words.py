@@ -21,7 +21,7 @@ VERDICTS = {  # but see `headline`
     "nothing_missing": ("Nothing is seen to be missing.", "green"),
     "explained": ("Explained.", "green"),
     "ambiguous": ("Ambiguous: this scan cannot tell these effects apart.", "yellow"),
-    "unexplained": ("Unexplained: what is left has structure that no known effect removes.", "red"),
+    "unexplained": ("Unexplained: no known effect removes the structure of the residual.", "red"),
 }
 
 CANDIDATES = {
@@ -29,7 +29,7 @@ CANDIDATES = {
     "indistinguishable": "cannot be told apart",
     "not_seen": "not seen",
     "untestable": "cannot be tested",
-    "helps": "helps, but is not it",
+    "helps": "helps, but structure remains",
 }
 
 
@@ -37,7 +37,7 @@ def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
     if explained.verdict == "unexplained" and explained.final.comparison.is_noise:
         if explained.at_bound or explained.doubted:
-            return "Unexplained: what would explain the scan is not to be believed."
+            return "Unexplained: the only model that fits has implausible parameter values."
         return "Unexplained: more is seen to be missing than could be found."
     return VERDICTS[explained.verdict][0]
 
@@ -49,12 +49,12 @@ def verdict_detail(explained: Explanation) -> str:
         if explained.traces:
             return (
                 f"The residual is noise, with a trace of {' or '.join(explained.traces)} that is "
-                "too weak to be told from chance, does not pay for its parameters, or may be what "
-                "the model itself is off by."
+                "not significant, not justified by the information criterion, or within the "
+                "model error."
             )
         return "The residual is noise, and no effect of the catalogue is seen in it."
     if explained.verdict == "explained":
-        return f"With {sure} in the model, what remains is noise."
+        return f"With {sure} in the model, the residual is noise."
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         return text + (f" Beside it: {sure}." if sure else "")
@@ -92,7 +92,7 @@ def _help(explained: Explanation) -> str:
     if explained.map_error and explained.added:
         return (
             f"The presses call for {listed(explained.added)}, whatever the map. In displacement, "
-            "most of what is left is in the map. "
+            "most of the residual is in the map. "
         )
     if bound := [name for name in helpers if name in explained.at_bound]:
         return (
@@ -101,14 +101,14 @@ def _help(explained: Explanation) -> str:
         )
     if doubted := [name for name in helpers if name in explained.doubted]:
         return (
-            f"With {listed(helpers)} the error falls, but {listed(doubted)} only at values that "
-            "are not to be believed: a help, not the answer. "
+            f"With {listed(helpers)} the error falls, but {listed(doubted)} only at "
+            "implausible values: a help, not the answer. "
         )
     text = f"{listed(helpers)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if not explained.added:
         return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
-    return f"{text}; something else is left. "
+    return f"{text}; the rest has another cause. "
 
 
 def _nearest(explained: Explanation) -> str:
@@ -145,7 +145,7 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
     before, after = explained.ladder[number - 1], explained.ladder[number]
     text = (
         f"Chi-square goes from {before.fit.chi2:.0f} to {after.fit.chi2:.0f} "
-        f"({after.fit.dof} degrees of freedom); at presses that the fit did not see, the error "
+        f"({after.fit.dof} degrees of freedom); in cross-validation, the error "
         f"goes from {length(before.held_out.rms_m, signed=False)} to "
         f"{length(after.held_out.rms_m, signed=False)}."
     )
@@ -174,8 +174,8 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         return [f"The presses by themselves call for {name}, whatever the map."]
     if name in explained.resting_on_suspects:
         return [
-            f"{name} is only found, or only told from its rivals, with presses that stand out by "
-            "themselves, so it is not offered as the missing effect."
+            f"{name} is only found, or only told from the other candidates, with presses that "
+            "stand out by themselves, so it is not offered as the missing effect."
         ]
     if name in explained.at_bound:
         return [
@@ -233,7 +233,7 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
         )
     elif presses:
         notes.append(
-            f"Presses {presses} stand out of the map alone, and no more of the last model. "
+            f"Presses {presses} are outliers for the map alone, but not for the last model. "
             + without_suspects(record)
         )
     return notes
@@ -316,7 +316,7 @@ def without_suspects(record: Mapping[str, Any]) -> str:
 def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what the reader must know of how far this can be trusted."""
     limits = [
-        "Standard errors count the noise, under the model of the last rung. The errors and "
+        "Standard errors count the noise, under the model of the last step. The errors and "
         "intervals of a map fitted WITHOUT an effect that is there do not cover the truth: they "
         "are as narrow as before, around a wrong value. This is why what is missing has to be "
         "found before a map is believed.",

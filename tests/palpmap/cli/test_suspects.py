@@ -122,5 +122,5 @@ def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_ca
         explained, explained_case.problem, WithoutSuspects.of((3, 8), explained)
     )
     told = " ".join(doubts({**record, "suspect_presses": [3, 8]}, explained))
-    assert "Presses 3, 8 stand out of the map alone, and no more of the last model" in told
+    assert "Presses 3, 8 are outliers for the map alone, but not for the last model" in told
     assert "Without them the answer is the same" in told

@@ -196,7 +196,7 @@ def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
     assert "Do not take its name" in page.text
     assert "If it were viscoelasticity: The tip keeps sinking" in page.text
     assert "another effect of the group would give another map" in page.text
-    assert "what remains is noise" not in page.text.split("What the last model")[0]
+    assert "the residual is noise" not in page.text.split("What the last model")[0]
 
 
 def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_case):

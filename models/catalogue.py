@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, SupportsIndex, TypeVar, overload
+from typing import Any, SupportsIndex, TypeVar, cast, overload
 
 from models.errors import InputError
 
@@ -29,7 +29,7 @@ class Catalogue(tuple[T, ...]):
         """Return the effect of a name or place, or the effects of a slice."""
         if not isinstance(key, str):
             return super().__getitem__(key)
-        named: tuple[Any, ...] = self
+        named = cast("tuple[Any, ...]", self)
         items: dict[str, Any] = {item.name: item for item in named}
         if key in items:
             return items[key]

@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.body.state import BodyState, ChangedMap
 from identify.catalogue.catalogue import CATALOGUE
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.residual.comparison import Comparison
 from models.errors import InputError
@@ -61,7 +61,7 @@ class Finding:
     """
 
     name: str
-    fit: Fit
+    fit: FitResult
     scan: Scan
     comparison: Comparison
     outline: Outline

@@ -21,6 +21,7 @@ import demo_run  # isort: skip
 import finite_strain  # isort: skip
 import paper_tests  # isort: skip
 import peers  # isort: skip
+import reduced  # isort: skip
 import scaling  # isort: skip
 import solver  # isort: skip
 from fem import default_solver  # isort: skip
@@ -32,6 +33,7 @@ BENCHMARKS = {
     "accuracy": accuracy.table,
     "paper": paper_tests.table,
     "peers": peers.table,
+    "reduced": reduced.table,
     "scaling": scaling.table,
     "finite_strain": finite_strain.table,
 }

@@ -116,6 +116,14 @@ class ReducedModel:
         """Number of full solutions in each basis."""
         return len(self._fields)
 
+    @property
+    def bytes(self) -> int:
+        """Memory of the snapshots, the training set and the reduced matrices."""
+        kept = [self._pairs, self._training, self.modes.modes, *(f.free for f in self._fields)]
+        return sum(array.nbytes for array in kept) + sum(
+            samples(material).nbytes for material in self._materials
+        )
+
     def evaluate(self, modulus_pa: np.ndarray) -> ReducedResponse:
         """Solve for all presses and a modulus (r,) at `points_m`, Pa.
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 from rich.console import Console
 
-from identify.catalogue.catalogue import effect_named
+from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_result import estimates
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
@@ -206,7 +206,7 @@ def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_ca
     assert unexplained.added == ()
     assert "a help, not the answer" in verdict_detail(unexplained)
     for explained, verdict in ((case.explained, "supported"), (unexplained, "helps")):
-        creep = candidate_record(effect_named("viscoelasticity"), explained, case.problem)
+        creep = candidate_record(CATALOGUE["viscoelasticity"], explained, case.problem)
         assert creep["verdict"] == verdict
 
 

@@ -191,9 +191,9 @@ def fitted_loss(true, read):
 
     def error(log_sharpness):
         shape = {"sharpness": np.exp(log_sharpness)}
-        unit = effect.force(own, own.force_n, {"loss": 1.0, **shape}) - own.force_n
+        unit = effect.force(own, own.force_n, loss=1.0, **shape) - own.force_n
         loss = max(unit @ (true - read) / (unit @ unit), 0.0)
-        back = effect.force(own, own.force_n, {"loss": loss, **shape})
+        back = effect.force(own, own.force_n, loss=loss, **shape)
         return np.sqrt(np.mean((back - true) ** 2))
 
     sharpness = effect.parameters[1]

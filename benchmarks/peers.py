@@ -17,7 +17,6 @@ import numpy as np
 
 from fem.contact.contacts import contact_weights
 from fem.linear.assembly import lame
-from identify.body.forward import Forward
 from identify.map.parameters import parameter_space
 from identify.optimize.bfgs import minimize_bfgs_residuals
 from identify.optimize.optimizers import OPTIMIZERS
@@ -74,15 +73,13 @@ def differenced_fit() -> tuple[int, float]:
     """
     model = paper_model()
     box = np.array([np.zeros(3), SIZE_M])
-    forward = Forward(
-        model, parameter_space(TEST.initial, box, [symbol(t).name for t in TEST.theta])
-    )
+    space = parameter_space(TEST.initial, box, [symbol(t).name for t in TEST.theta])
     count = 0
 
     def compliances(u: np.ndarray) -> np.ndarray:
         nonlocal count
         count += 1
-        return FORCE_N * model.evaluate(forward.space.to_map(u).modulus(model.points_m)).compliance
+        return FORCE_N * model.evaluate(space.to_map(u).modulus(model.points_m)).compliance
 
     observed = FORCE_N * model.evaluate(TEST.correct.modulus(model.points_m)).compliance
     scale = np.linalg.norm(observed)
@@ -95,9 +92,9 @@ def differenced_fit() -> tuple[int, float]:
         return (here - observed) / scale, np.column_stack(columns) / scale
 
     end = minimize_bfgs_residuals(
-        residuals, forward.space.to_scaled(TEST.initial), bounds=forward.space.bounds, ftol=FTOL
+        residuals, space.to_scaled(TEST.initial), bounds=space.bounds, ftol=FTOL
     )
-    found, true = forward.space.to_map(end.x).values, TEST.correct.values
+    found, true = space.to_map(end.x).values, TEST.correct.values
     return count, float(np.abs(np.asarray(found) / np.asarray(true) - 1).max())
 
 

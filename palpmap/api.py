@@ -31,7 +31,9 @@ from identify.design.next_presses import Proposal
 from identify.effects.base import Effect
 from identify.fit.files import read_fit
 from identify.fit.joint_fit import fit_jointly
-from identify.fit.result import Estimate, Fit, FitIteration
+from identify.fit.result import Estimate
+from identify.fit.result import FitResult as FitRecord
+from identify.fit.search import FitIteration
 from identify.map.gaussian_map import GaussianMap
 from identify.residual import comparison as residual
 from identify.select.forward_selection import Explanation as Selection
@@ -85,12 +87,12 @@ class FitResult:
     Attributes
     ----------
     experiment : what was fitted
-    record : the fit, row by row (`identify.fit.result.Fit`); positions in the body's frame
+    record : the fit, row by row (`identify.fit.result.FitResult`); positions in the body's frame
     note : what the reader must know of the body's model, or nothing
     """
 
     experiment: Experiment
-    record: Fit = field(repr=False)
+    record: FitRecord = field(repr=False)
     note: str = ""
 
     @property
@@ -347,9 +349,7 @@ class Explanation:
     @cached_property
     def fit(self) -> FitResult:
         """The last model: map and effects fitted together."""
-        from identify.fit.joint_result import fit_of
-
-        return FitResult(self.experiment, fit_of(self.problem.fit, self.record.final.fit))
+        return FitResult(self.experiment, replace(self.record.final.fit, history=()))
 
     def summary(self) -> str:
         """Return ladder, verdict and parameters as text."""

@@ -15,7 +15,7 @@ import numpy as np
 from fem import PalpationModel, RefinedModel
 from fem.linear.assembly import POINTWISE
 from fem.palpation.response import Response
-from identify.body.forward import ModulusField, positive_modulus
+from identify.body.compliance import ModulusField, positive_modulus
 
 FineModel = PalpationModel | RefinedModel
 MODEL_ERROR = "mesh_error"  # the effect by which this error becomes an unknown of a joint fit

@@ -16,8 +16,8 @@ from fem import PalpationModel
 from fem.errors import SolverError
 from fem.palpation.response import Response
 from fem.palpation.rigid_punch import shape_gain
+from identify.body.compliance import positive_modulus
 from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
-from identify.body.forward import positive_modulus
 from identify.body.lagrange import lagrange_weights
 from identify.body.response import BodyResponse
 from identify.body.shifted_block import Shift, ShiftedBlock
@@ -59,6 +59,17 @@ class BodyMechanics:
     _shifted: ShiftedBlock | None = None
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
+
+    @classmethod
+    def of(
+        cls, coarse: PalpationModel, fine: FineModel | None = None, ratio: np.ndarray | float = 1.0
+    ) -> BodyMechanics:
+        """Return the mechanics whose models of another Poisson's ratio differ in nothing else."""
+
+        def at(nu: float) -> PalpationModel:
+            return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
+
+        return cls(coarse, fine, at, ratio)
 
     @cached_property
     def local_points(self) -> np.ndarray:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identify.effects.base import BodyEffect, Effect, EffectParameter
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
 from identify.optimize.result import InadmissibleError
@@ -86,7 +86,7 @@ class _Seen:
 
 
 def detection_limits(
-    fit: JointFit, catalogue: Sequence[Effect], at: Linearised | None = None
+    fit: FitResult, catalogue: Sequence[Effect], at: Linearised | None = None
 ) -> tuple[Limit, ...]:
     """Return the limits of every effect of a catalogue that the model does not have.
 
@@ -117,7 +117,7 @@ def limits_at(
                 )
             seen[effect.name] = found
     bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
-    slope = model.slope(u)
+    slope = model.unknowns.slope(u)
     limits = []
     for effect in catalogue:
         own = seen.get(effect.name)

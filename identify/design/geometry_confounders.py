@@ -14,7 +14,7 @@ from typing import Literal
 
 from fem import Contacts, PalpationModel
 from fem.mesh.mesh import Mesh
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
@@ -79,7 +79,7 @@ def _of_addition(
 
 
 def _models(
-    fit: JointFit, known: dict[Length, PalpationModel]
+    fit: FitResult, known: dict[Length, PalpationModel]
 ) -> dict[Length, tuple[PalpationModel, float, float]]:
     """Return model, step and stated value of each length, m."""
     coarse = fit.model.mechanics.coarse

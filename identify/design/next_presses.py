@@ -24,7 +24,7 @@ import numpy as np
 
 from identify.design.predicted_limits import planned
 from identify.design.scan_variants import Design
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 
 NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt
@@ -62,7 +62,7 @@ class Proposal:
 
 
 def next_presses(
-    candidates: Sequence[tuple[str, JointFit]],
+    candidates: Sequence[tuple[str, FitResult]],
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Proposal, ...]:
@@ -89,7 +89,7 @@ def _rank(proposal: Proposal) -> tuple[int, float]:
     return -told, proposal.design.presses.duration_s if told else -proposal.discrimination
 
 
-def _proposal(candidates: Sequence[tuple[str, JointFit]], design: Design) -> Proposal:
+def _proposal(candidates: Sequence[tuple[str, FitResult]], design: Design) -> Proposal:
     whole = _Planned(candidates, design)
     worth = whole.worth(np.arange(len(design.presses)))
     wanted = [pair for pair, d in worth.items() if d >= ENOUGH]
@@ -124,7 +124,7 @@ def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
 class _Planned:
     """Present and planned readings as every rival predicts them."""
 
-    def __init__(self, candidates: Sequence[tuple[str, JointFit]], design: Design) -> None:
+    def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
         views = {name: planned(fit, design, further=True) for name, fit in candidates}
         now = {name: fit.at for name, fit in candidates}
         self.press = next(iter(views.values()))[0].readings.press

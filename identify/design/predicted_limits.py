@@ -13,12 +13,12 @@ from identify.body.mechanics import BodyMechanics
 from identify.design.detection_limits import Limit, limits_at
 from identify.design.scan_variants import Design, Presses, presses_of, readings_of
 from identify.effects.base import Effect
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.measurement.model import Linearised, MeasurementModel
 
 
 def planned(
-    fit: JointFit, design: Design, further: bool = False
+    fit: FitResult, design: Design, further: bool = False
 ) -> tuple[MeasurementModel, Linearised]:
     """Return the model of a planned scan, and its linearisation at a fit's estimate.
 
@@ -40,7 +40,7 @@ def planned(
     return model, replace(at, residual=np.zeros(len(readings)))
 
 
-def that_fit(fit: JointFit, designs: Iterable[Design]) -> tuple[Design, ...]:
+def that_fit(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:
     """Return the designs without the presses whose tip would hang over the body's edge."""
     surface = PressedSurface(fit.model.mechanics.coarse.mesh)
     found = []
@@ -55,7 +55,7 @@ def that_fit(fit: JointFit, designs: Iterable[Design]) -> tuple[Design, ...]:
     return tuple(found)
 
 
-def _contacts(fit: JointFit, presses: Presses) -> Contacts:
+def _contacts(fit: FitResult, presses: Presses) -> Contacts:
     present = fit.model.mechanics.coarse.contacts
     # A sphere's patch is not its radius
     scale = present.radius_m / presses_of(fit.model.readings).radius_m
@@ -67,7 +67,7 @@ def _contacts(fit: JointFit, presses: Presses) -> Contacts:
     )
 
 
-def _mechanics(fit: JointFit, design: Design) -> BodyMechanics:
+def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
     """Return the body pressed as a design does; the present presses keep their models."""
     own, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
@@ -100,7 +100,7 @@ class Improvement:
 
 
 def improvements(
-    fit: JointFit,
+    fit: FitResult,
     catalogue: Sequence[Effect],
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.fit.joint_fit import JointFit, try_fit
+from identify.fit.joint_fit import try_fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import parameter_space
 
 _SURE = 5.0  # standard errors of its weight: such an inclusion is there
 
 
-def unseen_inclusions(fit: JointFit) -> tuple[int, ...]:
+def unseen_inclusions(fit: FitResult) -> tuple[int, ...]:
     """Numbers, from one, of the inclusions without which the model does as well.
 
     Without such an inclusion, everything else fitted again, chi-square rises by less than what its
@@ -29,13 +30,13 @@ def unseen_inclusions(fit: JointFit) -> tuple[int, ...]:
     )
 
 
-def _is_doubtful(fit: JointFit, number: int) -> bool:
+def _is_doubtful(fit: FitResult, number: int) -> bool:
     weight = f"inclusion_{number}.weight_pa"
     held = any(name.startswith(f"inclusion_{number}.") for name in fit.at_bound)
     return held or _SURE * fit.std.get(weight, 0.0) > abs(fit.values[weight])
 
 
-def _is_unseen(fit: JointFit, number: int) -> bool:
+def _is_unseen(fit: FitResult, number: int) -> bool:
     space, found = fit.model.space, fit.map
     kept = [i for i in range(1, len(found.inclusions) + 1) if i != number]
     stiffness = GaussianMap(found.background_pa, tuple(found.inclusions[i - 1] for i in kept))
@@ -43,7 +44,7 @@ def _is_unseen(fit: JointFit, number: int) -> bool:
     free = []
     for name in stiffness.names:
         inclusion, dot, value = name.partition(".")
-        if was.get(inclusion, inclusion) + dot + value in space.free_names:
+        if was.get(inclusion, inclusion) + dot + value in space.names:
             free.append(name)
     nodes = fit.model.mechanics.coarse.mesh.nodes
     box = np.array([nodes.min(axis=0), nodes.max(axis=0)])

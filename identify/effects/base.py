@@ -32,6 +32,7 @@ import numpy as np
 
 from identify.body.state import BodyState
 from identify.effects.readings import Readings
+from identify.map.parameters import Parameter
 
 Link = Literal["body", "contact", "response", "instrument"]
 # What an effect may need of a scan, in the words of the sentence that says it is not there.
@@ -46,33 +47,8 @@ LINKS: Mapping[Hook, Link] = {
     "reading": "instrument",
     "touch": "instrument",
 }
+EffectParameter = Parameter  # under the name that authors of effects import
 Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One parameter of an effect.
-
-    Attributes
-    ----------
-    name : ends with its unit where it has one (`tau_s`, `offset_m`)
-    unit : of the value; "1" for a pure number
-    meaning : one line
-    null : the value at which the effect is absent. None for a shape parameter, such as a time
-        constant, that has no meaning while the amplitudes are null: it is searched on a grid
-    lower, upper : bounds
-    typical : size that an experimenter would call ordinary; the scale of the search
-    log : sought as ln(value); shape parameters only
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    null: float | None
-    lower: float
-    upper: float
-    typical: float
-    log: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.errors import SolverError
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 
 _FOLDS = 9
@@ -39,7 +39,7 @@ class CrossValidation:
     high_ratio: float | None
 
 
-def held_out(fit: JointFit) -> CrossValidation:
+def held_out(fit: FitResult) -> CrossValidation:
     """Predict presses and high forces that are left out of a fit."""
     press = fit.model.readings.press
     fold = folds(fit.model.readings.presses)[press]
@@ -64,7 +64,7 @@ def folds(presses: int) -> np.ndarray:
     return np.random.default_rng(0).permutation(presses) % min(_FOLDS, presses)
 
 
-def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
+def predicted_error(fit: FitResult, out: np.ndarray) -> np.ndarray:
     """Whitened error with which the rows `out` (m,) bool are predicted from the others."""
     g, r = fit.at.jacobian, fit.at.residual
     scale = np.linalg.norm(g, axis=0)
@@ -82,10 +82,10 @@ def predicted_error(fit: JointFit, out: np.ndarray) -> np.ndarray:
     return r[out] + share * (g[out] @ step)
 
 
-def _longest_step(fit: JointFit) -> np.ndarray:
+def _longest_step(fit: FitResult) -> np.ndarray:
     """Scaled steps (k,) within which a prediction is about linear."""
-    longest, slope = fit.model.longest_step(fit.u), fit.model.slope(fit.u)
-    for i, name in enumerate(fit.model.space.free_names):
+    longest, slope = fit.model.unknowns.longest_step(fit.u), fit.model.unknowns.slope(fit.u)
+    for i, name in enumerate(fit.model.space.names):
         inclusion, _, own = name.partition(".")
         longest[i] = _LONGEST
         if own in ("x_m", "y_m", "z_m"):
@@ -93,7 +93,7 @@ def _longest_step(fit: JointFit) -> np.ndarray:
     return longest
 
 
-def _rms(fit: JointFit, error: np.ndarray, rows: np.ndarray) -> tuple[float, float]:
+def _rms(fit: FitResult, error: np.ndarray, rows: np.ndarray) -> tuple[float, float]:
     own = error[rows]
     metres = own * fit.at.sigma_m[rows]
     return float(np.sqrt(np.mean(metres**2))), float(np.sqrt(np.mean(own**2)))

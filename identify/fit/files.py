@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.fit.result import Estimate, Fit, FitIteration
+from identify.fit.result import Estimate, FitResult
+from identify.fit.search import FitIteration
 from identify.json_record import read_json_record
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise
@@ -22,15 +23,16 @@ _ARRAYS = (
 )  # fmt: skip
 
 
-def write_fit(fit: Fit, path: str | Path) -> None:
+def write_fit(fit: FitResult, path: str | Path) -> None:
     """Write a fit as JSON."""
     content: dict = {"schema": SCHEMA}
-    for field in fields(Fit):
+    for field in fields(FitResult):
         value = getattr(fit, field.name)
+        if field.name in ("estimates", "solution"):
+            continue  # the first stands under parameters, the second stays in memory
         if field.name == "map":
             content["map"] = dict(zip(value.names, value.values.tolist(), strict=True))
-        elif field.name == "parameters":
-            content["parameters"] = {name: asdict(e) for name, e in value.items()}
+            content["parameters"] = {name: asdict(e) for name, e in fit.parameters.items()}
         elif field.name == "history":
             content["history"] = [{**vars(i), "parameters": dict(i.parameters)} for i in value]
         elif field.name == "noise":
@@ -41,17 +43,17 @@ def write_fit(fit: Fit, path: str | Path) -> None:
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
-def read_fit(path: str | Path) -> Fit:
+def read_fit(path: str | Path) -> FitResult:
     """Read a fit that `write_fit` wrote; `InputError` for a newer schema or another file."""
     return read_json_record(path, "fit", "palpmap fit", SCHEMA, _fit)
 
 
-def _fit(content: dict) -> Fit:
+def _fit(content: dict) -> FitResult:
     """Build the record from the JSON object."""
     values = {
         **content,
         "map": GaussianMap.from_values(np.array(list(content["map"].values()))),
-        "parameters": {name: Estimate(**entry) for name, entry in content["parameters"].items()},
+        "estimates": {name: Estimate(**entry) for name, entry in content["parameters"].items()},
         "noise": Noise(**content["noise"]),
         "covariance_names": tuple(content["covariance_names"]),
         "history": tuple(FitIteration(**entry) for entry in content["history"]),
@@ -60,4 +62,5 @@ def _fit(content: dict) -> Fit:
         if content.get(name) is not None:
             kind = np.int64 if name == "press_index" else float
             values[name] = np.array(content[name], dtype=kind)
-    return Fit(**values)
+    del values["parameters"]
+    return FitResult(**values)

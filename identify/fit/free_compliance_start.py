@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.body_model import BodyModel
-from identify.body.forward import compliance
+from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.contact_law import GROSS, ContactLaw, contact_law
 from identify.fit.free_compliance import PressWise, PressWiseFit, straightened
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.model import EffectInModel
@@ -75,20 +75,20 @@ def straight(scan: Scan, found: PressWiseFit) -> Scan:
     return used.replace(displacement_m=straightened(found, Readings.of(scan)))
 
 
-def typical_error_m(fit: Fit, scan: Scan) -> float:
+def typical_error_m(fit: FitResult, scan: Scan) -> float:
     """Return by how much a map usually misses a press's displacement, m; a few may be far off."""
     worst = np.zeros(len(scan.press_ids))
     np.maximum.at(worst, scan.used().press_index, np.abs(fit.residual_m))
     return float(1.48 * np.median(worst))
 
 
-def typical_error(fit: Fit, found: PressWiseFit) -> float:
+def typical_error(fit: FitResult, found: PressWiseFit) -> float:
     """Return by how much, relative, a map usually misses the compliance that a press has alone."""
     off = np.log(fit.compliance_m_per_n / found.compliance)
     return float(1.48 * np.median(np.abs(off)))
 
 
-def curved_again(fit: Fit, scan: Scan) -> Fit:
+def curved_again(fit: FitResult, scan: Scan) -> FitResult:
     """Return a fit to straightened readings as one to the scan's own."""
     measured = scan.used().displacement_m
     residual = measured - fit.predicted_m

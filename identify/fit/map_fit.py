@@ -1,40 +1,36 @@
 """Fit a stiffness map to a scan: displacement given force, with noise in both columns.
 
 The model of a row is d = C_j(theta) F with the compliance C_j of the row's press, whatever its
-phase; `misfit` says how both noises enter. Where no start is given, several are tried and the
-least chi-square wins.
-
-With a finer model, its compliance replaces the coarse one by defect correction: the coarse model
-times the ratio of both at the last estimate is fitted again until the estimate no longer moves.
-The residual is then the fine model's, the Jacobian the coarse one's, at one fine solve a round.
+phase and tip; `identify.measurement.errors_in_variables` says how both noises enter. Where no start
+is given, several are tried and the least chi-square wins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fem import PalpationModel
-from identify.body.discretization_error import FineModel, shift_covariance
-from identify.body.forward import Forward, compliance
-from identify.fit.map_problem import Correction, Minimum, ScanProblem
-from identify.fit.profile_intervals import intervals
-from identify.fit.result import Estimate, Fit, FitIteration
+from identify.body.compliance import compliance
+from identify.body.discretization_error import FineModel
+from identify.body.mechanics import BodyMechanics
+from identify.effects.readings import Readings
+from identify.fit.joint_fit import fit_from
+from identify.fit.result import FitResult
+from identify.fit.search import Progress, Search
+from identify.fit.settings import PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
-from identify.map.initial_guess import REFERENCE_PA, apparent_modulus, start_maps
-from identify.map.parameters import ParameterSpace, parameter_space
-from identify.measurement.errors_in_variables import press_table, whitening
+from identify.map.initial_guess import REFERENCE_PA, apparent_modulus, scaled, start_maps
+from identify.map.parameters import parameter_space
+from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise, scan_noise
-from identify.optimize.gauss_newton import covariance, minimize_gauss_newton
+from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
+from identify.optimize.result import InadmissibleError, OptimizeResult
 from models.errors import InputError
 from models.scan import Scan
-
-__all__ = ["Estimate", "Fit", "FitIteration", "fit_scan"]
-
-# No interval reaches further than this in scaled coordinates: exp stays finite.
-_WIDEST = 50.0
 
 
 def fit_scan(
@@ -48,9 +44,9 @@ def fit_scan(
     start: GaussianMap | None = None,
     free: Sequence[str] | None = None,
     optimizer: Optimizer = minimize_gauss_newton,
-    callback: Callable[[FitIteration], None] | None = None,
-    curved_intervals: bool = True,
-) -> Fit:
+    callback: Progress | None = None,
+    settings: FitSettings = PRECISE,
+) -> FitResult:
     """Find the map that explains a scan.
 
     Parameters
@@ -75,11 +71,11 @@ def fit_scan(
     free
         Names of the parameters to be found, None for all; the others stay at `start`.
     optimizer
-        One of `identify.optimize.optimizers.OPTIMIZERS`.
+        One of `identify.optimize.optimizers.OPTIMIZERS`; intervals take Gauss-Newton.
     callback
         Called with each accepted iteration of the start that is kept.
-    curved_intervals
-        Intervals follow the bend of the misfit's valley, at the cost of a few refits.
+    settings
+        Accuracy, rounds of correction, kind of intervals.
 
     Raises
     ------
@@ -87,130 +83,95 @@ def fit_scan(
         Where scan, model and options do not fit together.
     """
     rows = scan.used()
-    presses = len(rows.press_ids)
-    for name, given in (
-        ("model", model),
-        ("fine_model", fine_model),
-        ("search_model", search_model),
-    ):
+    _refuse_other_presses(len(rows.press_ids), model, fine_model, search_model)
+    if free is not None and start is None:
+        raise InputError("fixed parameters need values: give the map to start from")
+    box = np.array([model.mesh.nodes.min(axis=0), model.mesh.nodes.max(axis=0)])
+    reference = GaussianMap(REFERENCE_PA)
+    whole = MeasurementModel(
+        Readings.of(rows),
+        rows.displacement_m,
+        noise or scan_noise(rows),
+        BodyMechanics.of(model, fine_model),
+        parameter_space(start or reference, box, free),
+        straight=True,
+    )
+    if fine_model is None:
+        settings = replace(settings, rounds=0)
+    search = Search(settings, optimizer, callback)
+    if start is not None:
+        return fit_from(search, whole, whole.start(start))
+    homogeneous, tried = compliance(model, reference), whole
+    if search_model is not None:
+        ratio = homogeneous / compliance(search_model, reference)
+        tried = replace(whole, mechanics=BodyMechanics.of(search_model, ratio=ratio))
+    apparent = apparent_modulus(
+        whole.table.slope, rows.contact_points, rows.contact_directions, homogeneous
+    )
+    found, end = _from_best(search, tried, start_maps(apparent, box, inclusions), box)
+    if search_model is not None:
+        if not end.success:
+            end, _ = search.minimum(found, end.x)
+        found = replace(found, mechanics=whole.mechanics)
+    return fit_from(search, found, end.x)
+
+
+def _refuse_other_presses(
+    presses: int,
+    model: PalpationModel,
+    fine_model: FineModel | None,
+    search_model: PalpationModel | None,
+) -> None:
+    """Raise `InputError` unless all models have the presses of the scan."""
+    named = {"model": model, "fine_model": fine_model, "search_model": search_model}
+    for name, given in named.items():
         if given is not None and len(given.contacts) != presses:
             raise InputError(
                 f"the {name} has {len(given.contacts)} contacts, the scan {presses} presses: "
                 "build the model from the scan's contact points"
             )
-    if free is not None and start is None:
-        raise InputError("fixed parameters need values: give the map to start from")
-    noise = noise or scan_noise(rows)
-    table = press_table(rows.press_index, rows.displacement_m, rows.force_n, presses)
-    problem = ScanProblem(table, noise, optimizer, callback)
-    box = np.array([model.mesh.nodes.min(axis=0), model.mesh.nodes.max(axis=0)])
-    if start is not None:
-        forward = Forward(model, parameter_space(start, box, free))
-        minimum = problem.minimize(forward, forward.space.to_scaled(start), progress=callback)
-    else:
-        reference = GaussianMap(REFERENCE_PA)
-        homogeneous, ratio = compliance(model, reference), 1.0
-        if search_model is not None:
-            ratio = homogeneous / compliance(search_model, reference)
-        apparent = apparent_modulus(
-            table.slope, rows.contact_points, rows.contact_directions, homogeneous
-        )
-        maps = start_maps(apparent, box, inclusions)
-        minimum = problem.from_best(search_model or model, maps, box, ratio)
-        if search_model is not None:
-            minimum = problem.continued(minimum, Forward(model, minimum.forward.space))
-    correction = None if fine_model is None else problem.towards(fine_model, minimum)
-    if correction is not None:
-        minimum = correction.minimum
-    return _record(rows, problem, minimum, correction, curved_intervals)
 
 
-def _record(
-    rows: Scan,
-    problem: ScanProblem,
-    minimum: Minimum,
-    correction: Correction | None,
-    curved: bool,
-) -> Fit:
-    """Evaluate the minimum row by row and gather the record."""
-    u, space = minimum.result.x, minimum.forward.space
-    found, gradient = minimum.forward.evaluate(u)
-    jac = problem.whitened(found, gradient)
-    noise_alone = covariance(jac)
-    scaled_covariance = noise_alone
-    if correction is not None:
-        _, by_compliance = problem.table.residuals(found, problem.noise)
-        shift = by_compliance * (found * correction.own_error)[:, None]
-        pull = np.einsum("jrk,jr->jk", jac.reshape(*shift.shape, -1), shift)
-        scaled_covariance = scaled_covariance + shift_covariance(scaled_covariance, pull)
-    ends, spent = intervals(problem, minimum, scaled_covariance, noise_alone, curved)
-    slope = space.slope(u)
-    c = found[rows.press_index]
-    residual, sigma, latent = whitening(rows.displacement_m, rows.force_n, c, problem.noise)
-    chi2 = float(np.sum((residual / sigma) ** 2))
-    dof = problem.table.dof(len(u))
-    settled = correction is None or correction.settled
-    return Fit(
-        map=minimum.map,
-        parameters=_estimates(space, u, scaled_covariance, ends),
-        covariance_names=space.free_names,
-        covariance=scaled_covariance * np.outer(slope, slope),
-        noise=problem.noise,
-        press_index=rows.press_index,
-        force_n=rows.force_n,
-        displacement_m=rows.displacement_m,
-        latent_force_n=latent,
-        predicted_m=c * rows.force_n,
-        sigma_m=sigma,
-        residual_m=residual,
-        compliance_m_per_n=found,
-        compliance_jacobian=gradient / slope,
-        discretization_error=None if correction is None else correction.coarse_error,
-        history=minimum.history,
-        chi2=chi2,
-        chi2_per_dof=chi2 / dof,
-        rms_m=float(np.sqrt(np.mean(residual**2))),
-        success=minimum.result.success and settled,
-        message=_message(minimum, chi2 / dof, dof, settled),
-        nfev=minimum.nfev + 1 + spent,
-        model_error=None if correction is None else correction.own_error,
-    )
+def _from_best(
+    search: Search, model: MeasurementModel, maps: Sequence[GaussianMap], box: np.ndarray
+) -> tuple[MeasurementModel, OptimizeResult]:
+    """Try all maps once and follow the best few a little; return the best of those.
 
-
-def _estimates(
-    space: ParameterSpace, u: np.ndarray, scaled_covariance: np.ndarray, ends: np.ndarray
-) -> dict[str, Estimate]:
-    """Value, deviation and interval of every parameter of the map, free or fixed."""
-    values = space.to_map(u).values
-    deviation = np.sqrt(np.diag(scaled_covariance))
-    slope = space.slope(u)
-    estimates = {}
-    for i, parameter in enumerate(space.parameters):
-        value = float(values[i])
-        if i not in space.free:
-            estimates[parameter.name] = Estimate(value, 0.0, parameter.unit, value, value, False)
+    The search continues the history of the returned one.
+    """
+    s, tried = search.settings, []
+    for stiffness in maps:
+        try:
+            found = model.mechanics.evaluate(stiffness, model.mechanics.state()).compliance
+        except InadmissibleError:
             continue
-        position = space.free.index(i)
-        low, high = np.clip(ends[position] - u[position], -_WIDEST, _WIDEST) + u[position]
-        between = [parameter.to_value(float(end)) for end in (low, high)]
-        std = float(deviation[position] * slope[position])
-        estimates[parameter.name] = Estimate(value, std, parameter.unit, *between, free=True)
-    return estimates
-
-
-def _message(minimum: Minimum, chi2_per_dof: float, dof: int, settled: bool) -> str:
-    """Say how the fit ended and what its reader must know of the intervals."""
-    parts = [minimum.result.message]
-    if not settled:
-        parts.append("the correction towards the finer model did not settle")
-    held = minimum.forward.space.at_bound(minimum.result.x)
-    if held:
-        parts.append(f"at its bound, so not found: {', '.join(held)}")
-    scatter = np.sqrt(2 / dof)
-    if abs(chi2_per_dof - 1) > max(5 * scatter, 0.1):
-        wide = "too narrow" if chi2_per_dof > 1 else "too wide"
-        parts.append(
-            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 +- {scatter:.2g}: the "
-            f"noise or the model is wrong, and the intervals, which trust both, are {wide}"
+        # The best common factor of all moduli is known without another solve.
+        factor = model.table.common_factor(found, model.noise)
+        if factor > 0:
+            residual, _ = model.table.residuals(found / factor, model.noise)
+            tried.append((float(np.sum(residual**2)), scaled(stiffness, factor)))
+    if not tried:
+        raise InputError(
+            "no map explains the scan even roughly: check the signs and units of force_n and "
+            "displacement_m"
         )
-    return "; ".join(parts)
+    tried.sort(key=lambda pair: pair[0])
+    kept = [stiffness for _, stiffness in tried[: s.kept_starts]]
+    # A body with hard and soft spots: a start with a wrong sign never comes back from it
+    kept += [stiffness for _, stiffness in tried[s.kept_starts :] if _is_mixed(stiffness)][:1]
+    followed = []
+    for stiffness in kept:
+        most = s.start_evaluations * max(2 * len(stiffness.inclusions) - 1, 1)
+        short = Search(replace(s, max_evaluations=most), search.optimizer)
+        own = replace(model, space=parameter_space(stiffness, box))
+        end, _ = short.minimum(own, own.start(stiffness))
+        followed.append((short, own, end))
+    best, own, end = min(followed, key=lambda one: one[2].fun)
+    search.continue_from(best)
+    search.spent = len(maps) + sum(short.spent for short, _, _ in followed)
+    return own, end
+
+
+def _is_mixed(stiffness: GaussianMap) -> bool:
+    """Whether a map has hard and soft inclusions."""
+    return len({inclusion.weight_pa > 0 for inclusion in stiffness.inclusions}) > 1

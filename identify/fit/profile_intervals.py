@@ -21,52 +21,51 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.body.forward import Forward
-from identify.fit.map_problem import Minimum, ScanProblem
+from identify.fit.search import Search
+from identify.fit.settings import FitSettings
+from identify.measurement.model import MeasurementModel
+from identify.optimize.result import InadmissibleError
 
 NORMAL_95 = 1.959964
-_EVALUATIONS = 10  # of each refit
-_TRIES = 3  # at a step that raises chi-square as it should
 _ANGLES = np.linspace(0, 2 * np.pi, 361)
 
 
-def intervals(
-    problem: ScanProblem,
-    minimum: Minimum,
+def valley_intervals(
+    model: MeasurementModel,
+    u: np.ndarray,
+    fun: float,
     total: np.ndarray,
     noise: np.ndarray,
-    bent: bool = True,
-) -> tuple[np.ndarray, int]:
-    """Return the ends (k, 2) of the intervals in scaled coordinates, and the evaluations spent.
+    settings: FitSettings,
+) -> np.ndarray:
+    """Return the ends (k, 2) of a fit's intervals in scaled coordinates; see `Valley`.
 
-    They stay within the bounds of what is possible.
-
-    Parameters
-    ----------
-    total, noise : (k, k) covariance with and without the model's own error, scaled coordinates
-    bent : follow the bend of the valley; else the covariance's own intervals
+    Everything beside the depth that is held is fitted again, effects too.
     """
-    u, forward = minimum.result.x, minimum.forward
-    space, spent = forward.space, 0
-    low, high = space.bounds
-    if not bent or problem.is_gross(minimum):
-        return np.clip(straight(u, total), low[:, None], high[:, None]), spent
+    own = replace(
+        settings,
+        rtol=0.0,
+        gross_rtol=0.0,
+        enough=0.0,
+        max_evaluations=settings.interval_evaluations,
+    )
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
-        nonlocal spent
-        others = np.delete(np.arange(len(u)), position)
-        kept = tuple(index for i, index in enumerate(space.free) if i != position)
-        fixed = replace(space, start=space.to_map(start), free=kept)
-        own = Forward(forward.model, fixed, forward.ratio)
-        found = problem.minimize(own, start[others], _EVALUATIONS)
-        spent += found.nfev
-        whole = start.copy()
-        whole[others] = found.result.x
-        return found.result.fun, whole
+        search, here = Search(own), model
+        try:
+            result, at = search.minimum(here, start, held=position)
+            for _ in range(settings.interval_corrections):
+                # So far from the estimate the finer model corrects the map otherwise
+                here = here.corrected(result.x)
+                result, at = search.minimum(here, result.x, held=position)
+                here = here.corrected(result.x)
+                at = search.evaluate(here, result.x)
+        except InadmissibleError:
+            return np.inf, start  # no way on this side
+        return 0.5 * at.chi2, result.x
 
-    valley = Valley(u, minimum.result.fun, total, noise, space.bounds, refit)
-    ends = bent_intervals(valley, space.free_names)
-    return np.clip(ends, low[:, None], high[:, None]), spent
+    valley = Valley(u, fun, total, noise, model.bounds, refit, settings.interval_tries)
+    return bent_intervals(valley, model.names)
 
 
 @dataclass(frozen=True)
@@ -80,6 +79,7 @@ class Valley:
     bounds : lower and upper (k,)
     refit : from a position and a start (k,), whose coordinate there is held, to the least half of
         chi-square (inf where nothing is admissible) and where (k,) that is
+    tries : lengths of the step along the valley, until chi-square rises as it should
     """
 
     u: np.ndarray
@@ -88,6 +88,7 @@ class Valley:
     noise: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
     refit: Callable[[int, np.ndarray], tuple[float, np.ndarray]]
+    tries: int
 
 
 def straight(u: np.ndarray, total: np.ndarray) -> np.ndarray:
@@ -124,7 +125,7 @@ def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarra
     u, total, (lower, upper) = valley.u, valley.total, valley.bounds
     share = valley.noise[position, position] / total[position, position]
     step, place = NORMAL_95 * np.sqrt(total[position, position]), None
-    for _ in range(_TRIES):
+    for _ in range(valley.tries):
         held = float(np.clip(u[position] + side * step, lower[position], upper[position]))
         if abs(held - u[position]) < 0.1 * step:
             break  # the minimum sits at the body's edge: nothing to be learnt on this side

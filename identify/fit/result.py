@@ -1,15 +1,24 @@
-"""The record of a fit: what was found, how surely, and what the model says of every row."""
+"""The record of a fit: estimates, their uncertainty, and the prediction of every reading."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
+from identify.body.discretization_error import MODEL_ERROR, shift_covariance
+from identify.body.state import ChangedMap
+from identify.fit.curvature_bias import expected_residual
+from identify.fit.profile_intervals import straight, valley_intervals
+from identify.fit.search import FitIteration
+from identify.fit.settings import FitSettings
 from identify.map.gaussian_map import GaussianMap
+from identify.measurement.model import Linearised, MeasurementModel
 from identify.measurement.noise import Noise
+from identify.optimize.gauss_newton import covariance
 
 
 @dataclass(frozen=True)
@@ -28,35 +37,72 @@ class Estimate:
     free: bool
 
 
-@dataclass(frozen=True)
-class FitIteration:
-    """One accepted step: all parameters of the map by name, chi-square, rms of d - C F in m."""
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The model behind a fit at its estimate.
 
-    iteration: int
-    parameters: Mapping[str, float]
-    chi2: float
-    chi2_per_dof: float
-    rms_m: float
+    Attributes
+    ----------
+    model : what was fitted; its effects start at the estimate
+    u : (k,) scaled estimate
+    at : the model there
+    noise_covariance, covariance : (k, k) of the scaled unknowns, from the noise alone, and with the
+        finer model's own error
+    settings : of the fit
+    """
+
+    model: MeasurementModel
+    u: np.ndarray
+    at: Linearised
+    noise_covariance: np.ndarray
+    covariance: np.ndarray
+    settings: FitSettings
+
+    @property
+    def straight_ends(self) -> np.ndarray:
+        """Ends (k, 2) of the covariance's own 95 % intervals, scaled."""
+        return straight(self.u, self.covariance)
+
+    @cached_property
+    def curved_ends(self) -> np.ndarray:
+        """Ends (k, 2) of 95 % intervals that follow the bend of the misfit's valley, scaled."""
+        return valley_intervals(
+            self.model, self.u, self.at.chi2 / 2, self.covariance, self.noise_covariance,
+            self.settings,
+        )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A fitted map.
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A fit of a map, alone or with effects, to m readings of j presses.
 
-    `covariance` (k, k) belongs to the k free parameters `covariance_names`, in their units.
-    Of each of the m used rows: `press_index`, measured `force_n` and `displacement_m`,
-    `latent_force_n` (best estimate of the true force), `predicted_m` = C F, `residual_m` =
-    measured - predicted, and its standard deviation `sigma_m` from both noises.
-    `compliance_m_per_n` (j,) is the fitted model's, `compliance_jacobian` (j, k) its derivative by
-    the free parameters (m/N over their units); `discretization_error` (j,) the relative error
-    of the coarse model's compliance against the finer one, and `model_error` (j,) the estimated
-    relative error of the finer one, which covariance and intervals count in; both None where there
-    was no finer model. With effects beside the map, `derivative_m` (m, k) is the derivative of
-    `predicted_m` by the free parameters; without, it follows from the compliances'.
+    Attributes
+    ----------
+    map : estimated map
+    covariance : (k, k) of the k free parameters `covariance_names`, in their units, from the noise
+        and, where there was a finer model, from its own error
+    noise : standard deviations of displacement and force
+    press_index, force_n, displacement_m : (m,) as measured
+    latent_force_n : (m,) best estimate of the true force
+    predicted_m, residual_m, sigma_m : (m,) model, measured less model, and the residual's standard
+        deviation from both noises
+    compliance_m_per_n : (j,) of the fitted model
+    compliance_jacobian : (j, k') its derivative by the map's free parameters, m/N over their units
+    discretization_error : (j,) relative error of the coarse model's compliance against the finer
+        one's, None where there was none
+    history : accepted steps of the search
+    chi2, chi2_per_dof : of all readings
+    rms_m : root mean square of the residual
+    success, message : whether and how the search ended
+    nfev : evaluations of the finite element model
+    model_error : (j,) estimated relative error of the finer model, None where there was none
+    derivative_m : (m, k) derivative of `predicted_m` by the free parameters; None of a map alone
+        under a flat tip, where it follows from the compliances'
+    estimates : parameters of a fit that was read from a file
+    solution : the model behind the fit, None of one that was read from a file
     """
 
     map: GaussianMap
-    parameters: Mapping[str, Estimate]
     covariance_names: tuple[str, ...]
     covariance: np.ndarray
     noise: Noise
@@ -79,11 +125,192 @@ class Fit:
     nfev: int
     model_error: np.ndarray | None = None
     derivative_m: np.ndarray | None = None
+    estimates: Mapping[str, Estimate] | None = None
+    solution: Solution | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
                 copy = value.copy()
                 copy.setflags(write=False)
                 object.__setattr__(self, name, copy)
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """All parameters of map and effects by name, with 95 % intervals.
+
+        Intervals that follow the bend of the misfit's valley (`FitSettings.curved_intervals`) cost
+        some ten evaluations of the body an inclusion, once.
+        """
+        if self.estimates is not None:
+            return MappingProxyType(dict(self.estimates))
+        return MappingProxyType(self.intervals(self._live.settings.curved_intervals))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name, in their units."""
+        if self.solution is None:
+            return {name: entry.value for name, entry in self.parameters.items()}
+        found = dict(zip(self.map.names, self.map.values.tolist(), strict=True))
+        for effect, own in self.at.values.items():
+            found |= {f"{effect}.{name}": number for name, number in own.items()}
+        return found
+
+    @property
+    def std(self) -> dict[str, float]:
+        """One standard deviation of each free parameter by name, in its unit."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        return dict(zip(self.covariance_names, deviation.tolist(), strict=True))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: readings less unknowns."""
+        return max(len(self.residual_m) - len(self.covariance_names), 1)
+
+    @property
+    def bic(self) -> float:
+        """Bayesian information criterion: chi-square + k ln m."""
+        return self.chi2 + len(self.covariance_names) * float(np.log(len(self.residual_m)))
+
+    # ---- of a fit that was made here, not read -------------------------------------------
+
+    @property
+    def _live(self) -> Solution:
+        if self.solution is None:
+            raise ValueError("this fit was read from a file, without its model: fit the scan again")
+        return self.solution
+
+    @property
+    def model(self) -> MeasurementModel:
+        """What was fitted; its effects start at the estimate."""
+        return self._live.model
+
+    @property
+    def u(self) -> np.ndarray:
+        """Scaled estimate, (k,)."""
+        return self._live.u
+
+    @property
+    def at(self) -> Linearised:
+        """The model at the estimate."""
+        return self._live.at
+
+    @property
+    def changed_map(self) -> ChangedMap:
+        """The estimated map with the changes that the effects make."""
+        return ChangedMap(self.map, self.at.state)
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns that sit on one of their bounds."""
+        return self.model.unknowns.at_bound(self.u)
+
+    @property
+    def is_gross(self) -> bool:
+        """Whether the noise says nothing of the parameters: see `FitSettings.gross_misfit`."""
+        return self._live.settings.is_gross(self.chi2_per_dof) or bool(self.model.press_error)
+
+    @cached_property
+    def expected_residual(self) -> np.ndarray:
+        """Mean of the whitened residual under noise alone, (m,), see `curvature_bias`."""
+        own = self._live
+        return expected_residual(
+            lambda u: own.model.linearise(u).residual,
+            own.u,
+            own.at.residual,
+            own.noise_covariance,
+            own.model.bounds,
+        )
+
+    def intervals(self, curved: bool) -> dict[str, Estimate]:
+        """Return all parameters with 95 % intervals, `curved` or from the covariance alone.
+
+        A gross misfit has no valley worth following, nor has a map whose own error outweighs the
+        noise: the intervals are then the covariance's.
+        """
+        own = self._live
+        ends = own.curved_ends if curved and not self.is_gross else own.straight_ends
+        low, high = own.model.bounds
+        ends = np.clip(ends, low[:, None], high[:, None])
+        units = {p.name: p.unit for p in (*own.model.space.parameters, *own.model.unknowns.beyond)}
+        found = {n: Estimate(v, 0.0, units[n], v, v, free=False) for n, v in self.values.items()}
+        for p, (one, other) in zip(own.model.unknowns.unknowns, ends.tolist(), strict=True):
+            between = sorted((p.to_value(one), p.to_value(other)))
+            std = self.std[p.name]
+            found[p.name] = Estimate(self.values[p.name], std, p.unit, *between, free=True)
+        return found
+
+
+def fit_result(
+    model: MeasurementModel,
+    u: np.ndarray,
+    at: Linearised,
+    settings: FitSettings,
+    *,
+    success: bool,
+    message: str,
+    nfev: int,
+    history: tuple[FitIteration, ...],
+) -> FitResult:
+    """Gather the record of a fit that ended at scaled coordinates u (k,)."""
+    started = model.started(u)
+    noise_alone = covariance(at.jacobian)
+    total = noise_alone + _covariance_of_meshes(model, at, noise_alone)
+    slope, body, mechanics = model.unknowns.slope(u), at.body, model.mechanics
+    presses = np.ones(len(body.compliance))
+    dof = max(len(at.residual) - len(u), 1)
+    return FitResult(
+        map=model.map(u),
+        covariance_names=model.names,
+        covariance=total * np.outer(slope, slope),
+        noise=model.noise,
+        press_index=model.readings.press,
+        force_n=model.readings.force_n,
+        displacement_m=model.displacement_m,
+        latent_force_n=at.latent_force_n,
+        predicted_m=at.predicted_m,
+        sigma_m=at.sigma_m,
+        residual_m=model.displacement_m - at.predicted_m,
+        compliance_m_per_n=body.compliance,
+        compliance_jacobian=body.by_map[:, list(model.space.free)],
+        discretization_error=None if mechanics.fine is None else presses / mechanics.ratio - 1,
+        history=history,
+        chi2=at.chi2,
+        chi2_per_dof=at.chi2 / dof,
+        rms_m=at.rms_m,
+        success=success,
+        message=_message(message, started.unknowns.at_bound(u), at.chi2 / dof, dof),
+        nfev=nfev,
+        model_error=None if mechanics.fine is None else presses * mechanics.model_error,
+        derivative_m=None if model.is_linear else at.jacobian * at.sigma_m[:, None] / slope,
+        solution=Solution(started, u, at, noise_alone, total, settings),
+    )
+
+
+def _covariance_of_meshes(
+    model: MeasurementModel, at: Linearised, noise_alone: np.ndarray
+) -> np.ndarray:
+    """Covariance (k, k) that the finer model's own error adds to that from the noise."""
+    if MODEL_ERROR in model.has:
+        return np.zeros_like(noise_alone)  # it is among the unknowns
+    press, c = model.readings.press, at.body.compliance
+    off = c * model.mechanics.model_error
+    shift = at.whitened(at.by_compliance * off[press], press)
+    pull = np.zeros((len(c), len(noise_alone)))
+    np.add.at(pull, press, at.jacobian * shift[:, None])
+    return shift_covariance(noise_alone, pull)
+
+
+def _message(ended: str, at_bound: tuple[str, ...], chi2_per_dof: float, dof: int) -> str:
+    """Say how the fit ended and how far its intervals can be trusted."""
+    parts = [ended]
+    if at_bound:
+        parts.append(f"at its bound, so not found: {', '.join(at_bound)}")
+    scatter = np.sqrt(2 / dof)
+    if abs(chi2_per_dof - 1) > max(5 * scatter, 0.1):
+        wide = "too narrow" if chi2_per_dof > 1 else "too wide"
+        parts.append(
+            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 +- {scatter:.2g}: the "
+            f"noise or the model is wrong, and the intervals, which trust both, are {wide}"
+        )
+    return "; ".join(parts)

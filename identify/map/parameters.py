@@ -1,4 +1,4 @@
-"""Which parameters of a map are free, and the scaled coordinates in which they are sought.
+"""Parameters of map and effects, and the scaled coordinates in which the free ones are sought.
 
 An optimiser works on u (k,), not on the parameters themselves, so that all have the same scale
 (as the paper demands) and the positive ones stay positive:
@@ -7,7 +7,7 @@ An optimiser works on u (k,), not on the parameters themselves, so that all have
   its sign, so that a hard inclusion stays hard and E > 0 everywhere.
 - a weight that starts at or below zero (a soft inclusion): u = weight / background at the start.
   Its bound keeps E > 0 but where inclusions overlap, or the background falls far below its start;
-  a map that breaks it is an inadmissible trial (see `forward`).
+  a map that breaks it is an inadmissible trial (`InadmissibleError`).
 - position: u = coordinate / size of the body.
 """
 
@@ -15,87 +15,123 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from identify.map.gaussian_map import GaussianMap
 from models.errors import InputError
 
+_AT_BOUND = 1e-9  # distance from a bound, in scaled coordinates, that counts as none
+
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of the map: u = ln(value) if `log`, else value / scale; bounds in its unit."""
+    """One parameter of a map or of an effect; scaled: u = ln(value) if `log`, else value / typical.
+
+    Attributes
+    ----------
+    name : ends with its unit where it has one (`tau_s`, `offset_m`)
+    unit : of the value; "1" for a pure number
+    meaning : one line
+    null : value of an amplitude at which its effect is absent. None for a parameter of the map, and
+        for a shape parameter, such as a time constant, that has no meaning while the amplitudes are
+        null: it is searched on a grid
+    lower, upper : bounds
+    typical : size that an experimenter would call ordinary; the scale of the search
+    log : sought as ln(value); of effects, shape parameters only
+    """
 
     name: str
     unit: str
+    meaning: str
+    null: float | None
     lower: float
     upper: float
-    scale: float
-    log: bool
+    typical: float
+    log: bool = False
 
     def to_scaled(self, value: float) -> float:
         """Return u of a value; a value outside the bounds is put on the nearer one."""
         value = min(max(value, self.lower), self.upper)
-        return float(np.log(value)) if self.log else value / self.scale
+        return float(np.log(value)) if self.log else value / self.typical
 
     def to_value(self, u: float) -> float:
         """Return the value of u."""
-        return float(np.exp(u)) if self.log else u * self.scale
+        return float(np.exp(u)) if self.log else u * self.typical
+
+    def slope(self, u: float) -> float:
+        """Return d value / d u."""
+        return self.to_value(u) if self.log else self.typical
 
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The free parameters of a map in scaled coordinates; the others keep the start's values.
+    """The k unknowns in scaled coordinates: free parameters of a map, then those of effects.
 
-    `start` gives the fixed values, the signs of the weights and their scale; `parameters` describes
-    all of them; `free` (k,) holds the indices of the free ones.
+    Attributes
+    ----------
+    start : values of the map's fixed parameters, signs of the weights and their scale
+    parameters : all of the map
+    free : indices of the map's free ones
+    beyond : those of effects, under the names of the unknowns
     """
 
     start: GaussianMap
     parameters: tuple[Parameter, ...]
     free: tuple[int, ...]
+    beyond: tuple[Parameter, ...] = ()
+
+    @cached_property
+    def unknowns(self) -> tuple[Parameter, ...]:
+        """The k parameters that are sought."""
+        return (*(self.parameters[i] for i in self.free), *self.beyond)
 
     @property
-    def free_names(self) -> tuple[str, ...]:
-        """Names of the k free parameters."""
-        return tuple(self.parameters[i].name for i in self.free)
+    def names(self) -> tuple[str, ...]:
+        """Names of the k unknowns."""
+        return tuple(p.name for p in self.unknowns)
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds (k,) in scaled coordinates."""
-        chosen = [self.parameters[i] for i in self.free]
-        return (
-            np.array([p.to_scaled(p.lower) for p in chosen]),
-            np.array([p.to_scaled(p.upper) for p in chosen]),
-        )
+        """Lower and upper bounds (k,) in scaled coordinates, not to be written to."""
+        lower = np.array([p.to_scaled(p.lower) for p in self.unknowns])
+        upper = np.array([p.to_scaled(p.upper) for p in self.unknowns])
+        for bound in (lower, upper):
+            bound.setflags(write=False)
+        return lower, upper
 
     def to_scaled(self, stiffness: GaussianMap) -> np.ndarray:
-        """Return the scaled coordinates u (k,) of a map's free parameters."""
+        """Return the scaled coordinates of a map's free parameters."""
         values = stiffness.values
         return np.array([self.parameters[i].to_scaled(values[i]) for i in self.free])
 
     def to_map(self, u: np.ndarray) -> GaussianMap:
         """Return the map at scaled coordinates u (k,)."""
         values = self.start.values
-        for i, coordinate in zip(self.free, u, strict=True):
+        for i, coordinate in zip(self.free, u[: len(self.free)], strict=True):
             values[i] = self.parameters[i].to_value(float(coordinate))
         return GaussianMap.from_values(values)
 
     def slope(self, u: np.ndarray) -> np.ndarray:
-        """Return d value / d u (k,) of the free parameters."""
-        return np.array(
-            [
-                self.parameters[i].to_value(float(c)) if self.parameters[i].log
-                else self.parameters[i].scale
-                for i, c in zip(self.free, u, strict=True)
-            ]
-        )  # fmt: skip
+        """Return d value / d u (k,) of the unknowns."""
+        return np.array([p.slope(float(c)) for p, c in zip(self.unknowns, u, strict=True)])
+
+    def longest_step(self, u: np.ndarray) -> np.ndarray:
+        """Return the largest sensible step (k,) of a fit from scaled coordinates u (k,).
+
+        One for logarithms and for the map; an amplitude may be many typical sizes large.
+        """
+        longest = np.ones(len(u))
+        for i, p in enumerate(self.beyond, start=len(self.free)):
+            longest[i] = 1.0 if p.log else max(abs(u[i]), 1.0)
+        return longest
 
     def at_bound(self, u: np.ndarray) -> tuple[str, ...]:
-        """Names of the free parameters that sit on one of their bounds."""
+        """Names of the unknowns that sit on one of their bounds."""
         lower, upper = self.bounds
-        hit = (u <= lower + 1e-9) | (u >= upper - 1e-9)
-        return tuple(name for name, is_hit in zip(self.free_names, hit, strict=True) if is_hit)
+        hit = (u <= lower + _AT_BOUND) | (u >= upper - _AT_BOUND)
+        return tuple(name for name, is_hit in zip(self.names, hit, strict=True) if is_hit)
 
 
 def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...]:
@@ -112,24 +148,25 @@ def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...
     background = start.background_pa
     if not background > 0:
         raise InputError(f"background_pa must be positive, found {background}")
-    described = [
-        Parameter("background_pa", "Pa", background / 1e3, background * 1e3, background, log=True)
-    ]
+    described = [_of_map("background_pa", background / 1e3, background * 1e3, background, log=True)]
     for i, inclusion in enumerate(start.inclusions, start=1):
         weight = inclusion.weight_pa
         name = f"inclusion_{i}"
         hard = weight > 0
         upper = max(100 * background, 2 * weight)
         lower, upper = (weight / 1e3, upper) if hard else (min(-0.95 * background, weight), 0.0)
-        described.append(Parameter(f"{name}.weight_pa", "Pa", lower, upper, background, log=hard))
+        described.append(_of_map(f"{name}.weight_pa", lower, upper, background, log=hard))
         for axis, letter in enumerate("xyz"):
-            described.append(
-                Parameter(f"{name}.{letter}_m", "m", low[axis], high[axis], longest, log=False)
-            )
-        described.append(
-            Parameter(f"{name}.radius_m", "m", shortest / 15, longest, longest, log=True)
-        )
+            described.append(_of_map(f"{name}.{letter}_m", low[axis], high[axis], longest))
+        described.append(_of_map(f"{name}.radius_m", shortest / 15, longest, longest, log=True))
     return tuple(described)
+
+
+def _of_map(name: str, lower: float, upper: float, typical: float, log: bool = False) -> Parameter:
+    """Describe a parameter of the map."""
+    return Parameter(
+        name, "Pa" if name.endswith("_pa") else "m", "", None, lower, upper, typical, log
+    )
 
 
 def parameter_space(

@@ -1,9 +1,10 @@
-"""The model of a scan: a stiffness map and the effects it has, as one least-squares problem.
+"""The model of a scan: a stiffness map and effects, none or several, as a least-squares problem.
 
 The unknowns are the map's free parameters and the parameters of the effects, all scaled to order
-one. Residuals are whitened with both columns' noise (`measurement_chain.judge`), derivatives taken
-at the latent force (see `identify.measurement.errors_in_variables`): r = (d - f(F)) / s, dr/dp =
--(df/dp at F^) / s.
+one. Residuals are whitened with both columns' noise (`identify.measurement.chain.judge`),
+derivatives taken at the latent force (see `identify.measurement.errors_in_variables`):
+r = (d - f(F)) / s, dr/dp = -(df/dp at F^) / s. A map alone under a flat tip is linear in the force,
+d = C F: a search then needs two rows a press (`evaluate`), not all readings.
 
 Nothing is changed in place: `with_effect` and `without` return new models.
 """
@@ -13,17 +14,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from identify.body.mechanics import BodyMechanics
 from identify.body.response import BodyResponse
 from identify.body.state import BodyState
-from identify.effects.base import BodyEffect, Effect, EffectParameter
+from identify.effects.base import BodyEffect, Effect
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
-from identify.map.parameters import ParameterSpace
+from identify.map.parameters import Parameter, ParameterSpace
 from identify.measurement.chain import Chain, judge
+from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.noise import Noise
 from identify.optimize.result import InadmissibleError
 
@@ -35,27 +38,36 @@ class EffectInModel:
     """An effect with the parameters, bounded for this scan, and values that it starts from."""
 
     effect: Effect
-    parameters: tuple[EffectParameter, ...]
+    parameters: tuple[Parameter, ...]
     start: Mapping[str, float]
 
     def to_scaled(self) -> np.ndarray:
         """Scaled start (q,)."""
-        return np.array([scaled(p, self.start[p.name]) for p in self.parameters])
+        return np.array([p.to_scaled(self.start[p.name]) for p in self.parameters])
 
     def to_values(self, u: np.ndarray) -> dict[str, float]:
         """Values by name at scaled coordinates (q,)."""
-        return {p.name: value(p, float(c)) for p, c in zip(self.parameters, u, strict=True)}
+        return {p.name: p.to_value(float(c)) for p, c in zip(self.parameters, u, strict=True)}
 
 
-def scaled(parameter: EffectParameter, number: float) -> float:
-    """Return the scaled coordinate of a value: ln(value), or value / typical."""
-    number = min(max(number, parameter.lower), parameter.upper)
-    return float(np.log(number)) if parameter.log else number / parameter.typical
+class Compressed(NamedTuple):
+    """A linear model at one point, of two rows a press.
 
+    Attributes
+    ----------
+    residual : (2 j,) whitened
+    jacobian : (2 j, k) derivative of the whitened PREDICTION by the scaled unknowns
+    rms_m : root mean square of measured less predicted displacement over all readings
+    """
 
-def value(parameter: EffectParameter, u: float) -> float:
-    """Return the value at a scaled coordinate."""
-    return float(np.exp(u)) if parameter.log else u * parameter.typical
+    residual: np.ndarray
+    jacobian: np.ndarray
+    rms_m: float
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared whitened residuals of all readings."""
+        return float(self.residual @ self.residual)
 
 
 @dataclass(frozen=True)
@@ -68,6 +80,7 @@ class Linearised:
     residual : (m,) whitened
     jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
         scaled unknowns
+    rms_m : root mean square of measured less predicted displacement
     own : (m,) derivative of the whitened prediction by ln C of the reading's press, times the
         model's relative error of it
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
@@ -80,6 +93,7 @@ class Linearised:
     latent_force_n: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
+    rms_m: float
     own: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
@@ -138,7 +152,8 @@ class MeasurementModel:
     space : the map's free parameters
     press_error : relative error that the map makes of each press's compliance, counted beside the
         noise where it outweighs that; the readings of a press share it
-    effects : what the model has beyond the map, in the order of the chain
+    effects : effects beside the map, in the order of the chain
+    straight : the readings are, or count as, those of a flat tip, whatever the body's contacts
     """
 
     readings: Readings
@@ -148,6 +163,7 @@ class MeasurementModel:
     space: ParameterSpace
     effects: tuple[EffectInModel, ...] = ()
     press_error: float = 0.0
+    straight: bool = False
 
     @cached_property
     def chain(self) -> Chain:
@@ -157,15 +173,24 @@ class MeasurementModel:
             self.readings,
             [part.effect for part in self.effects],
             contacts.radius_m,
-            contacts.profile,
+            "flat" if self.straight else contacts.profile,
             self.mechanics.poisson_ratio,
         )
 
+    @cached_property
+    def unknowns(self) -> ParameterSpace:
+        """The map's free parameters, then those of the effects as `effect.parameter`."""
+        own = [
+            replace(p, name=f"{part.effect.name}.{p.name}")
+            for part in self.effects
+            for p in part.parameters
+        ]
+        return replace(self.space, beyond=tuple(own))
+
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the k unknowns: the map's, then `effect.parameter`."""
-        own = [f"{part.effect.name}.{p.name}" for part in self.effects for p in part.parameters]
-        return (*self.space.free_names, *own)
+        """Names of the k unknowns."""
+        return self.unknowns.names
 
     @property
     def has(self) -> tuple[str, ...]:
@@ -175,22 +200,7 @@ class MeasurementModel:
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (k,) in scaled coordinates."""
-        low, high = self.space.bounds
-        parameters = [p for part in self.effects for p in part.parameters]
-        return (
-            np.concatenate([low, [scaled(p, p.lower) for p in parameters]]),
-            np.concatenate([high, [scaled(p, p.upper) for p in parameters]]),
-        )
-
-    def longest_step(self, u: np.ndarray) -> np.ndarray:
-        """Return the largest sensible step (k,) of a fit from scaled coordinates u (k,).
-
-        One for logarithms and for the map; an amplitude may be many typical sizes large.
-        """
-        linear = [not p.log for part in self.effects for p in part.parameters]
-        own = u[len(u) - len(linear) :]
-        steps = np.where(linear, np.maximum(np.abs(own), 1.0), 1.0)
-        return np.concatenate([np.ones(len(u) - len(linear)), steps])
+        return self.unknowns.bounds
 
     def with_effect(
         self, effect: Effect, start: Mapping[str, float], state: BodyState
@@ -216,7 +226,7 @@ class MeasurementModel:
 
     def map(self, u: np.ndarray) -> GaussianMap:
         """Return the map at scaled coordinates (k,)."""
-        return self.space.to_map(u[: len(self.space.free)])
+        return self.space.to_map(u)
 
     def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
         """Parameters of the effects at scaled coordinates (k,), by effect and name."""
@@ -236,16 +246,38 @@ class MeasurementModel:
                 state = part.effect.body(state, **values[part.effect.name])
         return state
 
-    def slope(self, u: np.ndarray) -> np.ndarray:
-        """Return d value / d u (k,) of the unknowns."""
-        first = len(self.space.free)
-        own = [p for part in self.effects for p in part.parameters]
-        return np.concatenate(
-            [
-                self.space.slope(u[:first]),
-                [value(p, c) if p.log else p.typical for p, c in zip(own, u[first:], strict=True)],
-            ]
-        )
+    def corrected(self, u: np.ndarray) -> MeasurementModel:
+        """Return the model carried to the finer body at scaled coordinates u (k,)."""
+        mechanics = self.mechanics.corrected(self.map(u), self.state(self.values(u)))
+        return replace(self, mechanics=mechanics)
+
+    @cached_property
+    def table(self) -> PressTable:
+        """The readings as two rows a press."""
+        r = self.readings
+        return press_table(r.press, self.displacement_m, r.force_n, r.presses)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether d = C F with the noise alone, so that two rows a press say all."""
+        return not (self.effects or self.chain.nonlinear or self.press_error)
+
+    def evaluate(self, u: np.ndarray) -> Compressed | Linearised:
+        """Residual and derivatives at scaled coordinates (k,), compressed where that is exact.
+
+        Raises
+        ------
+        InadmissibleError
+            The body is impossible there.
+        """
+        if not self.is_linear:
+            return self.linearise(u)
+        body = self.mechanics.evaluate(self.map(u), self.state({}))
+        self._refuse_impossible(body.compliance)
+        residual, by_c = self.table.residuals(body.compliance, self.noise)
+        by_map = body.by_map[:, list(self.space.free)] * self.space.slope(u)
+        jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(-1, len(u))
+        return Compressed(residual.ravel(), jacobian, self.table.rms(body.compliance))
 
     def linearise(self, u: np.ndarray) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
@@ -260,18 +292,13 @@ class MeasurementModel:
         state = self.state(values)
         body = self.mechanics.evaluate(self.map(u), state)
         c, e = body.compliance, body.local_modulus
-        if not (np.isfinite(c).all() and c.min() > 0):
-            press = int(np.argmin(np.where(np.isfinite(c), c, -np.inf)))
-            raise InadmissibleError(
-                f"the body's model gives press {press} a compliance of {c[press]:.3g} m/N, which "
-                "cannot be: its map is finer than the mesh; start from another map ([map.initial])"
-            )
+        self._refuse_impossible(c)
         judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)
         residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
         by_c, by_e = self.chain.by_body(c, e, latent, values)
         k = len(self.space.free)
         by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
-        columns = [by_map[:, list(self.space.free)] * self.space.slope(u[:k])]
+        columns = [by_map[:, list(self.space.free)] * self.unknowns.slope(u)[:k]]
         first = k
         for part in self.effects:
             for p, _ in enumerate(part.parameters):
@@ -286,6 +313,7 @@ class MeasurementModel:
             latent_force_n=latent,
             residual=decorrelated(residual / sigma, own, press),
             jacobian=decorrelated(np.hstack(columns) / sigma[:, None], own, press),
+            rms_m=float(np.sqrt(np.mean(residual**2))),
             own=own,
             by_compliance=by_c,
             by_modulus=by_e,
@@ -293,6 +321,17 @@ class MeasurementModel:
             state=state,
             values=values,
         )
+
+    def _refuse_impossible(self, compliance: np.ndarray) -> None:
+        """Raise `InadmissibleError` unless all compliances (j,) are positive numbers."""
+        finite = np.isfinite(compliance)
+        if not (finite.all() and compliance.min() > 0):
+            press = int(np.argmin(np.where(finite, compliance, -np.inf)))
+            raise InadmissibleError(
+                f"the body's model gives press {press} a compliance of {compliance[press]:.3g} "
+                "m/N, which cannot be: its map is finer than the mesh; start from another map "
+                "([map.initial])"
+            )
 
     def _by_press(self, by_c: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         if not by_c.any():

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from identify.residual.binned_means import residual_levels
 from identify.residual.comparison import Comparison, Reading, ResidualTest
 from identify.residual.hypothesis_tests import (
@@ -45,7 +45,7 @@ QUESTIONS = {
 }
 
 
-def compare(fit: Fit, scan: Scan) -> Comparison:
+def compare(fit: FitResult, scan: Scan) -> Comparison:
     """Compare a fit with the scan that it explains; see `compare_residual`."""
     return compare_residual(whitened(fit, scan))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from models.errors import InputError
 from models.scan import Scan
 
@@ -69,12 +69,12 @@ class Whitened:
         return follows
 
 
-def whitened(fit: Fit, scan: Scan) -> Whitened:
+def whitened(fit: FitResult, scan: Scan) -> Whitened:
     """Return the whitened residual of a fit.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FitResult
         With the derivative of each press's compliance by the free parameters.
     scan : Scan
         The scan that was fitted; approach and retract rows are left out, as in the fit.

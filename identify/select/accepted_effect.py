@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.select.candidates import MARGIN, Candidate
 
 CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
@@ -55,7 +55,7 @@ class AcceptedEffect:
         return (*self.equals, *(name for name in beside if name not in self.equals))
 
 
-def at_bound(fit: JointFit, name: str) -> bool:
+def at_bound(fit: FitResult, name: str) -> bool:
     """Whether an amplitude of an effect ends at a bound of what is possible, other than no effect.
 
     So much of it as the scan asks for cannot be there: something else is.

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from identify.effects.base import Effect
-from identify.fit.joint_fit import JointFit, try_fit
+from identify.fit.joint_fit import try_fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
 from identify.select.diagnosis import ALIKE, Diagnosis
@@ -41,7 +42,7 @@ class Candidate:
     name: str
     chi2: float
     criterion: float
-    fit: JointFit
+    fit: FitResult
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -95,7 +96,7 @@ def compare_rivals(
     names: Sequence[str],
 ) -> tuple[Candidate, ...]:
     """Refit these effects with the map; best first."""
-    fits: dict[str, JointFit] = {}
+    fits: dict[str, FitResult] = {}
     best = np.inf
     for name in names:
         say(f"trying {name}")
@@ -115,7 +116,7 @@ def compare_rivals(
     return tuple(sorted(candidates, key=lambda rival: rival.criterion))
 
 
-def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> JointFit | None:
+def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> FitResult | None:
     """Refit a rival, or None where the start is impossible; 15 evaluations where not said."""
     options.setdefault("max_evaluations", REFIT_EVALUATIONS)
     return try_fit(model, stiffness, enough=_ENOUGH, **options)
@@ -126,7 +127,7 @@ def beaten(rival: float, before: float, best: float, share: float = _BEATEN_SHAR
     return rival - best > max(BEATEN_BY, share * (before - best))
 
 
-def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
+def carried_on(fit: FitResult, before: FitResult, best: float) -> FitResult:
     """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
@@ -136,13 +137,13 @@ def carried_on(fit: JointFit, before: JointFit, best: float) -> JointFit:
     return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 
 
-def doubted(fit: JointFit, name: str) -> bool:
+def doubted(fit: FitResult, name: str) -> bool:
     """Whether an effect of a fit has ended at values that are not to be believed."""
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
     return part.effect.doubt(fit.at.values[name], fit.model.readings) is not None
 
 
-def in_earnest(before: JointFit, after: JointFit) -> bool:
+def in_earnest(before: FitResult, after: FitResult) -> bool:
     """Whether the error itself falls, or most of the fall of chi-square is borne out.
 
     Chi-square also falls where the model's slope, and with it the noise allowed, grows.
@@ -150,7 +151,7 @@ def in_earnest(before: JointFit, after: JointFit) -> bool:
     return after.rms_m <= _RISE * before.rms_m or borne_out(before, after) >= _EXPECTED
 
 
-def borne_out(before: JointFit, after: JointFit) -> float:
+def borne_out(before: FitResult, after: FitResult) -> float:
     """Share of the fall of chi-square that stays if only the expected travel changes.
 
     At the same forces, with the noise allowed before. A steeper law passes more of the force's
@@ -187,7 +188,9 @@ def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
     return best + near
 
 
-def fit_with(fit: JointFit, effect: Effect, score: Score, rival: float = np.inf) -> JointFit | None:
+def fit_with(
+    fit: FitResult, effect: Effect, score: Score, rival: float = np.inf
+) -> FitResult | None:
     """Refit with one more effect from its first estimate, or parts of it; the best fit.
 
     The estimate is linear. Where it is impossible, or far beyond where the effect's law levels off,
@@ -211,7 +214,7 @@ def fit_with(fit: JointFit, effect: Effect, score: Score, rival: float = np.inf)
     return best
 
 
-def _from_afar(fit: JointFit, effect: Effect, rival: float) -> JointFit | None:
+def _from_afar(fit: FitResult, effect: Effect, rival: float) -> FitResult | None:
     """Refit with one more effect from its `refitted_from`, beside an eased map or else the map.
 
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
@@ -226,7 +229,7 @@ def _from_afar(fit: JointFit, effect: Effect, rival: float) -> JointFit | None:
     return refit(model, fit.map, rounds=0) or eased
 
 
-def _eased(fit: JointFit) -> GaussianMap:
+def _eased(fit: FitResult) -> GaussianMap:
     """Return the map with its inclusions deeper, wider and softer, which the surface feels alike.
 
     What a wrong shape drives to the surface, where its bound holds it, comes from there.
@@ -240,4 +243,4 @@ def _eased(fit: JointFit) -> GaussianMap:
         inclusions.append(Inclusion(weight, x, y, z, radius))
     eased = GaussianMap(fit.map.background_pa, tuple(inclusions))
     free = dict(zip(eased.names, eased.values.tolist(), strict=True))
-    return fit.map.changed({name: free[name] for name in fit.model.space.free_names})
+    return fit.map.changed({name: free[name] for name in fit.model.space.names})

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from identify.measurement.model import MeasurementModel
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
@@ -25,7 +26,7 @@ def confirmed(
     scan: Scan,
     same: np.ndarray,
     say: Callable[[str], None],
-) -> tuple[JointFit, Comparison] | None:
+) -> tuple[FitResult, Comparison] | None:
     """Put an answer to the test on some of its readings; None unless all of it holds.
 
     The residual must be noise again, or structured again, and every effect must earn its place
@@ -68,7 +69,7 @@ def confirmed(
 def _without_those_far_behind(addition: AcceptedEffect, same: np.ndarray) -> AcceptedEffect:
     """Leave out the rivals that were no match on the same readings, (m,) bool."""
 
-    def chi2(fit: JointFit) -> float:
+    def chi2(fit: FitResult) -> float:
         return float(np.sum(fit.at.residual[same] ** 2))
 
     best = min(chi2(r.fit) for r in addition.candidates if r.name == addition.name)

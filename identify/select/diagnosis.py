@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from identify.effects.base import Effect
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.select.score_test import Score, cosine, fitted_basis, holm_significant, score_effect
 
 ALPHA = 0.01  # chance that pure noise supports any effect of the catalogue
@@ -68,7 +68,7 @@ class Diagnosis:
 
 
 def diagnose(
-    fit: JointFit,
+    fit: FitResult,
     catalogue: Sequence[Effect],
     *,
     seed: int = 0,

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance import PressWiseFit
-from identify.fit.joint_fit import JointFit, fit_jointly, try_fit
+from identify.fit.joint_fit import fit_jointly, try_fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
@@ -17,7 +18,7 @@ _EVALUATIONS, _RIVAL_EVALUATIONS = 40, 15
 
 def follow(
     law: ContactLaw, rung: Step, start: GaussianMap, say: Callable[[str], None]
-) -> tuple[JointFit, list[AcceptedEffect]] | None:
+) -> tuple[FitResult, list[AcceptedEffect]] | None:
     """Fit the map beside the effects of a law; None where that explains the scan no better.
 
     The rivals of each effect are those of the law: its criterion is the presses', in which the map
@@ -52,7 +53,7 @@ def follow(
 
 def joint_fit(
     found: PressWiseFit, rung: Step, start: GaussianMap, evaluations: int = _EVALUATIONS
-) -> JointFit | None:
+) -> FitResult | None:
     """Fit the map and the effects of a law, from the law's values."""
     model = rung.fit.model
     for part in found.parts:

@@ -21,7 +21,8 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
-from identify.fit.joint_fit import JointFit, fit_jointly, try_fit
+from identify.fit.joint_fit import fit_jointly, try_fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect, at_bound
@@ -116,7 +117,7 @@ class Explanation:
         return _share(self.ladder[0].fit, self.final.fit)
 
 
-FirstStep = Callable[[Step, Callable[[str], None]], tuple[JointFit, list[AcceptedEffect]] | None]
+FirstStep = Callable[[Step, Callable[[str], None]], tuple[FitResult, list[AcceptedEffect]] | None]
 
 
 def forward_selection(
@@ -149,7 +150,7 @@ def forward_selection(
     rise = on_step or (lambda rung: None)
     effects = {effect.name: effect for effect in catalogue}
 
-    def judged(fit: JointFit) -> Step:
+    def judged(fit: FitResult) -> Step:
         rung = step_of(fit, scan, catalogue, seed, say)
         rise(rung)
         return rung
@@ -192,13 +193,13 @@ def forward_selection(
     return Explanation(verdict, tuple(ladder), tuple(additions), gone)
 
 
-def _share(before: JointFit, after: JointFit) -> float:
+def _share(before: FitResult, after: FitResult) -> float:
     """Share of the excess chi-square of a fit that another one takes away."""
     excess = before.chi2 - before.dof
     return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0
 
 
-def _worthwhile(before: JointFit, after: JointFit) -> bool:
+def _worthwhile(before: FitResult, after: FitResult) -> bool:
     """Whether a fit takes its share of the excess; any does where the structure is below it."""
     return before.chi2 - after.chi2 >= WORTHWHILE * (before.chi2 - before.dof)
 
@@ -241,8 +242,8 @@ def _acts_by_compliance(rung: Step, name: str) -> bool:
 
 
 def without_unneeded(
-    fit: JointFit, names: Sequence[str], say: Callable[[str], None]
-) -> tuple[JointFit, list[str]]:
+    fit: FitResult, names: Sequence[str], say: Callable[[str], None]
+) -> tuple[FitResult, list[str]]:
     """Leave out those of a fit's effects that do not earn their place; the fit, and their names."""
     lost: list[str] = []
     for name in names:

@@ -18,7 +18,8 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import BodyEffect, Effect, Values
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.example_scan import ExampleScan, trial
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from identify.measurement.chain import Chain
@@ -92,7 +93,7 @@ def _mechanics() -> BodyMechanics:
     )
 
 
-def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> JointFit:
+def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
     """Fit the map alone to a scan with the effect planted (without for None)."""
     rng = np.random.default_rng(0)
     readings, mechanics = own.readings, _mechanics()
@@ -120,7 +121,7 @@ def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> JointFit:
     return fit_jointly(model, _MAP, rounds=0)
 
 
-def _values(effect: Effect, plain: JointFit, score: Score) -> dict[str, float] | None:
+def _values(effect: Effect, plain: FitResult, score: Score) -> dict[str, float] | None:
     """Return amplitudes of `_SIGMAS` standard errors, at the shape that these were found for."""
     readings, state = plain.model.readings, plain.at.state
     values = {p.name: score.values[p.name] for p in effect.shapes}

@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import (
@@ -27,11 +28,11 @@ from identify.select.candidates import (
 
 
 def reconsider(
-    fit: JointFit,
+    fit: FitResult,
     additions: Sequence[AcceptedEffect],
     say: Callable[[str], None],
     the_last_too: bool = False,
-) -> tuple[JointFit, list[AcceptedEffect], dict[str, str]]:
+) -> tuple[FitResult, list[AcceptedEffect], dict[str, str]]:
     """Compare each addition but the last with its rivals, beside all others.
 
     The last was compared beside the present ones, and is compared again only if one is replaced, or
@@ -58,7 +59,7 @@ def reconsider(
     return fit, additions, exchanged
 
 
-def with_exchanged(fit: JointFit, exchanged: Mapping[str, str], now: JointFit) -> JointFit:
+def with_exchanged(fit: FitResult, exchanged: Mapping[str, str], now: FitResult) -> FitResult:
     """Refit an earlier model with what has replaced its effects since."""
     parts = {part.effect.name: part for part in now.model.started(now.u).effects}
     effects = {  # by name: what replaces one may have been there beside it
@@ -72,7 +73,7 @@ def with_exchanged(fit: JointFit, exchanged: Mapping[str, str], now: JointFit) -
 
 
 def _beside_the_rest(
-    fit: JointFit, addition: AcceptedEffect, say: Callable[[str], None]
+    fit: FitResult, addition: AcceptedEffect, say: Callable[[str], None]
 ) -> tuple[Candidate, ...]:
     """Return an addition and its rivals, each refitted beside all other effects, best first."""
     found = [Candidate(addition.name, fit.chi2, fit.bic, fit)]
@@ -97,7 +98,7 @@ def _takes_over(winner: Candidate, name: str, candidates: Sequence[Candidate]) -
     return clearly or (winner.name != name and winner.name in present.contains)
 
 
-def _exchanged(fit: JointFit, name: str, rival: Candidate) -> MeasurementModel:
+def _exchanged(fit: FitResult, name: str, rival: Candidate) -> MeasurementModel:
     """Return the model of a fit with a rival, as it was fitted then, in place of an effect."""
     (part,) = (part for part in rival.fit.model.effects if part.effect.name == rival.name)
     now = fit.model.started(fit.u)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.effects.base import BodyEffect, Effect, EffectParameter
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
 from identify.optimize.result import InadmissibleError
@@ -178,7 +178,7 @@ def beyond(pattern: EffectPattern, fitted: np.ndarray) -> tuple[np.ndarray, np.n
     return left, basis, visible
 
 
-def score_effect(fit: JointFit, effect: Effect, fitted: np.ndarray, seed: int = 0) -> Score:
+def score_effect(fit: FitResult, effect: Effect, fitted: np.ndarray, seed: int = 0) -> Score:
     """Score one effect from a fit.
 
     Parameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from identify.effects.base import Effect
 from identify.fit.cross_validation import CrossValidation, held_out
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.measurement.model import correlated
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
@@ -20,14 +20,14 @@ from models.scan import Scan
 class Step:
     """One step of the ladder: a model, how well it does, and what its residual calls for."""
 
-    fit: JointFit
+    fit: FitResult
     comparison: Comparison
     held_out: CrossValidation
     diagnosis: Diagnosis
 
 
 def step_of(
-    fit: JointFit,
+    fit: FitResult,
     scan: Scan,
     catalogue: Sequence[Effect],
     seed: int,
@@ -40,7 +40,7 @@ def step_of(
     return Step(fit, comparison, held_out(fit), diagnosis)
 
 
-def whitened_fit(fit: JointFit, scan: Scan) -> Whitened:
+def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
     """Return the residual of a joint fit in the form in which `compare` judges it."""
     return Whitened(
         scan=scan.used(),

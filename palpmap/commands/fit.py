@@ -10,8 +10,8 @@ import numpy as np
 from identify.body.body_model import BodyModel
 from identify.fit.files import write_fit
 from identify.fit.joint_fit import fit_jointly
-from identify.fit.joint_result import fit_of
-from identify.fit.result import Fit, FitIteration
+from identify.fit.result import FitResult
+from identify.fit.search import FitIteration
 from identify.map.gaussian_map import GaussianMap
 from models.scan import Scan
 from models.scan_file import read_scan
@@ -107,17 +107,17 @@ def run_fit(
     return fit.success
 
 
-def with_effects(study: Study, placement: Placement, body: BodyModel, fit: Fit) -> Fit:
+def with_effects(study: Study, placement: Placement, body: BodyModel, fit: FitResult) -> FitResult:
     """Fit a study's effects jointly with the map that was fitted without them.
 
-    To the history of that fit the joint one adds its end.
+    Appends the joint estimate to the history of that fit.
     """
     model, start = fit_effects(study, placement.scan, body, fit, own_effects(study, ()))
     joint = fit_jointly(model, start)
     found = dict(zip(joint.map.names, joint.map.values.tolist(), strict=True))
     number = fit.history[-1].iteration + 1 if fit.history else 0
     end = FitIteration(number, found, joint.chi2, joint.chi2_per_dof, joint.rms_m)
-    return replace(fit_of(fit, joint), message=joint.message, history=(*fit.history, end))
+    return replace(joint, history=(*fit.history, end))
 
 
 def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray:
@@ -162,7 +162,7 @@ def step_recorder(
 def finish_fit(
     run: Path,
     study: Study,
-    fit: Fit,
+    fit: FitResult,
     body: BodyModel,
     recording: Recording,
     stage_s: dict[str, float] | None = None,

@@ -11,7 +11,8 @@ from identify.design.detection_limits import SHARE, Limit, detection_limits
 from identify.design.predicted_limits import Improvement, improvements, that_fit
 from identify.design.scan_variants import mixed, presses_of, variations
 from identify.design.undetected_bias import UnseenShift, unseen_shifts
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from identify.select.forward_selection import Explanation
 from palpmap.commands.diagnose import untestable_lines
 from palpmap.console import Output
@@ -83,7 +84,7 @@ def run_limits(
 
 
 def planned_limits(
-    fit: JointFit, problem: Problem, run: Path, say: Say, limits: Sequence[Limit] = ()
+    fit: FitResult, problem: Problem, run: Path, say: Say, limits: Sequence[Limit] = ()
 ) -> Better:
     """Return the changed scans that see clearly smaller effects.
 
@@ -187,7 +188,7 @@ def limit_record(limit: Limit, better: Better | None = None) -> dict[str, Any]:
     }
 
 
-def limits_table(record: dict[str, Any], fit: JointFit) -> tuple["RenderableType", ...]:
+def limits_table(record: dict[str, Any], fit: FitResult) -> tuple["RenderableType", ...]:
     """Return the limits as rich renderables that fit 80 columns.
 
     Better scans stand as letters in the table and in words below it.

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from identify.fit.files import read_fit
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.residual.compare import compare
 from models.scan import Scan
@@ -33,7 +33,7 @@ def load_finding(run: Path, stage_s: Mapping[str, float] | None = None) -> Findi
 
 
 def build_finding(
-    run: Path, fit: Fit, study: Study, stage_s: Mapping[str, float] | None = None
+    run: Path, fit: FitResult, study: Study, stage_s: Mapping[str, float] | None = None
 ) -> Finding:
     """Compare a fit with its study's scan and gather what figures and report need."""
     scan = read_scan(study.scan, study.study.units_checked)
@@ -43,7 +43,9 @@ def build_finding(
     return replace(found, stage_s=dict(stage_s or {}), how=how_made(runs))
 
 
-def finding_of(fit: Fit, study: Study, scan: Scan, truth: GaussianMap | None = None) -> Finding:
+def finding_of(
+    fit: FitResult, study: Study, scan: Scan, truth: GaussianMap | None = None
+) -> Finding:
     """Compare a fit with a scan in its own frame, without a run folder.
 
     Raises

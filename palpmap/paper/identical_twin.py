@@ -19,7 +19,8 @@ import numpy as np
 from fem import Contacts, PalpationModel, default_solver, paper_mesh
 from fem.solve.direct import Solver
 from fem.solve.threads import available_cores, share_out, solver_for_threads
-from identify.body.forward import Forward, compliance
+from identify.body.compliance import compliance
+from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from identify.optimize.optimizers import Optimizer
@@ -126,20 +127,21 @@ def solve_test(test: PaperTest, model: PalpationModel, optimizer: Optimizer) -> 
     scale = float(np.linalg.norm(observed))
     box = np.array([np.zeros(3), SIZE_M])
     free = [symbol(theta).name for theta in test.theta]
-    forward = Forward(model, parameter_space(test.initial, box, free))
+    space, mechanics = parameter_space(test.initial, box, free), BodyMechanics.of(model)
     path = []
 
     def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        prediction, gradient = forward.evaluate(u)
-        return (FORCE_N * prediction - observed) / scale, FORCE_N * gradient / scale
+        body = mechanics.evaluate(space.to_map(u), mechanics.state())
+        gradient = body.by_map[:, list(space.free)] * space.slope(u)
+        return (FORCE_N * body.compliance - observed) / scale, FORCE_N * gradient / scale
 
     began = time.perf_counter()
     result = optimizer(
         residuals,
-        forward.space.to_scaled(test.initial),
-        bounds=forward.space.bounds,
+        space.to_scaled(test.initial),
+        bounds=space.bounds,
         ftol=FTOL,
-        callback=lambda u, _: path.append(_values(forward.space.to_map(u), test.theta)),
+        callback=lambda u, _: path.append(_values(space.to_map(u), test.theta)),
     )
     seconds = time.perf_counter() - began
     return PaperResult(test, np.array(path), result.nfev, seconds, result.message)

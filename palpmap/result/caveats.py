@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from palpmap.study.study import Study
 
 SMALL_STRAIN = 0.1
 
 
 def limits_of(
-    fit: Fit, study: Study, displacement_m: np.ndarray, height_m: float
+    fit: FitResult, study: Study, displacement_m: np.ndarray, height_m: float
 ) -> tuple[str, ...]:
     """Say in sentences what the result rests on."""
     limits = [

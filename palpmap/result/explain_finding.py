@@ -1,9 +1,9 @@
 """The last rung of an explanation as the finding that `fit` and `compare` show."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
-from identify.fit.joint_result import fit_of
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
@@ -28,7 +28,7 @@ def step_finding(run: Path, problem: Problem, rung: Step) -> Finding:
     """Return one rung as a finding."""
     runs = read_record(run / "run.json")["runs"] if (run / "run.json").is_file() else []
     outline, used = study_outline(problem.study), problem.scan.used()
-    fit = fit_of(problem.fit, rung.fit)
+    fit = replace(rung.fit, history=())  # steps of refits are no convergence of a search
     height_m = float(outline.upper_m[2] - outline.lower_m[2])
     limits = limits_of(fit, problem.study, used.displacement_m, height_m)
     note = _BALL if problem.body.coarse.contacts.profile == "hertz" else problem.body.note

@@ -6,7 +6,6 @@ from typing import Any
 from identify.design.geometry_confounders import mistakes
 from identify.design.redundant_inclusions import unseen_inclusions
 from identify.effects.base import Effect
-from identify.fit.joint_intervals import joint_intervals
 from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import Explanation
 from identify.select.score_test import Score
@@ -147,33 +146,24 @@ def evidence(effect: Effect, score: Score, problem: Problem, final: Step | None 
 def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str, dict[str, Any]]:
     """Return values, standard errors and 95 % intervals, positions in the scan's frame.
 
-    `bent` intervals follow the valley of the misfit, see `joint_intervals`.
+    `bent` intervals follow the valley of the misfit, see `FitResult.parameters`.
     """
     fit = rung.fit
-    intervals = joint_intervals(fit, bent)
     held = fit.at_bound
     found = {}
-    for name, value in fit.values.items():
+    for name, entry in (fit.parameters if bent else fit.intervals(curved=False)).items():
         shift = frame_shift_m(name, problem.placement.origin_m)
-        low, high = intervals.get(name, (value, value))
         found[name] = {
-            "value": value + shift,
-            "std": fit.std.get(name, 0.0),
-            "lower95": low + shift,
-            "upper95": high + shift,
-            "unit": unit_of(name, fit.model),
+            "value": entry.value + shift,
+            "std": entry.std,
+            "lower95": entry.lower95 + shift,
+            "upper95": entry.upper95 + shift,
+            "unit": entry.unit,
             "at_bound": name in held,
         }
     return found
 
 
-def unit_of(name: str, model: Any) -> str:
-    """Return the unit of a parameter of map or effects."""
-    effect, _, own = name.rpartition(".")
-    for part in model.effects:
-        if part.effect.name == effect:
-            return next(p.unit for p in part.parameters if p.name == own)
-    return "Pa" if name.endswith("_pa") else "m"
 
 
 __all__ = ["candidate_record", "explain_record", "named", "score_record", "step_record"]

@@ -11,7 +11,7 @@ import numpy as np
 from identify.body.state import BodyState, ChangedMap
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import BodyEffect
-from identify.fit.result import Fit
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.residual.comparison import Comparison
 from models.errors import InputError
@@ -62,7 +62,7 @@ class Finding:
     """
 
     name: str
-    fit: Fit
+    fit: FitResult
     scan: Scan
     comparison: Comparison
     outline: Outline

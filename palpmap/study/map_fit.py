@@ -1,13 +1,16 @@
 """The map that explains a placed scan, with the inclusions, guesses and noise of its study."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from identify.body.body_model import BodyModel
 from identify.fit.map_fit import fit_scan
 from identify.fit.number_of_inclusions import best_number
-from identify.fit.result import Fit, FitIteration
+from identify.fit.result import FitResult
+from identify.fit.search import FitIteration
+from identify.fit.settings import PRECISE
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.optimizers import OPTIMIZERS
@@ -24,7 +27,7 @@ def fit_study(
     callback: Callable[[FitIteration], None] | None = None,
     rough: bool = False,
     noise: Noise | None = None,
-) -> Fit:
+) -> FitResult:
     """Fit a placed scan with the inclusions, guesses and noise that the study states.
 
     The noise is what the study states, or estimated from the scan, unless it is given. A `rough`
@@ -37,19 +40,20 @@ def fit_study(
     noise = noise or scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
     method = OPTIMIZERS[optimizer]
     fine = None if rough else body.fine
+    settings = replace(PRECISE, curved_intervals=not rough)
     if study.map.inclusions == "auto":
         start = best_number(scan, body, noise)
         return fit_scan(
             scan, body.coarse, noise=noise, fine_model=fine, start=start,
             optimizer=method, callback=callback,
-            curved_intervals=not rough,
+            settings=settings,
         )  # fmt: skip
     known = {**study.map.initial, **study.map.fixed}
     if not known:
         return fit_scan(
             scan, body.coarse, inclusions=study.map.inclusions, noise=noise,
             search_model=body.search, fine_model=fine, optimizer=method, callback=callback,
-            curved_intervals=not rough,
+            settings=settings,
         )  # fmt: skip
     names = GaussianMap.from_values(np.ones(1 + 5 * study.map.inclusions)).names
     if set(known) == set(names):
@@ -67,5 +71,5 @@ def fit_study(
     return fit_scan(
         scan, body.coarse, noise=noise, fine_model=fine, optimizer=method,
         start=GaussianMap.from_values(values), free=free, callback=callback,
-        curved_intervals=not rough,
+        settings=settings,
     )  # fmt: skip

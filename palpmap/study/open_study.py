@@ -11,7 +11,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fem import PalpationModel
 from identify.body.body_model import BodyModel
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
@@ -27,8 +26,10 @@ from identify.fit.free_compliance_start import (
     typical_error,
     typical_error_m,
 )
-from identify.fit.joint_fit import JointFit, fit_jointly
-from identify.fit.result import Fit, FitIteration
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
+from identify.fit.search import FitIteration
+from identify.fit.settings import PRECISE
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import parameter_space
 from identify.measurement.model import MeasurementModel
@@ -50,9 +51,9 @@ from palpmap.study.study import Study
 
 Say = Callable[[str], None]
 
-# Chi-square per degree of freedom from which on a map has an error of its own: five times the
-# noise, as in `scan_problem`, or any where a block stands in for a body of another shape
-GROSS_MAP, _OTHER_SHAPE = 25.0, 1.5
+# Chi-square per degree of freedom from which on a map has an error of its own, where a block stands
+# in for a body of another shape; elsewhere that of a gross misfit
+_OTHER_SHAPE = 1.5
 _ERROR_ROUNDS = 2
 _WEAKER = (1.0, 0.3, 0.1, 0.03)  # parts of the inclusions' weights
 
@@ -69,7 +70,7 @@ class Problem:
     study: Study
     placement: Placement
     body: BodyModel
-    fit: Fit
+    fit: FitResult
     model: MeasurementModel
     start: GaussianMap
     catalogue: tuple[Effect, ...]
@@ -150,7 +151,7 @@ def rough_fit(
     catalogue: Sequence[Effect],
     say: Say = lambda text: None,
     on_iteration: Callable[[FitIteration], None] | None = None,
-) -> tuple[ContactLaw | None, Fit, float]:
+) -> tuple[ContactLaw | None, FitResult, float]:
     """Fit the map roughly, where need be to the readings without what the presses show alone.
 
     Where even then the map is far from the presses, its error outweighs the noise: the few presses
@@ -166,8 +167,9 @@ def rough_fit(
         return None, fit_study(study, placement, body, callback=on_iteration, rough=True), 0.0
     placed = replace(placement, scan=straight(scan, law.found))
     fit = fit_study(study, placed, body, callback=on_iteration, rough=True, noise=noise)
-    limit = _OTHER_SHAPE if placement.onto_another_shape else GROSS_MAP
-    gross = fit.chi2_per_dof > limit
+    gross = PRECISE.is_gross(fit.chi2_per_dof)
+    if placement.onto_another_shape:
+        gross = fit.chi2_per_dof > _OTHER_SHAPE
     for _ in range(_ERROR_ROUNDS if gross else 0):
         say("fitting the map, with an error of its own")
         error_m = typical_error_m(fit, placed.scan)
@@ -181,7 +183,7 @@ def fit_effects(
     study: Study,
     scan: Scan,
     body: BodyModel,
-    fit: Fit,
+    fit: FitResult,
     own: Sequence[Effect] = (),
     say: Say = lambda text: None,
     starts: Mapping[str, Values] = MappingProxyType({}),
@@ -235,15 +237,11 @@ def named(catalogue: Sequence[Effect], name: str) -> Effect:
     raise InputError(f"no effect is called '{name}'; there are: {names}")
 
 
-def measurement_model(scan: Scan, body: BodyModel, fit: Fit) -> MeasurementModel:
+def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> MeasurementModel:
     """Return the model without effects, carried to the finer body at the fitted map."""
     coarse = body.coarse
     box = np.array([coarse.mesh.nodes.min(axis=0), coarse.mesh.nodes.max(axis=0)])
-
-    def at_poisson_ratio(nu: float) -> PalpationModel:
-        return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
-
-    mechanics = BodyMechanics(coarse, body.fine, at_poisson_ratio)
+    mechanics = BodyMechanics.of(coarse, body.fine)
     rows = scan.used()
     free = [name for name, estimate in fit.parameters.items() if estimate.free]
     return MeasurementModel(
@@ -257,7 +255,7 @@ def measurement_model(scan: Scan, body: BodyModel, fit: Fit) -> MeasurementModel
 
 def _with_effect(
     model: MeasurementModel, start: GaussianMap, effect: Effect, initial: dict[str, float]
-) -> JointFit:
+) -> FitResult:
     refuse_effect(effect, model.readings, initial)
     if initial:
         return fit_jointly(model.with_effect(effect, initial, model.mechanics.state()), start)

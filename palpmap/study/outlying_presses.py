@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.effects.base import Effect
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
@@ -41,7 +41,7 @@ class WithoutSuspects:
     added: tuple[str, ...]
     ambiguous: tuple[tuple[str, ...], ...]
     found: frozenset[str]
-    fit: JointFit
+    fit: FitResult
     comparison: Comparison
 
     @classmethod

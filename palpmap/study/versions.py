@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from identify.fit.joint_fit import JointFit
+from identify.fit.result import FitResult
 from models.errors import InputError
 from palpmap.run_folder import read_record, write_record
 from palpmap.study.study import Effect, Study, write_study
@@ -18,7 +18,7 @@ _VERSION = re.compile(r"^(?P<stem>.+?)(?:\.v(?P<number>\d+))?\.toml$")
 
 
 def version_of(
-    study: Study, fit: JointFit, path: Path, files: Mapping[str, Path] | None = None
+    study: Study, fit: FitResult, path: Path, files: Mapping[str, Path] | None = None
 ) -> Study:
     """Write a study that has the effects of a fit, starting from its values; return it.
 

@@ -9,7 +9,8 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design import detection_limits as limits
 from identify.design.detection_limits import SIGMAS, Limit, detection_limits
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 BODY = replace(mechanics(), fine=None, ratio=1.0)
@@ -20,7 +21,7 @@ def effect(name):
 
 
 @cache
-def fit() -> JointFit:
+def fit() -> FitResult:
     return fit_jointly(model(measured(), BODY), TRUE)
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from identify.design.redundant_inclusions import unseen_inclusions
-from identify.fit.joint_fit import JointFit, fit_jointly
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing, true_compliance
@@ -13,7 +14,7 @@ from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, tim
 FAINT = Inclusion(300.0, 0.044, 0.018, 0.02, 0.008)
 
 
-def fitted(truth: GaussianMap, start: GaussianMap) -> JointFit:
+def fitted(truth: GaussianMap, start: GaussianMap) -> FitResult:
     press, _, _, force = timing(4)
     table = scan(true_compliance(truth.modulus)[press] * force, force, 4)
     own = model(table, replace(mechanics(), fine=None))

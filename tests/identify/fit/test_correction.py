@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.fit.joint_fit import corrected_at, fit_jointly
+from identify.fit.joint_fit import fit_jointly
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
 
@@ -17,8 +17,8 @@ def own():
 def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, weight_pa, z_m):
     found = fit_jointly(own, TRUE)
     far = TRUE.changed({"inclusion_1.weight_pa": weight_pa, "inclusion_1.z_m": z_m})
-    stale = fit_jointly(corrected_at(own, own.start(far)), TRUE, rounds=0)
-    away = np.abs(stale.u - found.u) / np.sqrt(np.diag(found.covariance))
+    stale = fit_jointly(own.corrected(own.start(far)), TRUE, rounds=0)
+    away = np.abs(stale.u - found.u) / np.sqrt(np.diag(found.solution.noise_covariance))
     assert away.max() > 10
     again = fit_jointly(stale.model, stale.map)
     assert again.chi2 == pytest.approx(found.chi2, abs=0.1)

@@ -5,23 +5,23 @@ identical twins (the same cheap mesh on both sides), where the only error is the
 """
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from fem import Contacts, PalpationModel, block_mesh
-from identify.body.discretization_error import shift_covariance
-from identify.body.forward import Forward, compliance
+from identify.body.compliance import compliance
+from identify.body.mechanics import BodyMechanics
+from identify.effects.readings import Readings
 from identify.fit.files import read_fit, write_fit
+from identify.fit.joint_fit import fit_jointly
 from identify.fit.map_fit import fit_scan
-from identify.fit.map_problem import ScanProblem
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
-from identify.measurement.errors_in_variables import press_table
+from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
-from identify.optimize.gauss_newton import covariance
 from identify.optimize.optimizers import OPTIMIZERS
 from models.errors import InputError
 from models.scan import Scan
@@ -157,41 +157,51 @@ def test_the_finer_models_own_error_widens_the_intervals(corrected, direct):
 
 
 def test_an_error_shared_by_all_presses_shifts_the_background(twin):
-    problem = problem_of(make_scan(compliance(twin, GaussianMap(7300.0)), seed=None), NOISE)
-    space = parameter_space(GaussianMap(7300.0), np.array([[0, 0, 0], SIZE]))
-    forward = Forward(twin, space)
-    u = space.to_scaled(GaussianMap(7300.0))
-    prediction, jac = problem.jacobian(forward, u)
-    _, slope = problem.table.residuals(prediction, NOISE)
-    shift = slope * (0.01 * prediction)[:, None]
-    pull = np.einsum("jrk,jr->jk", jac.reshape(49, 2, 1), shift)
-    added = shift_covariance(covariance(jac), pull)
+    stiffness = GaussianMap(7300.0)
+    model = model_of(twin, make_scan(compliance(twin, stiffness), seed=None), NOISE, stiffness)
+    erring = replace(model, mechanics=replace(model.mechanics, model_error=np.full(49, 0.01)))
+    own = fit_jointly(erring, stiffness, rounds=0).solution
+    added = own.covariance - own.noise_covariance
     # Compliances 1 % too large are a background 1 % too soft; the own errors average out.
     assert np.sqrt(added[0, 0]) == pytest.approx(0.01, rel=0.03)
 
 
-def problem_of(scan, noise):
-    table = press_table(scan.press_index, scan.displacement_m, scan.force_n, len(scan.press_ids))
-    return ScanProblem(table, noise, OPTIMIZERS["gauss-newton"])
+def model_of(body, scan, noise, stiffness):
+    return MeasurementModel(
+        Readings.of(scan), scan.displacement_m, noise, BodyMechanics.of(body),
+        parameter_space(stiffness, np.array([[0, 0, 0], SIZE])), straight=True,
+    )  # fmt: skip
 
 
 def test_the_gradient_of_the_misfit_has_taylor_slope_two(coarse, other_mesh_scan):
-    problem = problem_of(other_mesh_scan, QUIET)
     away = TRUTH.changed({"inclusion_1.x_m": 0.0443, "inclusion_1.weight_pa": 9000.0})
-    forward = Forward(coarse, parameter_space(away, np.array([[0, 0, 0], SIZE])))
-    u = forward.space.to_scaled(away)
+    model = model_of(coarse, other_mesh_scan, QUIET, away)
+    u = model.start(away)
 
     def misfit(u):
-        return 0.5 * problem.chi2(forward.evaluate(u)[0])
+        return 0.5 * model.evaluate(u).chi2
 
-    prediction, jac = problem.jacobian(forward, u)
-    gradient = jac.T @ problem.table.residuals(prediction, QUIET)[0].ravel()
+    at = model.evaluate(u)
+    gradient = -at.jacobian.T @ at.residual
     direction = np.array([0.3, -0.5, 0.2, -0.4, 0.35, 0.6])
     steps = np.array([4e-2, 2e-2, 1e-2, 5e-3])
     start = misfit(u)
     rest = [abs(misfit(u + h * direction) - start - h * gradient @ direction) for h in steps]
     slopes = np.diff(np.log(rest)) / np.diff(np.log(steps))
     assert_allclose(slopes, 2.0, atol=0.15)
+
+
+def test_two_rows_a_press_say_all_that_the_readings_say(coarse, other_mesh_scan):
+    model = model_of(coarse, other_mesh_scan, QUIET, TRUTH)
+    u = model.start(TRUTH) + 0.02
+    few, all_rows = model.evaluate(u), model.linearise(u)
+    assert len(few.residual) == 50 < len(all_rows.residual)
+    assert few.chi2 == pytest.approx(all_rows.chi2, rel=1e-9)
+    assert few.rms_m == pytest.approx(all_rows.rms_m, rel=1e-9)
+    normal = all_rows.jacobian.T @ all_rows.jacobian
+    assert_allclose(few.jacobian.T @ few.jacobian, normal, rtol=1e-6, atol=1e-9 * normal.max())
+    gradient = all_rows.jacobian.T @ all_rows.residual
+    assert_allclose(few.jacobian.T @ few.residual, gradient, rtol=1e-6, atol=1e-7 * gradient.max())
 
 
 def test_the_identical_twin_without_noise_is_found_exactly(twin):
@@ -356,7 +366,9 @@ def test_a_scan_with_the_wrong_sign_is_refused(twin):
 def test_a_fit_survives_the_way_through_its_file(twin_fit, tmp_path):
     write_fit(twin_fit, tmp_path / "fit.json")
     again = read_fit(tmp_path / "fit.json")
-    for name, value in vars(twin_fit).items():
+    assert again.parameters == twin_fit.parameters
+    for name in (f.name for f in fields(twin_fit) if f.name not in ("estimates", "solution")):
+        value = getattr(twin_fit, name)
         if isinstance(value, np.ndarray):
             np.testing.assert_array_equal(getattr(again, name), value)
         else:

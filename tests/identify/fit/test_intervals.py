@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fem import Contacts, PalpationModel, block_mesh
-from identify.body.forward import compliance
+from identify.body.compliance import compliance
 from identify.fit.map_fit import fit_scan
 from identify.fit.profile_intervals import NORMAL_95, _range
 from identify.map.gaussian_map import GaussianMap, Inclusion

@@ -13,7 +13,6 @@ from scipy import stats
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
-from identify.fit.joint_result import estimates
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import score_null
@@ -61,7 +60,7 @@ def test_p_values_are_uniform_and_intervals_cover_where_nothing_is_hidden():
         for score in diagnose(fit, CATALOGUE, seed=seed).scores:
             if score.untestable is None:
                 p_values[score.name].append(score.p_value)
-        intervals = estimates(fit)
+        intervals = fit.parameters
         for name, value in zip(TRUE.names, TRUE.values, strict=True):
             own = intervals[name]
             covered[name].append(own.lower95 <= value <= own.upper95)
@@ -81,7 +80,7 @@ def map_coverage(seeds, offset_m: float = 0.0):
     for seed in seeds:
         table = null_scan(seed)
         table = replace(table, displacement_m=table.displacement_m + offset_m)
-        intervals = estimates(fit_jointly(model(table, exact), TRUE))
+        intervals = fit_jointly(model(table, exact), TRUE).parameters
         for name, value in zip(TRUE.names, TRUE.values, strict=True):
             own = intervals[name]
             inside[name].append(own.lower95 <= value <= own.upper95)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.body.forward import compliance
+from identify.body.compliance import compliance
 from identify.optimize.optimizers import OPTIMIZERS
 from models.errors import InputError
 from palpmap.console import Output

@@ -95,8 +95,10 @@ def test_the_maps_are_coloured_on_the_scale_of_the_last_and_the_true_one(explain
     finding = final_finding(case.folder, case.problem, case.explained)
     first, last = case.explained.ladder
     wild = {name: 30 * value for name, value in first.fit.values.items() if "weight" in name}
-    u = first.fit.model.space.to_scaled(first.fit.map.changed(wild))
-    explained = replace(case.explained, ladder=(replace(first, fit=replace(first.fit, u=u)), last))
+    other = first.fit.map.changed(wild)
+    explained = replace(
+        case.explained, ladder=(replace(first, fit=replace(first.fit, map=other)), last)
+    )
     record_explanation(tmp_path / "r.rrd", finding, explained, case.record, case.problem, {})
     chunks = list(RrdReader(tmp_path / "r.rrd").stream())
     box = finding.outline.lower_m, finding.outline.upper_m

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 from rich.console import Console
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.fit.joint_result import estimates
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
@@ -272,7 +271,7 @@ def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained
 
 def test_intervals_of_the_map_hold_the_estimate_and_fixed_values_have_none(explained_case):
     fit = explained_case.explained.final.fit
-    found = estimates(fit)
+    found = fit.parameters
     background = found["background_pa"]
     assert background.lower95 < background.value < background.upper95
     assert_allclose(background.upper95 - background.lower95, 2 * 1.96 * background.std, rtol=0.01)
@@ -379,8 +378,8 @@ def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explaine
 def test_the_maps_colours_are_those_of_the_last_one(told):
     first = told.explained.ladder[0]
     wild = {name: 1e3 * value for name, value in first.fit.values.items() if "weight" in name}
-    u = first.fit.model.space.to_scaled(first.fit.map.changed(wild))
-    before = replace(first, fit=replace(first.fit, u=u))
+    other = first.fit.map.changed(wild)
+    before = replace(first, fit=replace(first.fit, map=other))
     explained = replace(told.explained, ladder=(before, *told.explained.ladder[1:]))
     figure = draw_maps(told.finding, explained)
     images = [axes.images[0] for axes in figure.axes if axes.images]

@@ -14,7 +14,8 @@ import pytest
 from rich.console import Console
 
 from identify.fit.files import write_fit
-from identify.fit.result import Estimate, Fit, FitIteration
+from identify.fit.result import Estimate, FitResult
+from identify.fit.search import FitIteration
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.errors_in_variables import whitening
 from identify.measurement.noise import Noise
@@ -79,8 +80,8 @@ def small_fit(scan):
     )
     jacobian = np.zeros((25, len(free)))
     jacobian[:, 0] = -0.01 / 5020
-    return Fit(
-        map=FOUND, parameters=estimates, covariance_names=tuple(free),
+    return FitResult(
+        map=FOUND, estimates=estimates, covariance_names=tuple(free),
         covariance=np.diag([std[n] ** 2 for n in free]), noise=NOISE,
         press_index=scan.press_index, force_n=scan.force_n, displacement_m=scan.displacement_m,
         latent_force_n=latent, predicted_m=0.01 * scan.force_n, sigma_m=s, residual_m=e,

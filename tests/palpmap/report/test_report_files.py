@@ -259,7 +259,7 @@ def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone
         fit,
         covariance_names=("rigid_tip.share", *names),
         covariance=covariance,
-        parameters={**estimates, "rigid_tip.share": share},
+        estimates={**estimates, "rigid_tip.share": share},
     )
     with_effect = replace(finding, fit=more)
     assert png(draw_map(with_effect)) == png(draw_map(finding))

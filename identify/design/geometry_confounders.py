@@ -43,7 +43,7 @@ class GeometryConfounder:
     change_m: float
 
 
-def mistakes(explained: Explanation) -> tuple[GeometryConfounder, ...]:
+def geometry_confounders(explained: Explanation) -> tuple[GeometryConfounder, ...]:
     """Return the lengths that would explain nearly as much as an addition; to first order."""
     known: dict[Length, PalpationModel] = {}
     return tuple(

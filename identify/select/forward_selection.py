@@ -1,19 +1,19 @@
 """The loop: find the missing effect, add it, refit, until what remains is noise.
 
 The linear score only ranks; the refit decides. At each step the best-scored effects and all that
-look like them are fitted jointly with the map; the winner must beat every rival by more than
-`MARGIN` in chi-square (after the price of its parameters), else the rivals are an ambiguous group
+look like them are fitted jointly with the map; the winner must beat every other by more than
+`MARGIN` in chi-square (after the price of its parameters), else they are an ambiguous group
 and one of them stands in for the group. Where the residual is noise, nothing is added but what
 chance does not give in a thousand scans; where it is structured, nothing that takes next to none
 of what is unexplained: beside something large and unknown, everything is significant. An effect
 that the map imitates all but wholly is never named alone: what is left of it is no more than a
 slight error of the model. After each addition the earlier ones must still earn their place, and are
-compared with their rivals again. The verdict follows from what remains.
+compared with their candidates again. The verdict follows from what remains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,20 +28,11 @@ from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect, at_bound
 from identify.select.candidates import REFIT_EVALUATIONS, Candidate, best_candidates, doubted
 from identify.select.reconsider import reconsider, with_exchanged
+from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, step_of
 from models.scan import Scan
 
-MOST_EFFECTS = 4
-_TRACE = 0.02  # of the chi-square explained: left by laws that are right to a seventh
 SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
-_IMITATED = 0.05  # visible share of an effect's pattern below which the map imitates all of it
-# Of the unexplained chi-square: in 58 blind trials whatever was hidden took a third or more of what
-# was left, and what imitated an unknown effect 16 % or less from its second step on.
-WORTHWHILE = 0.1
-# Of the chi-square explained by what may be the model's own error: the pattern of that error is an
-# estimate, right to a third, and what it lacks is in turn like some other effect.
-_LEFT_OF_ERROR = 0.1
-_BY_COMPLIANCE = 0.9  # of a pattern's square: beyond it, an effect acts on compliances alone
 _MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
@@ -68,7 +59,7 @@ class Explanation:
 
     @property
     def final(self) -> Step:
-        """The last rung."""
+        """The last step."""
         return self.ladder[-1]
 
     @property
@@ -103,7 +94,7 @@ class Explanation:
 
     @property
     def traces(self) -> tuple[str, ...]:
-        """Effects that are significant in the last rung and yet no call for another addition."""
+        """Effects that are significant in the last step and yet no call for another addition."""
         return tuple(sorted(self.final.diagnosis.significant)) * (self.verdict != "unexplained")
 
     @property
@@ -113,7 +104,7 @@ class Explanation:
 
     @property
     def explained_share(self) -> float:
-        """Share of the first rung's excess chi-square that the additions took away."""
+        """Share of the first step's excess chi-square that the additions took away."""
         return _share(self.ladder[0].fit, self.final.fit)
 
 
@@ -129,10 +120,10 @@ def forward_selection(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     on_step: Callable[[Step], None] | None = None,
-    first: FirstStep | None = None,
-    most: int = MOST_EFFECTS,
+    policy: Policy | None = None,
+    settings: SelectionSettings = SELECTION,
 ) -> Explanation:
-    """Run the loop from a map on.
+    """Add effects to a map until the residual is noise.
 
     Parameters
     ----------
@@ -141,54 +132,57 @@ def forward_selection(
     scan : placed, with the readings of the model
     catalogue : effects that may be added
     seed : of the simulated nulls
-    progress : called with what is being done, in words
-    on_rung : called with each new rung
-    first : makes the first step from the map alone, or returns None (`identify.select.first_step`)
-    most : effects to be added, those of the first step not counted
+    progress : called with the present task, in words
+    on_step : called with each new step
+    policy : decisions of the loop; None for those of `Policy`
+    settings : thresholds
     """
+    policy = policy or Policy()
     say = progress or (lambda text: None)
-    rise = on_step or (lambda rung: None)
     effects = {effect.name: effect for effect in catalogue}
 
     def judged(fit: FitResult) -> Step:
-        rung = step_of(fit, scan, catalogue, seed, say)
-        rise(rung)
-        return rung
+        step = step_of(fit, scan, catalogue, seed, say)
+        if on_step:
+            on_step(step)
+        return step
 
     say("fitting the map")
     ladder = [judged(fit_jointly(model, stiffness))]
     additions: list[AcceptedEffect] = []
     dropped: list[str] = []
     settled = False
-    step = first(ladder[0], say) if first else None
-    if step is not None:
-        fit, additions = step
+    if policy.first and (started := policy.first(ladder[0], say)):
+        fit, additions = started
         ladder.append(judged(fit))
-    most += len(additions)
-    while (len(ladder) == 1 or is_more_missing(ladder, additions)) and len(additions) < most:
+    most = settings.most_effects + len(additions)
+    while len(additions) < most and (
+        len(ladder) == 1 or policy.goes_on(ladder, additions, settings)
+    ):
         now = ladder[-1]
-        candidates = best_candidates(now, effects, say, dropped)
+        candidates = policy.propose(now, effects, say, dropped)
         if not candidates:
             settled = now.comparison.is_noise
             break
-        winner = candidates[0]
-        if not now.comparison.is_noise and not _worthwhile(now.fit, winner.fit):
+        if not now.comparison.is_noise and not policy.worthwhile(
+            now.fit, candidates[0].fit, settings
+        ):
             break
-        left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, additions, winner)
-        beside = {rival.name: _beside(now, rival.name) or left for rival in candidates}
-        additions.append(AcceptedEffect(winner.name, candidates, False, beside, now.fit.chi2))
-        say(f"refitting with {winner.name}")
-        fit = fit_jointly(winner.fit.model, winner.fit.map)
-        fit, lost = without_unneeded(fit, [a.name for a in additions[:-1]], say)
+        additions.append(_accepted(ladder, additions, candidates, settings))
+        winner = candidates[0].fit
+        say(f"refitting with {candidates[0].name}")
+        fit, lost = policy.prune(
+            fit_jointly(winner.model, winner.map), [a.name for a in additions[:-1]], say
+        )
         kept = [a for a in additions if a.name not in lost]
-        # Beside what has lost its place, the last one may have beaten rivals that do as well now
-        fit, additions, exchanged = reconsider(fit, kept, say, the_last_too=bool(lost))
+        # Beside an effect since lost, the last one may have beaten candidates that do as well now
+        fit, additions, exchanged = policy.compare(fit, kept, say, bool(lost))
         dropped.extend([*lost, *exchanged])
-        for number, rung in enumerate(ladder):
-            if exchanged.keys() & set(rung.fit.model.has):  # the steps lead to the last model
-                ladder[number] = judged(with_exchanged(rung.fit, exchanged, fit))
+        for number, step in enumerate(ladder):
+            if exchanged.keys() & set(step.fit.model.has):  # the steps lead to the last model
+                ladder[number] = judged(with_exchanged(step.fit, exchanged, fit))
         ladder.append(judged(fit))
-    verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled)
+    verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled, settings)
     gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.model.has)
     return Explanation(verdict, tuple(ladder), tuple(additions), gone)
 
@@ -199,12 +193,25 @@ def _share(before: FitResult, after: FitResult) -> float:
     return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0
 
 
-def _worthwhile(before: FitResult, after: FitResult) -> bool:
+def _accepted(
+    ladder: Sequence[Step],
+    additions: Sequence[AcceptedEffect],
+    candidates: tuple[Candidate, ...],
+    settings: SelectionSettings,
+) -> AcceptedEffect:
+    """Return the best candidate with its group."""
+    now, winner = ladder[-1], candidates[0]
+    left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, additions, winner, settings)
+    beside = {own.name: _beside(now, own.name, settings) or left for own in candidates}
+    return AcceptedEffect(winner.name, candidates, False, beside, now.fit.chi2)
+
+
+def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
     """Whether a fit takes its share of the excess; any does where the structure is below it."""
-    return before.chi2 - after.chi2 >= WORTHWHILE * (before.chi2 - before.dof)
+    return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
 
 
-def _beside(rung: Step, name: str) -> tuple[str, ...]:
+def _beside(rung: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
     """Name what cannot be told from an effect because the map imitates one of them all but wholly.
 
     What is left of such an effect is so little that it must be large to explain anything, with the
@@ -213,7 +220,7 @@ def _beside(rung: Step, name: str) -> tuple[str, ...]:
     is an effect told from that error whose pattern is like its own, which is only an estimate.
     """
     scores = [score for score in rung.diagnosis.scores if score.untestable is None]
-    imitated = [score.name for score in scores if score.visible < _IMITATED]
+    imitated = [score.name for score in scores if score.visible < settings.imitated]
     if name == MODEL_ERROR:
         return tuple(imitated)
     alike = MODEL_ERROR in rung.diagnosis.confused_with(name)
@@ -221,24 +228,29 @@ def _beside(rung: Step, name: str) -> tuple[str, ...]:
 
 
 def _may_be_left_of_error(
-    ladder: Sequence[Step], additions: Sequence[AcceptedEffect], winner: Candidate
+    ladder: Sequence[Step],
+    additions: Sequence[AcceptedEffect],
+    winner: Candidate,
+    settings: SelectionSettings,
 ) -> bool:
     """Whether an effect may be what the model's own error, if it was that before, leaves over."""
     now = ladder[-1]
     if not any(MODEL_ERROR in addition.group for addition in additions):
         return False
     explained, more = ladder[0].fit.chi2 - now.fit.chi2, now.fit.chi2 - winner.chi2
-    return more < _LEFT_OF_ERROR * explained and _acts_by_compliance(now, winner.name)
+    return more < settings.left_of_error * explained and _acts_by_compliance(
+        now, winner.name, settings
+    )
 
 
-def _acts_by_compliance(rung: Step, name: str) -> bool:
+def _acts_by_compliance(rung: Step, name: str, settings: SelectionSettings) -> bool:
     """Whether each press's readings move as by another compliance of the body under it."""
     at, press = rung.fit.at, rung.fit.model.readings.press
     by_own = at.whitened(at.by_compliance, press)
     pattern = rung.diagnosis[name].beyond
     along = np.array([np.bincount(press, by_own * column) for column in pattern.T])
     square = np.bincount(press, by_own**2)
-    return bool(np.sum(along**2 / square) >= _BY_COMPLIANCE * np.sum(pattern**2))
+    return bool(np.sum(along**2 / square) >= settings.by_compliance * np.sum(pattern**2))
 
 
 def without_unneeded(
@@ -257,8 +269,12 @@ def without_unneeded(
     return (fit_jointly(fit.model, fit.map) if lost else fit), lost
 
 
-def is_more_missing(ladder: Sequence[Step], additions: Sequence[AcceptedEffect]) -> bool:
-    """Say whether the last rung's significant effects call for another addition.
+def is_more_missing(
+    ladder: Sequence[Step],
+    additions: Sequence[AcceptedEffect],
+    settings: SelectionSettings = SELECTION,
+) -> bool:
+    """Say whether the last step's significant effects call for another addition.
 
     Not where the residual is noise but for a trace that is within what the law of an effect may be
     off by, or that may be the difference between the members of an ambiguous group.
@@ -270,16 +286,54 @@ def is_more_missing(ladder: Sequence[Step], additions: Sequence[AcceptedEffect])
     if strongest == 0 or not additions or not now.comparison.is_noise:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
-    return len(additions[-1].equals) == 1 and strongest > _TRACE * explained
+    return len(additions[-1].equals) == 1 and strongest > settings.trace * explained
 
 
-def _verdict(ladder: Sequence[Step], additions: Sequence[AcceptedEffect], settled: bool) -> Verdict:
-    """Judge the last rung; `settled` says that no effect does clearly better than its noise."""
+def _verdict(
+    ladder: Sequence[Step],
+    additions: Sequence[AcceptedEffect],
+    settled: bool,
+    settings: SelectionSettings = SELECTION,
+) -> Verdict:
+    """Judge the last step; `settled` says that no effect does clearly better than its noise."""
     last = ladder[-1]
-    if not last.comparison.is_noise or (is_more_missing(ladder, additions) and not settled):
+    if not last.comparison.is_noise or (
+        is_more_missing(ladder, additions, settings) and not settled
+    ):
         return "unexplained"
     if not additions:
         return "nothing_missing"
     if any(at_bound(last.fit, a.name) or doubted(last.fit, a.name) for a in additions):
         return "unexplained"
     return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Decisions of the forward selection.
+
+    Attributes
+    ----------
+    first : first step from the map alone, or None (`identify.select.first_step`)
+    propose : candidates of a step, best first; empty to end the loop
+    worthwhile : sufficient gain of a candidate's fit where the residual is structured
+    prune : removal of earlier effects no longer needed
+    compare : comparison of earlier effects with their candidates, beside the others
+    goes_on : need of a further effect
+    """
+
+    first: FirstStep | None = None
+    propose: Callable[
+        [Step, Mapping[str, Effect], Callable[[str], None], Sequence[str]], tuple[Candidate, ...]
+    ] = best_candidates
+    worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = _worthwhile
+    prune: Callable[
+        [FitResult, Sequence[str], Callable[[str], None]], tuple[FitResult, list[str]]
+    ] = without_unneeded
+    compare: Callable[
+        [FitResult, Sequence[AcceptedEffect], Callable[[str], None], bool],
+        tuple[FitResult, list[AcceptedEffect], dict[str, str]],
+    ] = reconsider
+    goes_on: Callable[[Sequence[Step], Sequence[AcceptedEffect], SelectionSettings], bool] = (
+        is_more_missing
+    )

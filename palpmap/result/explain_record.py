@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from identify.design.geometry_confounders import mistakes
+from identify.design.geometry_confounders import geometry_confounders
 from identify.design.redundant_inclusions import unseen_inclusions
 from identify.effects.base import Effect
 from identify.select.diagnosis import Diagnosis
@@ -62,7 +62,7 @@ def _unseen(explained: Explanation) -> list[int]:
 def _stated_lengths(explained: Explanation) -> list[dict[str, Any]]:
     """Return the lengths of the study that would explain as much, were they wrong."""
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
-    return [asdict(found) for found in mistakes(explained) if found.effect in offered]
+    return [asdict(found) for found in geometry_confounders(explained) if found.effect in offered]
 
 
 def without_record(without: WithoutSuspects) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from identify.design.detection_limits import SHARE
 from identify.effects import units
 from identify.effects.units import percent
 from identify.residual.statement import length
-from identify.select.forward_selection import WORTHWHILE, Explanation
+from identify.select.forward_selection import Explanation
+from identify.select.settings import SELECTION
 from palpmap.result.evidence import added_names, kept
 from palpmap.study.open_study import Problem, named
 
@@ -119,7 +120,7 @@ def _nearest(explained: Explanation) -> str:
         return ""
     name = max(found, key=lambda score: score.statistic).name
     share = diagnosis.explained_fraction(name)
-    if share >= WORTHWHILE or explained.map_error:
+    if share >= SELECTION.worthwhile or explained.map_error:
         return ""  # a refit did not bear it out, or nothing of the body may be offered
     share = percent(share)
     return f"The nearest of the catalogue, {name}, would take {share} of the unexplained error. "

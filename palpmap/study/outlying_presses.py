@@ -16,7 +16,8 @@ from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
-from identify.select.forward_selection import MOST_EFFECTS, Explanation, Verdict, forward_selection
+from identify.select.forward_selection import Explanation, Policy, Verdict, forward_selection
+from identify.select.settings import SELECTION
 from models.errors import InputError
 from palpmap.study.body_model import build_body_model
 from palpmap.study.open_study import Problem, measurement_model, pose
@@ -70,8 +71,8 @@ def climbed(problem: Problem, seed: int, say: Say, on_step: Callable | None = No
         seed=seed,
         progress=say,
         on_step=on_step,
-        first=problem.first_step,
-        most=0 if problem.model.press_error else MOST_EFFECTS,
+        policy=Policy(first=problem.first_step),
+        settings=replace(SELECTION, most_effects=0) if problem.model.press_error else SELECTION,
     )
 
 

@@ -11,7 +11,7 @@ from fem.mesh.mesh import Mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.body_shift import BodyShift
 from identify.catalogue.stiffness_gradient import StiffnessGradient
-from identify.design.geometry_confounders import mistakes
+from identify.design.geometry_confounders import geometry_confounders
 from identify.effects.base import Effect
 from identify.fit.joint_fit import fit_jointly
 from models.scan import Scan
@@ -57,7 +57,9 @@ def found(effect: Effect, wider_m: float = 0.0, higher_m: float = 0.0, shift_m: 
     assert after.chi2 < before.chi2 - 20
     rungs = tuple(SimpleNamespace(fit=fit) for fit in (before, after))
     explained: Any = SimpleNamespace(ladder=rungs, additions=(SimpleNamespace(name=effect.name),))
-    return {m.length: m.change_m for m in mistakes(explained) if m.effect == effect.name}
+    return {
+        m.length: m.change_m for m in geometry_confounders(explained) if m.effect == effect.name
+    }
 
 
 def test_a_tip_that_is_wider_than_stated_is_named_beside_the_gradient():

@@ -7,8 +7,8 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.catalogue.catalogue import CATALOGUE
-from identify.select import forward_selection as explain
 from identify.select.forward_selection import forward_selection
+from identify.select.settings import SelectionSettings
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 NAMES = (MODEL_ERROR, "poisson_ratio", "base_sliding", "side_gradient", "force_drift")
@@ -27,11 +27,13 @@ def explained(small: float, gradient: float = 0.0, drift_n: float = 0.0):
     compliance = own.evaluate(TRUE, own.state()).compliance * (1 + ERROR * own.model_error)
     table = scan((compliance * np.exp(-gradient * x))[press] * force, force, 0)
     table = replace(table, force_n=table.force_n + drift_n * time / time[-1])
-    before, explain._LEFT_OF_ERROR = explain._LEFT_OF_ERROR, small
-    try:
-        return forward_selection(model(table), TRUE, table, [CATALOGUE[name] for name in NAMES])
-    finally:
-        explain._LEFT_OF_ERROR = before
+    return forward_selection(
+        model(table),
+        TRUE,
+        table,
+        [CATALOGUE[name] for name in NAMES],
+        settings=SelectionSettings(left_of_error=small),
+    )
 
 
 def second(found):

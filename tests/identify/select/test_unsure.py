@@ -137,9 +137,7 @@ def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explaine
     assert now.model.has == ("viscoelasticity",)
 
 
-def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
-    explained_case, monkeypatch
-):
+def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(explained_case):
     asked = []
     case = explained_case
     best = case.explained.additions[0].candidates[0]
@@ -155,15 +153,18 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(
         asked.append(the_last_too)
         return fit, list(additions), {}
 
-    monkeypatch.setattr(explain, "without_unneeded", lost)
-    monkeypatch.setattr(explain, "reconsider", looked)
-    monkeypatch.setattr(explain, "is_more_missing", lambda ladder, additions: not asked)
-    monkeypatch.setattr(explain, "best_candidates", lambda *_: (best,))
-    monkeypatch.setattr(explain, "_worthwhile", lambda *_: True)
-    monkeypatch.setattr(explain, "fit_jointly", lambda model, stiffness: best.fit)
-    monkeypatch.setattr(explain, "step_of", lambda *_: case.explained.ladder[0])
-    explain.forward_selection(case.problem.model, case.problem.start, case.problem.scan,
-                  case.problem.catalogue, first=started)  # fmt: skip
+    policy = explain.Policy(
+        first=started,
+        propose=lambda *_: (best,),
+        worthwhile=lambda *_: True,
+        prune=lost,
+        compare=looked,
+        goes_on=lambda *_: not asked,
+    )
+    found = explain.forward_selection(case.problem.model, case.problem.start, case.problem.scan,
+                                      case.problem.catalogue, policy=policy)  # fmt: skip
+    assert [a.name for a in found.additions] == [best.name]
+    assert found.dropped == ("hysteresis",)
     assert asked == [True]
 
 

@@ -13,7 +13,7 @@ compared with their candidates again. The verdict follows from what remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -324,7 +324,7 @@ class Policy:
 
     first: FirstStep | None = None
     propose: Callable[
-        [Step, Mapping[str, Effect], Callable[[str], None], Sequence[str]], tuple[Candidate, ...]
+        [Step, dict[str, Effect], Callable[[str], None], Sequence[str]], tuple[Candidate, ...]
     ] = best_candidates
     worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = _worthwhile
     prune: Callable[

@@ -144,7 +144,7 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(expla
     first = AcceptedEffect("hysteresis", (replace(best, name="hysteresis"),))
 
     def started(rung, say):
-        return case.explained.final.fit, [first]
+        return case.explained.ladder[0].fit, [first]
 
     def lost(fit, names, say):
         return fit, list(names)

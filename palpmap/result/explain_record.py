@@ -164,6 +164,4 @@ def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str,
     return found
 
 
-
-
 __all__ = ["candidate_record", "explain_record", "named", "score_record", "step_record"]

@@ -22,16 +22,12 @@ from scipy.integrate import quad
 
 from fem import Contacts, PalpationModel, RefinedModel, Skin, block_mesh
 from fem.contact.contacts import contact_weights
-from fem.contact.unilateral import press_by, sphere_gap
-from fem.finite_strain.hyperelastic import NeoHookean, material_point
+from fem.finite_strain.hyperelastic import NeoHookean
 from fem.finite_strain.model import FiniteStrainModel
 from fem.linear.assembly import Stiffness, lame
 from fem.mesh.mesh import Mesh, promote_to_tet10
 from fem.palpation.rigid_punch import shape_gain
-from fem.reference.hayes import punch_factor
-from fem.reference.prony import respond
 from tests.fem.contact import test_half_space as half_space
-from tests.fem.contact import test_unilateral as unilateral
 from tests.fem.finite_strain import test_calculix as calculix
 from tests.fem.finite_strain import test_hyperelastic as hyperelastic
 from tests.fem.linear import test_assembly as assembly
@@ -41,7 +37,12 @@ from tests.fem.reference import graded_reference as graded
 from tests.fem.reference import test_cook as cook
 from tests.fem.reference import test_graded_tip_mesh as tip_surface
 from tests.fem.reference import test_prony as prony
+from tests.fem.reference import test_unilateral as unilateral
+from tests.fem.reference.hayes import punch_factor
+from tests.fem.reference.material_point import material_point
+from tests.fem.reference.prony import respond
 from tests.fem.reference.test_hayes import HAYES, RATIOS
+from tests.fem.reference.unilateral import press_by, sphere_gap
 
 Row = tuple[str, str, str]  # what, against what, how far apart
 FIRST, LAST = "<!-- validate:table -->", "<!-- /validate:table -->"

@@ -22,7 +22,7 @@ ORDER = {
     "models": (),
     "fem": (
         "mesh", "linear", "contact", "near_field", "solve", "palpation", "reduced",
-        "finite_strain", "reference",
+        "finite_strain",
     ),
     "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
     "identify": (
@@ -42,7 +42,6 @@ GROUND = {
     "palpmap.version",
 }
 """Modules outside the folders that every folder of their package may import."""
-TESTS_ONLY = "fem.reference"
 ENGINE = ("identify.fit", "identify.residual", "identify.select")
 """Folders that never import the catalogue: the caller hands the effects in."""
 SHOWING = ("palpmap.result", "palpmap.figures", "palpmap.report", "palpmap.recording")
@@ -97,11 +96,8 @@ def wrong_order(root: Path) -> list[str]:
             upwards = here and there and here[0] == there[0] and there[1] > here[1]
             own = here and target.split(".")[0] == here[0]
             face = own and there is None and target in found and target not in GROUND
-            reference = f"{target}.".startswith(f"{TESTS_ONLY}.") and not name.startswith(
-                TESTS_ONLY
-            )
             catalogue = name.startswith(ENGINE) and target.startswith("identify.catalogue")
-            if upwards or face or reference or catalogue:
+            if upwards or face or catalogue:
                 breaches.append(f"{name}, line {line}: imports {target}")
     return breaches
 
@@ -288,7 +284,6 @@ def test_what_is_allowed_is_no_breach(path, source, tmp_path):
         ("identify/effects/a.py", "import identify.effects.conformance.b"),
         ("palpmap/report/a.py", "if TYPE_CHECKING:\n    from palpmap.cli.b import c"),
         ("identify/select/a.py", "from identify.catalogue import CATALOGUE"),
-        ("identify/body/a.py", "from fem.reference.hayes import punch_factor"),
         ("palpmap/report/a.py", "from palpmap import fit"),
     ],
 )

@@ -91,18 +91,12 @@ class FiniteStrainBody:
                         self._field(modulus_pa), *self._law)  # fmt: skip
         return data
 
-    def sensitivity(
-        self, u: np.ndarray, z: np.ndarray, modulus_pa: np.ndarray
-    ) -> tuple[np.ndarray, float]:
-        """Work of z (3 f,) on the change of the internal force with each modulus sample, (p,).
-
-        The second result is the same for the law's coefficient.
-        """
+    def sensitivity(self, u: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Work of z (3 f,) on the change of the internal force with each modulus sample, (p,)."""
         out = np.empty(self.weights_m3.shape)
-        by_coefficient = kernels.sensitivity(out, self.nodal(u), self.nodal(z), self.mesh.cells,
-                                             self.gradients, self.weights_m3,
-                                             self._field(modulus_pa), *self._law)  # fmt: skip
-        return out.ravel(), float(by_coefficient)
+        kernels.sensitivity(out, self.nodal(u), self.nodal(z), self.mesh.cells, self.gradients,
+                            self.weights_m3, *self._law)  # fmt: skip
+        return out.ravel()
 
     def linear_energies(self, u: np.ndarray) -> np.ndarray:
         """Twice the linear strain energy for E = 1 that each modulus sample carries, (p,)."""

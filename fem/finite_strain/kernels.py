@@ -100,7 +100,7 @@ def internal_force(force, u, cells, gradients, weights, modulus, lam, mu, code, 
             stiff += w * modulus[e, q]
             log_j = math.log1p(growth[q])
             invariant = _invariant(f, log_j)
-            g, g1, _, _ = stiffening(code, c, invariant)
+            g, g1, _ = stiffening(code, c, invariant)
             scale = w * modulus[e, q]
             energy += scale * 0.5 * mu * g
             pressure = 0.0
@@ -173,7 +173,7 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
             dilated += w * growth[q]
             stiff += w * modulus[e, q]
             log_j = math.log1p(growth[q])
-            _, g1, g2, _ = stiffening(code, c, _invariant(f, log_j))
+            _, g1, g2 = stiffening(code, c, _invariant(f, log_j))
             scale = w * modulus[e, q]
             first[q] = scale * mu * g1
             second = scale * 2.0 * mu * g2
@@ -237,8 +237,8 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
 
 
 @numba.njit(cache=True, fastmath=_FAST, nogil=True)
-def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c, mean_dilatation):
-    """Fill z . d(internal force)/dE of every sample (e, q); return z . d(internal force)/dc.
+def sensitivity(out, u, z, cells, gradients, weights, lam, mu, code, c, mean_dilatation):
+    """Fill z . d(internal force)/dE of every sample (e, q).
 
     u (n, 3) is the state, z (n, 3) the adjoint.
     """
@@ -247,7 +247,6 @@ def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c,
     y = np.empty((nodes, 3))
     f = np.empty((3, 3))
     h = np.empty((3, 3))
-    by_coefficient = 0.0
     for e in range(cells.shape[0]):
         for i in range(nodes):
             for a in range(3):
@@ -260,7 +259,7 @@ def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c,
             growth = _kinematics(x, gradients[e, q], nodes, f, h)
             w = weights[e, q]
             log_j = math.log1p(growth)
-            _, g1, _, dg1 = stiffening(code, c, _invariant(f, log_j))
+            _, g1, _ = stiffening(code, c, _invariant(f, log_j))
             shear = 0.0  # S : grad z
             dilation = 0.0  # F^-T : grad z
             for a in range(3):
@@ -271,7 +270,6 @@ def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c,
                     shear += (f[a, b] - h[a, b]) * s
                     dilation += h[a, b] * s
             out[e, q] = w * mu * g1 * shear
-            by_coefficient += w * modulus[e, q] * mu * dg1 * shear
             if not mean_dilatation:
                 out[e, q] += w * lam * log_j * dilation
             volume += w
@@ -281,4 +279,3 @@ def sensitivity(out, u, z, cells, gradients, weights, modulus, lam, mu, code, c,
             each = lam * math.log1p(dilated / volume) * change / (volume + dilated)
             for q in range(points):
                 out[e, q] += weights[e, q] * each
-    return by_coefficient

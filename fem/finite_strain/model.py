@@ -143,26 +143,13 @@ class FiniteStrainResponse:
         """Tangent compliance of the mesh, d reading/d (force on the mesh), (j, l) m/N."""
         return self.tangent_compliance / self._scale[:, None]
 
-    def coefficient_gradient(self) -> np.ndarray:
-        """Return the derivative of the readings with respect to the law's coefficient, (j, l) m."""
-        result = np.full(self.forces_n.shape, np.nan)
-        for j, states in enumerate(self._states):
-            for level, state in enumerate(states):
-                if state is not None:
-                    _, by_coefficient = self._model.body.sensitivity(
-                        state.u, state.z, self._modulus
-                    )
-                    result[j, level] = -by_coefficient
-        return result
-
     def _press_gradient(self, j: int, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gradients of press j's readings (l, k) and of its compliance on the mesh (k,)."""
         body = self._model.body
         readings = np.full((self.forces_n.shape[1], direction.shape[1]), np.nan)
         for level, state in enumerate(self._states[j]):
             if state is not None:
-                by_sample, _ = body.sensitivity(state.u, state.z, self._modulus)
-                readings[level] = -by_sample @ direction
+                readings[level] = -body.sensitivity(state.u, state.z) @ direction
         return readings, -body.linear_energies(self._linear[j]) @ direction
 
 

@@ -87,7 +87,7 @@ def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
     Cells are stretched on one side and pressed together on the other, evenly from the middle on.
     """
     nodes = mesh.nodes.copy()
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    low, high = mesh.box_m
     for axis, shift in enumerate(shift_m):
         away = np.abs(2 * (nodes[:, axis] - low[axis]) / (high[axis] - low[axis]) - 1)
         nodes[:, axis] += shift * away

@@ -66,6 +66,11 @@ class Mesh:
         """Total volume, m^3."""
         return float(self.cell_volumes.sum())
 
+    @property
+    def box_m(self) -> np.ndarray:
+        """Least and greatest coordinates of the nodes, (2, 3) m."""
+        return np.array([self.nodes.min(axis=0), self.nodes.max(axis=0)])
+
     def surface(self, name: str) -> np.ndarray:
         """Return the faces of a named surface; a wrong name lists the right ones."""
         if name not in self.surfaces:

@@ -72,16 +72,6 @@ def fibre_weights(angle: float) -> np.ndarray:
     return _weights(np.array([np.cos(angle), np.sin(angle)]))
 
 
-def fibre_weights_slope(angle: float) -> np.ndarray:
-    """Return the derivative (6,) of `fibre_weights` by the angle, 1/rad."""
-    c, s = np.cos(angle), np.sin(angle)
-    by_angle = np.array([-2 * c * s, 2 * c * s, c * c - s * s])
-    projection = _projection(np.array([c, s]))
-    i, j = PAIRS.T
-    change = by_angle[i] * projection[j] + projection[i] * by_angle[j]
-    return np.where(i == j, 1, 2) * change
-
-
 def _projection(in_plane: np.ndarray) -> np.ndarray:
     """T (3,) of a direction given by its two components in the plane."""
     return np.array([in_plane[0] ** 2, in_plane[1] ** 2, in_plane[0] * in_plane[1]])

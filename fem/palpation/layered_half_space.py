@@ -87,16 +87,6 @@ def skin_compliance(
     return SkinCompliance(*np.array(rows)[where].T)
 
 
-def layer_compliance(
-    radius_m: float, thickness_m: float, poisson_ratio: float, profile: int = FLAT
-) -> float:
-    """Compliance of a press on a layer of E = 1, bonded to a rigid base, Pa m/N."""
-    xi, squares = _waves(radius_m, thickness_m, profile)
-    kernel = surface_kernel(xi * thickness_m, 1.0, poisson_ratio, rigid=True)
-    rest = np.sum(squares * (kernel - 1)) * (1 - poisson_ratio**2) / np.pi
-    return mean_displacement(radius_m, poisson_ratio, profile) + float(rest)
-
-
 def _change(
     a: float, t: float, f: float, nu: float, profile: int, beyond_membrane: bool
 ) -> tuple[float, float, float]:

@@ -53,18 +53,6 @@ class Response:
         return self._body.stiffness.prolong(self._free[:, [j]])[0]
 
     @cached_property
-    def cross_compliance(self) -> np.ndarray:
-        """Travel at press i under 1 N at press k, (j, j) m/N.
-
-        Symmetric (Maxwell-Betti). With the near field each press's field comes from a space of its
-        own: off the diagonal the functions around the loaded press are left out, so that there it
-        is for presses whose tips are well apart, and symmetric only to the mesh's accuracy.
-        """
-        result = self._body.loads.T @ self._free
-        result[np.diag_indices(len(result))] = self.compliance
-        return result
-
-    @cached_property
     def sensitivity(self) -> np.ndarray:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
         stiffness = self._body.stiffness

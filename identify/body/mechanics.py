@@ -85,8 +85,7 @@ class BodyMechanics:
 
     def state(self) -> BodyState:
         """Return the state without effects."""
-        nodes = self.coarse.mesh.nodes
-        low, high = nodes.min(axis=0).tolist(), nodes.max(axis=0).tolist()
+        low, high = self.coarse.mesh.box_m.tolist()
         return BodyState((tuple(low), tuple(high)), self.poisson_ratio)
 
     def evaluate(self, stiffness: GaussianMap, state: BodyState) -> BodyResponse:

@@ -86,7 +86,7 @@ class ShiftedBlock:
         mesh, contacts = self.coarse.mesh, self.coarse.contacts
         if not mesh.surfaces.keys() >= _SIDES:
             raise InadmissibleError("only a block can lie elsewhere")
-        box = np.array([mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)])
+        box = mesh.box_m
         room = room_m(contacts.points_m, contacts.radius_m, box)[axis]
         if room.min() < _LEAST_M:
             raise InadmissibleError("a tip stands at an edge of the body as the study states it")

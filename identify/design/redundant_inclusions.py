@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from identify.fit.joint_fit import try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
@@ -46,8 +44,6 @@ def _is_unseen(fit: FitResult, number: int) -> bool:
         inclusion, dot, value = name.partition(".")
         if was.get(inclusion, inclusion) + dot + value in space.names:
             free.append(name)
-    nodes = fit.model.mechanics.coarse.mesh.nodes
-    box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
-    fewer = parameter_space(stiffness, box, free)
+    fewer = parameter_space(stiffness, fit.model.mechanics.coarse.mesh.box_m, free)
     without = try_fit(replace(fit.model, space=fewer), stiffness, rounds=0)
     return without is not None and without.bic <= fit.bic

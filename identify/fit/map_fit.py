@@ -86,7 +86,7 @@ def fit_scan(
     _refuse_other_presses(len(rows.press_ids), model, fine_model, search_model)
     if free is not None and start is None:
         raise InputError("fixed parameters need values: give the map to start from")
-    box = np.array([model.mesh.nodes.min(axis=0), model.mesh.nodes.max(axis=0)])
+    box = model.mesh.box_m
     reference = GaussianMap(REFERENCE_PA)
     whole = MeasurementModel(
         Readings.of(rows),

@@ -148,7 +148,7 @@ def step_recorder(
     ----------
     surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
     """
-    lower, upper = body.coarse.mesh.nodes.min(axis=0), body.search.mesh.nodes.max(axis=0)
+    lower, upper = body.coarse.mesh.box_m[0], body.search.mesh.box_m[1]
 
     def record(step: FitIteration) -> None:
         stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))

@@ -240,7 +240,7 @@ def named(catalogue: Sequence[Effect], name: str) -> Effect:
 def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> MeasurementModel:
     """Return the model without effects, carried to the finer body at the fitted map."""
     coarse = body.coarse
-    box = np.array([coarse.mesh.nodes.min(axis=0), coarse.mesh.nodes.max(axis=0)])
+    box = coarse.mesh.box_m
     mechanics = BodyMechanics.of(coarse, body.fine)
     rows = scan.used()
     free = [name for name, estimate in fit.parameters.items() if estimate.free]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh, promote_to_tet10
-from fem.contact.unilateral import half_space_matrix, patch_grid
+from fem.contact.half_space import half_space_matrix, patch_grid
 from fem.palpation.response import Response
 from fem.palpation.richardson import RefinedResponse
 from fem.palpation.rigid_punch import travel_under

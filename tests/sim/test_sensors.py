@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from models.errors import InputError
-from sim.motion.scripted_motion import TipPose, run_script
 from sim.robot.laboratory import build_laboratory
 from sim.scan.touch_point import depth_at_zero_force
+from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)
 

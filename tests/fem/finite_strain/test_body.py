@@ -5,10 +5,11 @@ import pytest
 import scipy.sparse as sp
 
 from fem.finite_strain.assembly import FiniteStrainBody
-from fem.finite_strain.hyperelastic import Fung, NeoHookean, Yeoh, material_point
+from fem.finite_strain.hyperelastic import Fung, NeoHookean, Yeoh
 from fem.linear.assembly import Stiffness
 from fem.mesh.block import block_mesh
 from fem.mesh.mesh import Mesh, promote_to_tet10
+from tests.fem.reference.material_point import material_point
 
 NU = 0.42
 LAWS = [NeoHookean(), Yeoh(0.6), Fung(0.9)]
@@ -75,19 +76,12 @@ def test_forces_are_proportional_to_the_moduli_and_their_derivative(law, order, 
     body = body_of(law, order, mean)
     u, modulus = random_state(body, 0.04), random_modulus(body)
     z = np.random.default_rng(6).normal(size=body.size)
-    by_sample, by_coefficient = body.sensitivity(u, z, modulus)
+    by_sample = body.sensitivity(u, z)
     force, _ = body.internal_force(u, modulus)
     assert by_sample @ modulus == pytest.approx(force @ z, rel=1e-11)
     one = np.zeros(len(modulus))
     one[7] = 1e3
     assert by_sample[7] * 1e3 == pytest.approx(body.internal_force(u, one)[0] @ z, rel=1e-9)
-    if law.coefficient:
-        step = 1e-5
-        sides = [type(law)(law.coefficient + s) for s in (step, -step)]
-        up, down = (body_of(side, order, mean).internal_force(u, modulus)[0] for side in sides)
-        assert by_coefficient == pytest.approx((up - down) @ z / (2 * step), rel=1e-6)
-    else:
-        assert by_coefficient == 0
 
 
 @every_law

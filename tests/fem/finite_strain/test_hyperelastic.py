@@ -5,8 +5,9 @@ import pytest
 from scipy.optimize import brentq
 
 from fem.errors import MeshError
-from fem.finite_strain.hyperelastic import Fung, NeoHookean, Yeoh, material_point
+from fem.finite_strain.hyperelastic import Fung, NeoHookean, Yeoh
 from fem.linear.assembly import lame
+from tests.fem.reference.material_point import material_point
 
 # a law with its textbook dW/dI1 for the incompressible body, in units of mu/2
 LAWS = [

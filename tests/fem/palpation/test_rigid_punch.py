@@ -11,7 +11,7 @@ from fem.errors import MeshError
 from fem.mesh.block import block_mesh
 from fem.palpation.model import PalpationModel
 from fem.palpation.rigid_punch import shape_gain, travel_under
-from fem.reference.hayes import punch_factor
+from tests.fem.reference.hayes import punch_factor
 
 DOWN = np.array([0.0, 0.0, -1.0])
 NU, H = 0.45, 0.01

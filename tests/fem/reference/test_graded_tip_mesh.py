@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from fem.contact.contacts import Contacts
-from fem.contact.unilateral import patch_grid, press_by, press_with, sphere_gap
+from fem.contact.half_space import patch_grid
 from fem.errors import MeshError
 from fem.mesh.block import block_mesh
 from fem.palpation.model import PalpationModel
 from fem.palpation.richardson import RefinedModel
 from fem.palpation.rigid_punch import shape_gain
-from fem.reference.graded_tip_mesh import TipSurface, _boussinesq, graded_block, tip_surface
-from fem.reference.hayes import punch_factor, sphere_on_layer
+from tests.fem.reference.graded_tip_mesh import TipSurface, _boussinesq, graded_block, tip_surface
+from tests.fem.reference.hayes import punch_factor, sphere_on_layer
+from tests.fem.reference.unilateral import press_by, press_with, sphere_gap
 
 DOWN = np.array([0.0, 0.0, -1.0])
 E = 6e3

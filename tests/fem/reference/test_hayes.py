@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem.reference.hayes import layer_transfer, press_layer, punch_factor, sphere_on_layer
+from tests.fem.reference.hayes import layer_transfer, press_layer, punch_factor, sphere_on_layer
 
 E, NU, R = 7e3, 0.37, 5e-3
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from fem.errors import SolverError
-from fem.reference.prony import Creep, Relaxation, respond, retarded
+from tests.fem.reference.prony import Creep, Relaxation, respond, retarded
 
 CREEP = Creep([0.3, 0.05, 0.8], [0.2, 1.5, 30.0])
 ONE = np.zeros(400, int)

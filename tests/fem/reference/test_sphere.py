@@ -8,8 +8,13 @@ import pytest
 from fem.contact import half_space
 from fem.contact.contacts import disc_quadrature
 from fem.contact.half_space import FLAT, HERTZ
-from fem.reference.hayes import layer_transfer, punch_factor, sphere_on_layer
-from fem.reference.sphere import depth_logarithm, far_coefficients, far_from_flat, sphere_travel
+from tests.fem.reference.hayes import layer_transfer, punch_factor, sphere_on_layer
+from tests.fem.reference.sphere import (
+    depth_logarithm,
+    far_coefficients,
+    far_from_flat,
+    sphere_travel,
+)
 
 E, NU, R = 7e3, 0.45, 5e-3
 K = (1 - NU**2) / E

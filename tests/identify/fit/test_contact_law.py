@@ -1,8 +1,8 @@
 """The presses by themselves: the law that was planted is named, and none where there is none.
 
-The curves are those of the exact contact of a paraboloid on a bonded layer (`fem.reference.hayes`),
-another modulus under each press, with first touch declared late; the search knows no layer's
-contact.
+The curves are those of the exact contact of a paraboloid on a bonded layer
+(`tests.fem.reference.hayes`), another modulus under each press, with first touch declared late; the
+search knows no layer's contact.
 """
 
 from functools import cache
@@ -10,13 +10,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fem.reference.hayes import punch_factor, sphere_on_layer
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
 from identify.fit.contact_law import GROSS, contact_law
 from identify.fit.free_compliance import PressWise, straightened
 from identify.measurement.noise import Noise
+from tests.fem.reference.hayes import punch_factor, sphere_on_layer
 
 BALL, THICKNESS, NU = 3e-3, 0.025, 0.45
 DEPTH_M, LEVELS, PRESSES = 1.5e-3, 10, 40

@@ -37,42 +37,6 @@ class PressedTip(NamedTuple):
     forces_n: np.ndarray
 
 
-def patch_grid(reach_m: float, patches: int, disc: bool = False) -> tuple[np.ndarray, float]:
-    """Centres (i, 2) and side of square patches, `patches` across a width of 2 reach.
-
-    Parameters
-    ----------
-    disc : keep the patches whose centre lies in the circle, and scale the grid such that they have
-        its area: the rim of a flat tip is then right to second order in the side.
-    """
-    side = 2 * reach_m / patches
-    line = side * (np.arange(patches) - (patches - 1) / 2)
-    x, y = (v.ravel() for v in np.meshgrid(line, line, indexing="ij"))
-    centres = np.column_stack([x, y])
-    if disc:
-        centres = centres[np.hypot(x, y) < reach_m]
-        scale = np.sqrt(np.pi * reach_m**2 / len(centres)) / side
-        centres, side = centres * scale, side * scale
-    return centres, side
-
-
-def half_space_matrix(centres: np.ndarray, side: float, poisson_ratio: float) -> np.ndarray:
-    """Displacement at the centre of patch i under a unit force on patch j, (i, i) Pa m/N.
-
-    For E = 1; uniform pressure on a rectangle (Love 1929; Johnson, Contact Mechanics, eq. 3.25).
-    """
-    x, y = (centres[:, None, a] - centres[None, :, a] for a in (0, 1))
-
-    def corner(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return u * np.arcsinh(v / np.abs(u)) + v * np.arcsinh(u / np.abs(v))
-
-    b = side / 2
-    total = (
-        corner(x + b, y + b) + corner(x - b, y - b) - corner(x + b, y - b) - corner(x - b, y + b)
-    )
-    return (1 - poisson_ratio**2) / (np.pi * side**2) * total
-
-
 def sphere_gap(centres: np.ndarray, radius_m: float) -> np.ndarray:
     """Height f of a rigid sphere's face above its lowest point, (i,) m; inf beside the sphere."""
     square = (centres**2).sum(axis=1)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem.contact.unilateral import half_space_matrix, patch_grid, press_by, press_with, sphere_gap
+from fem.contact.half_space import half_space_matrix, patch_grid
 from fem.errors import SolverError
-from fem.reference.hayes import sphere_on_layer
+from tests.fem.reference.hayes import sphere_on_layer
+from tests.fem.reference.unilateral import press_by, press_with, sphere_gap
 
 E, NU = 7e3, 0.42
 PLANE = E / (1 - NU**2)

@@ -36,7 +36,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.contact.contacts import contact_frame
-from fem.contact.unilateral import half_space_matrix
+from fem.contact.half_space import half_space_matrix
 from fem.errors import MeshError
 from fem.linear.assembly import Stiffness, shape_functions
 from fem.mesh.block import block_mesh

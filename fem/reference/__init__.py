@@ -1,1 +1,0 @@
-"""Closed forms and reference solutions, for tests and benchmarks only."""

@@ -39,6 +39,7 @@ GROUND = {
     "identify.json_record",
     "palpmap.console",
     "palpmap.run_folder",
+    "palpmap.units",
     "palpmap.version",
 }
 """Modules outside the folders that every folder of their package may import."""

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from models.errors import InputError
+from palpmap import units
 from palpmap.blind.score import BlindScore, map_errors, score_blind
 from palpmap.blind.seal import FOLDER, unseal
 from palpmap.console import Output
@@ -124,11 +125,10 @@ def reveal_screen(
 
 
 def _shown(row: dict[str, Any]) -> tuple[str, str, str]:
-    """Found, true and the difference, lengths in mm and moduli in kPa."""
-    unit = "kPa" if row["name"].endswith("_pa") else "mm"
-    scale = 1e-3 if unit == "kPa" else 1e3
+    """Found, true and the difference."""
+    unit = units.unit_of(row["name"])
     off = row["found"] - row["true"]
-    much = f"{100 * off / row['true']:+.1f} %" if unit == "kPa" else f"{scale * off:+.2f} mm"
+    much = f"{100 * off / row['true']:+.1f} %" if unit == "Pa" else f"{units.shift(off, unit)} mm"
     if row.get("std"):
         much += f" ({abs(off) / row['std']:.1f} sigma)"
-    return f"{scale * row['found']:.4g} {unit}", f"{scale * row['true']:.4g} {unit}", much
+    return units.quantity(row["found"], unit), units.quantity(row["true"], unit), much

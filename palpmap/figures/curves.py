@@ -18,6 +18,7 @@ from palpmap.figures.style import (
 )
 from palpmap.result.finding import Finding, matched
 from palpmap.study.frame import frame_shift_m
+from palpmap.units import plain_name, scale, unit_of
 
 MARKS = {"load": "o", "hold": "s", "unload": "^"}
 HUES = (BLUE, ORANGE, GREEN, PINK, SKY, "#E69F00")
@@ -82,16 +83,14 @@ def draw_convergence(f: Finding) -> Figure | None:
     true = {} if f.truth is None else matched(f.fit.map, f.truth)
     # Of the map: effects join it at the end
     free = [n for n, e in f.fit.parameters.items() if e.free and n in f.fit.map.names]
-    kinds = (
-        ("modulus, kPa", 1e-3, [n for n in free if n.endswith("_pa")]),
-        ("position and radius, mm", 1e3, [n for n in free if n.endswith("_m")]),
-    )
-    panels = [kind for kind in kinds if kind[2]]
+    kinds = {unit: [n for n in free if unit_of(n) == unit] for unit in ("Pa", "m")}
+    panels = [(unit, names) for unit, names in kinds.items() if names]
     figure = new_figure(10.4, 4.6)
     grid = figure.subplots(1, 1 + len(panels))
-    for axes, (label, scale, names) in zip(np.atleast_1d(grid)[1:], panels, strict=True):
-        _paths(axes, f, names, scale, true)
-        axes.set_title(label[0].upper() + label[1:])
+    for axes, (unit, names) in zip(np.atleast_1d(grid)[1:], panels, strict=True):
+        _paths(axes, f, names, true)
+        kind = "Modulus" if unit == "Pa" else "Position and radius"
+        axes.set_title(f"{kind}, {scale(unit)[1]}")
     error = np.atleast_1d(grid)[0]
     panel_grid(error)
     error.semilogy(steps, [1e6 * step.rms_m for step in history], "o-", color=BLUE, ms=4)
@@ -105,31 +104,21 @@ def draw_convergence(f: Finding) -> Figure | None:
     return figure
 
 
-def _paths(axes: Axes, f: Finding, names: list[str], scale: float, true: dict[str, float]) -> None:
+def _paths(axes: Axes, f: Finding, names: list[str], true: dict[str, float]) -> None:
     """Plot each parameter over the iterations; a dotted line marks its true value."""
     panel_grid(axes)
     steps = [step.iteration for step in f.fit.history]
     for i, name in enumerate(names):
         hue, shift = HUES[i % len(HUES)], frame_shift_m(name, f.origin_m)
-        path = [scale * (step.parameters[name] + shift) for step in f.fit.history]
+        factor, _ = scale(unit_of(name))
+        path = [factor * (step.parameters[name] + shift) for step in f.fit.history]
         axes.plot(steps, path, "o-", color=hue, ms=3.5, label=plain_name(name))
         if name in true:
-            axes.axhline(scale * (true[name] + shift), color=hue, ls=":", lw=1.6)
+            axes.axhline(factor * (true[name] + shift), color=hue, ls=":", lw=1.6)
     if true:
         axes.plot([], [], ":", color=GREY, label="true")
     # Below, where it hides no curve
     axes.legend(fontsize=8.5, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.16))
-
-
-def plain_name(name: str) -> str:
-    """Return a parameter's name as a reader says it.
-
-    Examples
-    --------
-    >>> plain_name("inclusion_2.radius_m"), plain_name("background_pa")
-    ('inclusion 2 radius', 'background')
-    """
-    return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
 
 
 def near_largest_force(f: Finding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from identify.body.state import ChangedMap
 from identify.map.gaussian_map import GaussianMap
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
-from palpmap.figures.curves import MARKS, plain_name
+from palpmap.figures.curves import MARKS
 from palpmap.figures.map import Cut, cuts, sample
 from palpmap.figures.style import (
     BLUE,
@@ -25,6 +25,7 @@ from palpmap.figures.style import (
 )
 from palpmap.result.finding import Finding, matched
 from palpmap.study.frame import frame_shift_m
+from palpmap.units import plain_name, scale, unit_of
 
 _PALE = 0.25  # of the colour, for what no interval counts
 
@@ -137,28 +138,28 @@ def draw_parameters(
         axes.set_axis_off()
     for axes, name in zip(grid.flat, names, strict=False):
         panel_grid(axes)
-        scale = 1e-3 if name.endswith("_pa") else 1e3
+        factor, unit = scale(unit_of(name))
         shift = frame_shift_m(name, finding.origin_m)
-        value = np.array([scale * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
-        error = np.array([1.96 * scale * rung.fit.std.get(name, np.nan) for rung in rungs])
+        value = np.array([factor * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
+        error = np.array([1.96 * factor * rung.fit.std.get(name, np.nan) for rung in rungs])
         low, high = value - error, value + error
-        low[-1], high[-1] = (scale * parameters[name][end] for end in ("lower95", "upper95"))
+        low[-1], high[-1] = (factor * parameters[name][end] for end in ("lower95", "upper95"))
         colors = [GREY] * (len(rungs) - 1) + [BLUE]
         for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
             axes.vlines(x, below, above, color=hue, lw=1.8)
             axes.plot(x, v, "o", color=hue, ms=5)
         if name in shifts:
-            further = scale * shifts[name]["shift"]
+            further = factor * shifts[name]["shift"]
             ends = low[-1] - further, high[-1] + further
             axes.plot(
                 [len(rungs) - 1] * 2, ends, color=BLUE, alpha=_PALE, lw=7, solid_capstyle="butt"
             )
         if name in true:
-            axes.axhline(scale * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
+            axes.axhline(factor * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
         words = ["before", *[""] * (len(rungs) - 2), "after"] if len(rungs) > 1 else ["found"]
         axes.set_xticks(at, words)
         axes.set_xlim(-0.6, len(rungs) - 0.4)
-        axes.set_title(f"{plain_name(name)}\n{'kPa' if name.endswith('_pa') else 'mm'}", size=9)
+        axes.set_title(f"{plain_name(name)}\n{unit}", size=9)
     return figure
 
 

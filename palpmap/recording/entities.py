@@ -3,6 +3,8 @@
 The recorder writes these paths, the layout shows them, and the summary looks for them.
 """
 
+from palpmap.units import scale, unit_of
+
 APPLICATION = "palpmap"
 
 SIM_TIME = "sim_time"  # duration; the iterations follow the last press, one second apart
@@ -70,8 +72,8 @@ def parameter_entity(name: str, true: bool = False) -> tuple[str, float]:
     ('fit/length_mm/inclusion_1.x.true', 1000.0)
     """
     ending = ".true" if true else ""
-    if name.endswith("_pa"):
-        return f"{MODULI}/{name.removesuffix('_pa')}{ending}", 1e-3
-    if name.endswith("_m"):
-        return f"{LENGTHS}/{name.removesuffix('_m')}{ending}", 1e3
-    return f"{OTHERS}/{name}{ending}", 1.0
+    factor, shown = scale(unit_of(name))
+    folder = {"kPa": MODULI, "mm": LENGTHS}.get(shown)
+    if folder is None:
+        return f"{OTHERS}/{name}{ending}", factor
+    return f"{folder}/{name.rpartition('_')[0]}{ending}", factor

@@ -2,7 +2,10 @@
 
 from collections.abc import Collection, Mapping
 
+from palpmap import units
 from palpmap.recording import entities as parts
+from palpmap.report.draw import markdown
+from palpmap.result.tables import Table, number
 
 _SEEN = {
     "robot": (
@@ -30,8 +33,6 @@ _TIMELINES = (
     "shows the fit step by step, where force, travel and presses have no place."
 )
 
-_UNITS = {"_pa": (1e-3, "kPa"), "_m": (1e3, "mm")}
-
 
 def story(
     name: str,
@@ -49,22 +50,20 @@ def story(
     """
     lines = [f"### {name}", ""]
     if found:
-        lines += _table(found, true)
+        lines += [markdown(_table(found, true)), ""]
     for part, text in _SEEN.items():
         if part in present:
             lines += [text, ""]
     return "\n".join([*lines, _TIMELINES])
 
 
-def _table(found: Mapping[str, float], true: Mapping[str, float]) -> list[str]:
-    known = any(name in true for name in found)
-    lines = ["| parameter | found |" + " true |" * known, "|---|---|" + "---|" * known]
-    for name, value in found.items():
-        ending = next((e for e in _UNITS if name.endswith(e)), "")
-        factor, unit = _UNITS.get(ending, (1.0, ""))
-        label = name.removesuffix(ending).replace("_", " ")
-        cells = [label, f"{factor * value:.4g} {unit}"]
-        if known:
-            cells.append(f"{factor * true[name]:.4g} {unit}" if name in true else "")
-        lines.append("| " + " | ".join(cells) + " |")
-    return [*lines, ""]
+def _table(found: Mapping[str, float], true: Mapping[str, float]) -> Table:
+    rows = (
+        (
+            units.plain_name(name),
+            units.quantity(value, units.unit_of(name)),
+            units.quantity(true[name], units.unit_of(name)) if name in true else "",
+        )
+        for name, value in found.items()
+    )
+    return Table.of(("parameter", number("found"), number("true")), rows)

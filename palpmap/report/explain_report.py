@@ -10,6 +10,7 @@ from typing import Any
 
 from identify.effects.units import percent
 from identify.select.forward_selection import Explanation
+from palpmap.report.draw import write_page
 from palpmap.report.explain_tables import (
     candidate_table,
     detection_table,
@@ -18,7 +19,7 @@ from palpmap.report.explain_tables import (
     parameter_table,
     rival_table,
 )
-from palpmap.report.html import listing, paragraph, picture, section, table, write_page
+from palpmap.report.html import listing, paragraph, picture, section, table
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.explain_words import (
     doubts,
@@ -95,7 +96,10 @@ class Told:
 
 def write_explain_report(told: Told, path: Path) -> None:
     """Write the report of an explanation as one HTML file, replaced in one step."""
-    write_page(path, told.finding.name, _lead(told), _sections(told))
+    body = "\n".join(_sections(told))
+    write_page(
+        path, "explain.html", name=told.finding.name, lead=_lead(told), body=body, pictures={}
+    )
 
 
 def _lead(t: Told) -> str:

@@ -10,12 +10,11 @@ from identify.effects.units import percent
 from identify.residual.statement import length
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
-from palpmap.figures.curves import plain_name
-from palpmap.report.fit_report import shown
 from palpmap.report.html import table
 from palpmap.result.explain_words import CANDIDATES, interval, rung_labels, unseen_shift
 from palpmap.result.finding import Finding, matched
 from palpmap.study.frame import frame_shift_m
+from palpmap.units import plain_name, quantity, shift, unit_of
 
 _ORDER = ("supported", "helps", "indistinguishable", "not_seen", "untestable")
 _LEAST_P = 1e-12
@@ -67,7 +66,7 @@ def candidate_table(record: Mapping[str, Any]) -> str:
     rows = []
     for c in known:
         verdict = c["verdict"]
-        kind = {"supported": "yes", "indistinguishable": "no", "helps": "no"}.get(verdict, "")
+        kind = {"supported": "good", "indistinguishable": "bad", "helps": "bad"}.get(verdict, "")
         word = escape(CANDIDATES[verdict])
         tested = c["untestable"] is None
         confused = ", ".join(c["confused_with"])
@@ -110,18 +109,18 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
     stepped, shifts = len(explained.ladder) > 1, record.get("unseen_shifts")
     rows = []
     for name, p in record["parameters"].items():
-        shift = frame_shift_m(name, finding.origin_m)
+        moved = frame_shift_m(name, finding.origin_m)
         row = [escape(plain_name(name) if name in last.map.names else name)]
         if stepped:
             known = name in first.values
-            row.append(_with_error(first.values[name] + shift, first.std.get(name, 0.0), p["unit"])
+            row.append(_with_error(first.values[name] + moved, first.std.get(name, 0.0), p["unit"])
                        if known else "")  # fmt: skip
-        bound = ' <span class="no">at its bound</span>' if p["at_bound"] else ""
+        bound = ' <span class="bad">at its bound</span>' if p["at_bound"] else ""
         row.append(_with_interval(p) + bound)
         if shifts:
             row.append(escape(unseen_shift(name, record, named=True)))
         if true:
-            row += _against(name, true, first, last, shift, stepped)
+            row += _against(name, true, first, last, moved, stepped)
         rows.append(row)
     now = "After" if stepped else "Found"
     head = ["Parameter", *(["Before"] if stepped else []), f"{now}, 95 % interval"]
@@ -133,16 +132,16 @@ def parameter_table(finding: Finding, explained: Explanation, record: Mapping[st
 
 
 def _against(
-    name: str, true: Mapping[str, float], first: Any, last: Any, shift: float, stepped: bool
+    name: str, true: Mapping[str, float], first: Any, last: Any, moved: float, stepped: bool
 ) -> list[str]:
     if name not in true:
         return [""] * (3 if stepped else 2)
     unit = "Pa" if name.endswith("_pa") else "m"
-    cells = [escape(shown(true[name] + shift, unit))]
+    cells = [escape(quantity(true[name] + moved, unit))]
     for fit in (first, last) if stepped else (last,):
         std = fit.std.get(name, 0.0)
         off = (fit.values[name] - true[name]) / std if std > 0 else np.nan
-        kind = "no" if abs(off) > 3 else "yes"
+        kind = "bad" if abs(off) > 3 else "good"
         cells.append(f'<span class="{kind}">{off:+.1f} s.e.</span>' if np.isfinite(off) else "")
     return cells
 
@@ -158,7 +157,7 @@ def _with_interval(p: Mapping[str, Any]) -> str:
 def _with_error(value: float, std: float, unit: str) -> str:
     unit = "" if unit == "1" else unit
     scale = {"Pa": 1e-3, "m": 1e3}.get(unit, 1.0)
-    text = shown(value, unit)
+    text = quantity(value, unit)
     if unit == "m" and abs(value) < _SMALL_M:
         text = f"{1e3 * value:.3g} mm"
     return escape(text + (f" ± {scale * std:.2g}" if std > 0 else ""))
@@ -194,22 +193,10 @@ def detection_table(limits: Sequence[Mapping[str, Any]]) -> str:
                 str(e.get("name", "")),
                 percent(share) if share is not None else "never",
                 str(e.get("untestable") or "") or ", ".join(e.get("confused_with") or ()),
-                *(_moved(n, bias[n]) if _is_number(bias.get(n)) else "" for n in names),
+                *(shift(bias[n], unit_of(n)) if _is_number(bias.get(n)) else "" for n in names),
             ]
         )
     return table(head, rows, numeric=False)
-
-
-def _moved(name: str, value: float) -> str:
-    """Return a shift of a parameter in kPa or mm, two digits, or more before the point.
-
-    >>> _moved("weight_pa", -154e3), _moved("x_m", 1.234e-3), _moved("x_m", 1e-6)
-    ('-154', '+1.2', '0')
-    """
-    shown_value = (1e-3 if name.endswith("_pa") else 1e3) * value
-    if abs(shown_value) < 0.005:
-        return "0"
-    return f"{shown_value:+.0f}" if abs(shown_value) >= 10 else f"{shown_value:+.2g}"
 
 
 def _is_number(value: Any) -> bool:

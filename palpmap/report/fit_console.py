@@ -1,49 +1,43 @@
-"""A finding on one screen: found map, residual and verdict."""
+"""A fit on one screen: parameters, residual and statement."""
 
 from typing import TYPE_CHECKING
 
 from identify.residual.comparison import Comparison
 from identify.residual.statement import length, sigmas
-from palpmap.report.fit_report import parameter_rows
+from palpmap import units
+from palpmap.report.draw import console
+from palpmap.report.fit_report import found_table
 from palpmap.result.finding import Finding
+from palpmap.result.tables import Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
 def summary(finding: Finding) -> tuple["RenderableType", ...]:
-    """Return the finding as rich renderables that fit one screen."""
-    from rich import box
-    from rich.table import Table
+    """Return the fit as rich renderables that fit one screen."""
     from rich.text import Text
 
     c = finding.comparison
-    found = Table(box=box.SIMPLE, title=Text(f"{finding.name}: found map"), title_justify="left")
-    known = finding.truth is not None
-    for name in ("parameter", "found", "95 % interval", *(("true", "") if known else ())):
-        found.add_column(name, justify="left" if name == "parameter" else "right")
-    for name, value, interval, true, inside in parameter_rows(finding):
-        mark = {True: "inside", False: "outside", None: ""}[inside]
-        found.add_row(*map(Text, (name, value, interval, *((true, mark) if known else ()))))
-    verdict = Text(c.statement, style="green" if c.is_noise else "yellow")
-    return found, _residual_table(c), verdict, *(Text(f"- {note}") for note in c.notes)
+    statement = Text(c.statement, style="green" if c.is_noise else "yellow")
+    parameters = found_table(finding, f"{finding.name}: found map")
+    notes = (Text(f"- {note}") for note in c.notes)
+    return console(parameters), console(_residual_table(c)), statement, *notes
 
 
-def _residual_table(c: Comparison) -> "RenderableType":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, show_header=False, title="residual", title_justify="left")
-    rms, noise = length(c.rms_m, signed=False), length(c.expected_rms_m, signed=False)
-    table.add_row("rms", f"{rms}, noise alone {noise}")
-    table.add_row("chi-square per degree of freedom", f"{c.chi2_per_dof:.3f}, p = {c.chi2_p:.2g}")
+def _residual_table(c: Comparison) -> Table:
     asked = [t for t in c.tests if t.untestable is None]
-    fires = [t.name for t in asked if t.fires]
-    said = ", ".join(fires) if fires else "none"
-    table.add_row(f"questions that find structure (of {len(asked)})", said)
-    worst = "; ".join(
+    worst = (
         f"press {p.press} {length(p.mean_m)} ({sigmas(p, '.1f')} sigma)"
         for p in c.worst_presses[:3]
     )
-    table.add_row("largest misfits", worst)
-    return table
+    rows = (
+        ("rms", f"{units.rms(c.rms_m)}, noise alone {units.rms(c.expected_rms_m)}"),
+        ("chi-square per degree of freedom", f"{c.chi2_per_dof:.3f}, p = {c.chi2_p:.2g}"),
+        (
+            f"tests that find structure (of {len(asked)})",
+            ", ".join(t.name for t in asked if t.fires) or "none",
+        ),
+        ("largest misfits", "; ".join(worst)),
+    )
+    return Table.of(("", ""), rows, "residual")

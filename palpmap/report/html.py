@@ -3,34 +3,9 @@
 import base64
 from collections.abc import Iterable, Sequence
 from html import escape
-from importlib.resources import files
-from pathlib import Path
-from string import Template
 
 from palpmap.figures.style import DPI
-
-SCREEN_DPI = 88
-"""Screen pixels an inch of a picture."""
-
-
-def write_page(path: Path, name: str, lead: str, sections: Iterable[str]) -> None:
-    """Write a page in the reports' look; the file is replaced in one step.
-
-    Parameters
-    ----------
-    name, lead : plain text, the heading and the sentence under it
-    sections : HTML
-    """
-    template = Template(files("palpmap.report").joinpath("report.html").read_text(encoding="utf-8"))
-    page = template.substitute(
-        title=escape(f"{name} - palpmap"),
-        name=escape(name),
-        lead=escape(lead),
-        body="\n".join(sections),
-    )
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(page, encoding="utf-8")
-    beside.replace(path)
+from palpmap.report.draw import SCREEN_DPI
 
 
 def section(title: str, content: str, kind: str = "") -> str:

@@ -31,8 +31,9 @@ from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
 from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
-from palpmap.report.fit_report import parameter_rows, write_report
+from palpmap.report.fit_report import write_report
 from palpmap.result.finding import Finding, Outline, matched, read_truth, study_outline
+from palpmap.result.tables import parameter_rows, parameter_table
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study.study import load_study
 
@@ -181,7 +182,7 @@ def test_the_report_shows_hostile_names_as_text(done):
 def test_the_report_says_what_was_found_and_how(done):
     text = "".join(Page((done[0] / "report.html").read_text(encoding="utf-8")).text)
     for words in (
-        "5.02 kPa", "4.96 to 5.08 kPa", "held fixed", "seed 7", "optimizer = gauss-newton",
+        "5.02 kPa", "4.96 to 5.08 kPa", "held", "seed 7", "optimizer = gauss-newton",
         "Poisson's ratio 0.45 was given", "off the finer model by up to 3 %", "SHA-256",
     ):  # fmt: skip
         assert words in text
@@ -244,8 +245,9 @@ def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     write_report(finding, {"map": picture}, tmp_path / "report.html")
     text = "".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
     assert "Found map beside" not in text
-    assert "inside" not in text
-    assert [row[3] for row in parameter_rows(finding)] == [""] * 6
+    assert "s.e." not in text
+    rows = parameter_rows(finding.fit, finding.origin_m, truth=finding.truth)
+    assert [row.true for row in rows] == [None] * 6
 
 
 def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone(tmp_path):
@@ -263,15 +265,21 @@ def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone
     )
     with_effect = replace(finding, fit=more)
     assert png(draw_map(with_effect)) == png(draw_map(finding))
-    assert ("rigid tip share", "0.67", "0.5 to 0.8", "", None) in parameter_rows(with_effect)
+    table = parameter_table(parameter_rows(with_effect.fit, with_effect.origin_m))
+    cells = [tuple(cell.text for cell in row) for row in table.rows]
+    assert ("rigid_tip.share", "0.67", "0.5 to 0.8") in cells
 
 
 def test_positions_are_told_in_the_scans_own_frame(tmp_path):
     finding = load_finding(make_run(tmp_path / "run", origin=(-0.1, 0.2, 0.5)))
-    rows = {name: (found, true, inside) for name, found, _, true, inside in parameter_rows(finding)}
-    assert rows["inclusion 1 x"] == ("-69.90 mm", "-70.00 mm", True)
-    assert rows["inclusion 1 z"] == ("519.50 mm", "520.00 mm", True)
-    assert rows["inclusion 1 radius"][2] is None
+    rows = parameter_rows(finding.fit, finding.origin_m, truth=finding.truth)
+    cells = {row[0].text: row for row in parameter_table(rows).rows}
+    assert [c.text for c in cells["inclusion 1 x"][1::2]] == ["-69.90 mm", "-70.00 mm"]
+    assert cells["inclusion 1 x"][4].tone == "good"
+    assert [c.text for c in cells["inclusion 1 z"][1::2]] == ["519.50 mm", "520.00 mm"]
+    inside = {row.name: row.inside for row in rows}
+    assert inside["inclusion_1.z_m"] is True
+    assert inside["inclusion_1.radius_m"] is None
 
 
 def test_the_cuts_go_through_the_strongest_inclusion_and_towards_the_other(tmp_path):

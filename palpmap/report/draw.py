@@ -1,0 +1,82 @@
+"""Draws any table of a result: on the console, as Markdown, and as HTML within a page."""
+
+import base64
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpmap import units
+from palpmap.figures.style import DPI
+from palpmap.result.tables import Table
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from rich.console import RenderableType
+
+SCREEN_DPI = 88
+"""Screen pixels an inch of a picture."""
+_STYLES = {"": "", "good": "green", "bad": "yellow", "dim": "dim"}
+
+
+def console(table: Table) -> "RenderableType":
+    """Return a table for the console; numbers keep their width, words fold."""
+    from rich import box
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid(
+        box=box.SIMPLE, title=Text(table.title) if table.title else None, title_justify="left",
+        show_header=table.has_head, pad_edge=False, padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    for column in table.columns:
+        grid.add_column(
+            column.heading,
+            justify="right" if column.right else "left",
+            no_wrap=column.right,
+            overflow="fold",
+        )
+    for row in table.rows:
+        grid.add_row(*(Text(cell.text, style=_STYLES[cell.tone]) for cell in row))
+    return grid
+
+
+def markdown(table: Table) -> str:
+    """Return a table as Markdown."""
+    lines = [
+        [column.heading for column in table.columns],
+        ["---:" if column.right else "---" for column in table.columns],
+        *([cell.text.replace("|", r"\|").replace("\n", " ") for cell in row] for row in table.rows),
+    ]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def write_page(path: Path, template: str, **content: Any) -> None:
+    """Fill a template of `templates/` and write it as HTML, replaced in one step.
+
+    All texts are escaped. `content["pictures"]` are PNG files by name.
+    """
+    page = _environment().get_template(template).render(content)
+    beside = path.with_name(path.name + ".part")
+    beside.write_text(page, encoding="utf-8")
+    beside.replace(path)
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("palpmap.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    made.filters |= {"data_uri": _data_uri, "screen_width": _screen_width, "rms": units.rms}
+    return made
+
+
+def _data_uri(png: bytes) -> str:
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def _screen_width(png: bytes) -> int:
+    """Return the width in pixels: one scale for all pictures, so that their letters are alike."""
+    return round(int.from_bytes(png[16:20], "big") * SCREEN_DPI / DPI)

@@ -1,0 +1,136 @@
+"""Numbers as a reader sees them: kPa for Pa, mm for m, mN for N; a value, its error, its interval.
+
+The sentences of `identify` write their own lengths and forces (`identify.effects.units`,
+`identify.residual.statement`); what palpmap shows of them comes through here.
+"""
+
+from identify.effects.units import percent
+from identify.residual import statement
+
+_SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "N": (1e3, "mN"), "1": (1.0, ""), "": (1.0, "")}
+_ENDINGS = {"_pa": "Pa", "_m": "m"}
+_LEAST_P = 1e-12
+
+
+def scale(unit: str) -> tuple[float, str]:
+    """Return the factor to the unit that is shown, and that unit.
+
+    >>> scale("Pa"), scale("N/s")
+    ((0.001, 'kPa'), (1.0, 'N/s'))
+    """
+    return _SHOWN.get(unit, (1.0, unit))
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a map's parameter, which its name ends with.
+
+    >>> unit_of("inclusion_1.weight_pa"), unit_of("viscoelasticity.g")
+    ('Pa', '1')
+    """
+    return next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "1")
+
+
+def plain_name(name: str) -> str:
+    """Return a map's parameter in words; an effect's keeps the name that a study file gives it.
+
+    >>> plain_name("inclusion_2.radius_m"), plain_name("background_pa"), plain_name("skin.share")
+    ('inclusion 2 radius', 'background', 'skin.share')
+    """
+    if not name.startswith(("background", "inclusion_")):
+        return name
+    return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a value with its unit: four digits, a length two decimals of a mm.
+
+    >>> quantity(6012.3, "Pa"), quantity(0.0123, "m"), quantity(1.234e-4, "m"), quantity(0.67, "1")
+    ('6.012 kPa', '12.30 mm', '0.123 mm', '0.67')
+    """
+    return _with_unit(_digits(value, unit), unit)
+
+
+def with_error(value: float, std: float, unit: str) -> str:
+    """Return a value with its standard error, alone where that is zero.
+
+    >>> with_error(6012.3, 123.0, "Pa"), with_error(0.02, 0.0, "m")
+    ('6.012 ± 0.12 kPa', '20.00 mm')
+    """
+    if not std > 0:
+        return quantity(value, unit)
+    return _with_unit(f"{_digits(value, unit)} ± {scale(unit)[0] * std:.2g}", unit)
+
+
+def interval(low: float, high: float, unit: str) -> str:
+    """Return an interval.
+
+    >>> interval(4960.0, 5080.0, "Pa")
+    '4.96 to 5.08 kPa'
+    """
+    return _with_unit(f"{_digits(low, unit)} to {_digits(high, unit)}", unit)
+
+
+def spread(value: float, unit: str) -> str:
+    """Return a size that goes to both sides.
+
+    >>> spread(321.0, "Pa")
+    '± 0.32 kPa'
+    """
+    return _with_unit(f"± {scale(unit)[0] * value:.2g}", unit)
+
+
+def shift(value: float, unit: str) -> str:
+    """Return a change in the shown unit, without its name: two digits, or more before the point.
+
+    >>> shift(-154e3, "Pa"), shift(1.234e-3, "m"), shift(1e-6, "m")
+    ('-154', '+1.2', '0')
+    """
+    shown = scale(unit)[0] * value
+    if abs(shown) < 0.005:
+        return "0"
+    return f"{shown:+.0f}" if abs(shown) >= 10 else f"{shown:+.2g}"
+
+
+def rms(metres: float) -> str:
+    """Return the size of a residual, in µm or mm.
+
+    >>> rms(3.82e-5), rms(1.23e-3)
+    ('38 µm', '1.23 mm')
+    """
+    return statement.length(metres, signed=False)
+
+
+def p_value(p: float) -> str:
+    """Return a p-value with two digits.
+
+    >>> p_value(0.0123), p_value(1e-20)
+    ('0.012', '< 1e-12')
+    """
+    return f"< {_LEAST_P:g}" if p < _LEAST_P else f"{p:.2g}"
+
+
+def minutes(seconds: float) -> str:
+    """Return a duration in minutes.
+
+    >>> minutes(90.0)
+    '1.5 min'
+    """
+    return f"{seconds / 60:.2g} min"
+
+
+def _digits(value: float, unit: str) -> str:
+    shown = scale(unit)[0] * value
+    if unit == "m":
+        return f"{shown:.2f}" if abs(shown) >= 1 else f"{shown:.3g}"
+    text = f"{shown:.4g}"
+    return f"{float(text):.0f}" if "e+" in text else text
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} {scale(unit)[1]}".rstrip()
+
+
+__all__ = [
+    "interval", "minutes", "p_value", "percent", "plain_name", "quantity", "rms", "scale", "shift",
+    "spread", "unit_of", "with_error",
+]  # fmt: skip

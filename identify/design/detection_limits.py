@@ -106,7 +106,7 @@ def limits_at(
     normal = np.linalg.pinv(at.jacobian, rcond=1e-10)
     seen: dict[str, _Seen | str] = {}
     for effect in catalogue:
-        if effect.name not in model.has:
+        if effect.name not in model.effect_names:
             found = _seen(model, at, effect, fitted, normal, signal)
             if not isinstance(found, str):
                 found = _middle(

@@ -48,7 +48,7 @@ def geometry_confounders(explained: Explanation) -> tuple[GeometryConfounder, ..
     known: dict[Length, PalpationModel] = {}
     return tuple(
         found
-        for addition in explained.additions
+        for addition in explained.accepted
         for found in _of_addition(explained, addition, known)
     )
 
@@ -57,11 +57,12 @@ def _of_addition(
     explained: Explanation, addition: AcceptedEffect, known: dict[Length, PalpationModel]
 ) -> Iterator[GeometryConfounder]:
     number = next(
-        (i for i, rung in enumerate(explained.ladder) if addition.name in rung.fit.model.has), 0
+        (i for i, step in enumerate(explained.ladder) if addition.name in step.fit.effect_names),
+        0,
     )
     if number == 0:
         return
-    before, after = (rung.fit for rung in explained.ladder[number - 1 : number + 1])
+    before, after = (step.fit for step in explained.ladder[number - 1 : number + 1])
     for length, (model, step, stated) in _models(before, known).items():
         try:
             changed = before.at.body.compliance_on(model)

@@ -1,10 +1,10 @@
 """Which presses to make next to tell effects apart that the present scan cannot.
 
-Every rival has been fitted to the present scan. A planned scan, made after it, is predicted with
-each of them; how far apart two predictions are, once the second rival's own parameters and the map
-have been refitted to present and planned readings together, is what the planned scan adds:
+Every candidate has been fitted to the present scan. Each predicts a planned scan, made after it.
+The discrimination D of a pair is the difference of its two predictions, once map and parameters of
+the second candidate have been refitted to present and planned readings together:
 
-    D = |P (r_A - r_B)|^2,   P projecting out rival B's derivatives on both scans,
+    D = |P (r_A - r_B)|^2,   P projecting out candidate B's derivatives on both scans,
 
 in units of chi-square, from which the present scan's own part is taken away. Of the two orders of
 a pair the one with less counts. A refit follows the bent valley of the map's weight and depth, and
@@ -37,12 +37,12 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scan that would tell rivals apart.
+    """A scan that would tell candidates apart.
 
     Attributes
     ----------
     design : its presses
-    discrimination : the least difference in chi-square between two rivals that it tells apart;
+    discrimination : the least difference in chi-square between two candidates that it tells apart;
         between any two where it tells none apart
     pair : these two
     told : pairs that it tells apart
@@ -66,11 +66,11 @@ def next_presses(
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
 ) -> tuple[Proposal, ...]:
-    """Rank planned scans: those that tell more rivals apart, and of these the quickest, first.
+    """Rank planned scans: those that tell more candidates apart, and of these the quickest, first.
 
     Parameters
     ----------
-    rivals : effects by name with their joint fits to the present scan
+    candidates : effects by name with their joint fits to the present scan
     designs : planned scans
     """
     found = []
@@ -122,7 +122,7 @@ def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
 
 
 class _Planned:
-    """Present and planned readings as every rival predicts them."""
+    """Present and planned readings as every candidate predicts them."""
 
     def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
         views = {name: planned(fit, design, further=True) for name, fit in candidates}

@@ -40,7 +40,7 @@ def planned(
     return model, replace(at, residual=np.zeros(len(readings)))
 
 
-def that_fit(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:
+def designs_on_body(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:
     """Return the designs without the presses whose tip would hang over the body's edge."""
     surface = PressedSurface(fit.model.mechanics.coarse.mesh)
     found = []

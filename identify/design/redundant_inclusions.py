@@ -12,14 +12,14 @@ from identify.map.parameters import parameter_space
 _SURE = 5.0  # standard errors of its weight: such an inclusion is there
 
 
-def unseen_inclusions(fit: FitResult) -> tuple[int, ...]:
+def redundant_inclusions(fit: FitResult) -> tuple[int, ...]:
     """Numbers, from one, of the inclusions without which the model does as well.
 
     Without such an inclusion, everything else fitted again, chi-square rises by less than what its
     free numbers cost (Bayesian information criterion). Looked at are those with a number at its
     bound, or a weight that is not sure. None are where an effect tells the inclusions' shape.
     """
-    if any(name.startswith("inclusion_") for name in fit.model.has):
+    if any(name.startswith("inclusion_") for name in fit.effect_names):
         return ()
     return tuple(
         number

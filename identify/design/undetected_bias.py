@@ -19,7 +19,7 @@ from identify.design.detection_limits import SHARE, Limit
 
 
 @dataclass(frozen=True)
-class UnseenShift:
+class UndetectedBias:
     """The largest shift of one parameter by an effect that the scan does not show.
 
     Attributes
@@ -34,14 +34,14 @@ class UnseenShift:
     share: float
 
 
-def unseen_shifts(limits: Sequence[Limit]) -> Mapping[str, UnseenShift]:
+def undetected_biases(limits: Sequence[Limit]) -> Mapping[str, UndetectedBias]:
     """Return the largest shift of each parameter, by name; none where no effect has a limit.
 
     Parameters
     ----------
     limits : of the effects that the fitted model does not have
     """
-    found: dict[str, UnseenShift] = {}
+    found: dict[str, UndetectedBias] = {}
     for limit in limits:
         unseen_up_to = limit.smallest_share or limit.largest_share
         if unseen_up_to is None:
@@ -50,5 +50,5 @@ def unseen_shifts(limits: Sequence[Limit]) -> Mapping[str, UnseenShift]:
         for name, bias in limit.map_bias.items():
             shift = abs(bias) * share / SHARE
             if name not in found or shift > found[name].shift:
-                found[name] = UnseenShift(shift, limit.name, share)
+                found[name] = UndetectedBias(shift, limit.name, share)
     return found

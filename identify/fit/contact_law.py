@@ -20,7 +20,7 @@ from itertools import combinations
 import numpy as np
 
 from identify.effects.base import Effect, Values
-from identify.fit.free_compliance import PressWise, PressWiseFit
+from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.measurement.model import EffectInModel
 from identify.optimize.result import InadmissibleError
 
@@ -46,9 +46,9 @@ class ContactLaw:
     fits : all sets of effects that were fitted, beside the study's, by names
     """
 
-    plain: PressWiseFit
-    found: PressWiseFit
-    fits: dict[Set, PressWiseFit]
+    plain: FreeComplianceFit
+    found: FreeComplianceFit
+    fits: dict[Set, FreeComplianceFit]
 
     @property
     def names(self) -> Set:
@@ -66,11 +66,11 @@ class ContactLaw:
     def _excess(self) -> float:
         return max(self.plain.misfit - self.plain.dof, 1e-9)
 
-    def criterion(self, fit: PressWiseFit) -> float:
+    def criterion(self, fit: FreeComplianceFit) -> float:
         """Misfit in units of what the best law leaves, and the price of the parameters."""
         return _criterion(fit, _scale(self.fits.values()))
 
-    def candidates(self, name: str) -> list[tuple[str, PressWiseFit]]:
+    def candidates(self, name: str) -> list[tuple[str, FreeComplianceFit]]:
         """Effects that do as well in the place of one of those found, best first."""
         rest = set(self.names) - {name}
         best, near = self.criterion(self.found), []
@@ -86,7 +86,7 @@ class ContactLaw:
 
 
 def contact_law(
-    presses: PressWise,
+    presses: FreeCompliance,
     catalogue: Sequence[Effect],
     had: Sequence[EffectInModel] = (),
     say: Callable[[str], None] = lambda text: None,
@@ -107,7 +107,7 @@ def contact_law(
         if e.link != "body" and e.name not in known and e.untestable(presses.readings) is None
     ]
     parts = {e.name: presses.part(e, _start(presses, plain, e)) for e in free}
-    fits: dict[Set, PressWiseFit] = {}
+    fits: dict[Set, FreeComplianceFit] = {}
 
     def tried(names: Set) -> None:
         say(f"fitting the presses by themselves with {', '.join(names)}")
@@ -131,7 +131,7 @@ def contact_law(
     return ContactLaw(plain, _chosen(plain, fits), fits)
 
 
-def _chosen(plain: PressWiseFit, fits: dict[Set, PressWiseFit]) -> PressWiseFit:
+def _chosen(plain: FreeComplianceFit, fits: dict[Set, FreeComplianceFit]) -> FreeComplianceFit:
     """Smallest set that no larger one beats by more than the margin for each effect more.
 
     None of them, where even the best leaves more than noise in too many presses: what it takes away
@@ -153,8 +153,8 @@ def _chosen(plain: PressWiseFit, fits: dict[Set, PressWiseFit]) -> PressWiseFit:
 
 
 def _fitted(
-    presses: PressWise, plain: PressWiseFit, parts: Sequence[EffectInModel]
-) -> PressWiseFit | None:
+    presses: FreeCompliance, plain: FreeComplianceFit, parts: Sequence[EffectInModel]
+) -> FreeComplianceFit | None:
     """Fit the study's effects and some more; None where that cannot be, or stops at a bound."""
     chain = presses.chain([part.effect for part in (*plain.parts, *parts)])
     if any(part.effect.redundant(chain.profile, chain.nonlinear) for part in parts):
@@ -168,7 +168,7 @@ def _fitted(
     return None if fit.at_bound or doubtful or not np.isfinite(fit.misfit) else fit
 
 
-def _start(presses: PressWise, plain: PressWiseFit, effect: Effect) -> Values:
+def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect) -> Values:
     """Null of the amplitudes, and the candidate of the shape that the residual likes best."""
     shapes = effect.grid(presses.readings, presses.state)
     if len(shapes) > _SHAPES:
@@ -201,7 +201,7 @@ def _start(presses: PressWise, plain: PressWiseFit, effect: Effect) -> Values:
     return {**shapes[best], **effect.null}
 
 
-def _contained(fit: PressWiseFit, name: str) -> tuple[str, ...]:
+def _contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
     return next(p.effect.contains for p in fit.parts if p.effect.name == name)
 
 
@@ -214,5 +214,5 @@ def _scale(fits) -> float:
     return max(1.0, min((fit.misfit / fit.dof for fit in fits), default=1.0))
 
 
-def _criterion(fit: PressWiseFit, scale: float) -> float:
+def _criterion(fit: FreeComplianceFit, scale: float) -> float:
     return fit.misfit / scale + fit.unknowns * float(np.log(len(fit.residual)))

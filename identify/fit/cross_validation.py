@@ -39,7 +39,7 @@ class CrossValidation:
     high_ratio: float | None
 
 
-def held_out(fit: FitResult) -> CrossValidation:
+def cross_validate(fit: FitResult) -> CrossValidation:
     """Predict presses and high forces that are left out of a fit."""
     press = fit.model.readings.press
     fold = folds(fit.model.readings.presses)[press]

@@ -46,7 +46,7 @@ _EVALUATIONS = 30
 
 
 @dataclass(frozen=True)
-class PressWiseFit:
+class FreeComplianceFit:
     """The best compliances of the presses beside some effects.
 
     Attributes
@@ -139,7 +139,7 @@ class PressWiseFit:
 
 
 @dataclass(frozen=True)
-class PressWise:
+class FreeCompliance:
     """Readings whose presses have compliances of their own.
 
     Attributes
@@ -186,7 +186,7 @@ class PressWise:
 
     def fit(
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None = None
-    ) -> PressWiseFit:
+    ) -> FreeComplianceFit:
         """Fit effects, from their starts, and the compliances beside them.
 
         Raises
@@ -208,12 +208,12 @@ class PressWise:
 
     def _fit(
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray
-    ) -> PressWiseFit:
+    ) -> FreeComplianceFit:
         """Fit with given weights (j,) of the presses."""
         root = np.sqrt(weight)[self.readings.press]
         chain = self.chain([part.effect for part in parts])
         log_c = np.log(self._slopes if compliance is None else compliance)
-        latest: dict[bytes, PressWiseFit] = {}
+        latest: dict[bytes, FreeComplianceFit] = {}
 
         def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             nonlocal log_c
@@ -221,7 +221,7 @@ class PressWise:
             log_c, judged, columns = self._eliminate(chain, parts, u, values, log_c)
             r = judged.residual_m / judged.sigma_m
             latest.clear()
-            latest[u.tobytes()] = PressWiseFit(
+            latest[u.tobytes()] = FreeComplianceFit(
                 tuple(parts), values, self.readings.press, np.exp(log_c), r, judged.residual_m,
                 judged.residual_m / judged.slope, _at_bound(parts, values),
             )  # fmt: skip
@@ -301,7 +301,7 @@ class PressWise:
         return found
 
 
-def straightened(found: PressWiseFit, readings: Readings) -> np.ndarray:
+def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:
     """Displacement (m,) m that the presses would show without the effects: C F and the residual."""
     return found.compliance[readings.press] * readings.force_n + found.residual_m
 

@@ -15,7 +15,7 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.contact_law import GROSS, ContactLaw, contact_law
-from identify.fit.free_compliance import PressWise, PressWiseFit, straightened
+from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
@@ -28,12 +28,12 @@ Say = Callable[[str], None]
 _ODD = 2.0  # chi-square per degree of freedom of presses under a ball
 
 
-def presses_alone(scan: Scan, body: BodyModel, noise: Noise) -> PressWise:
+def free_compliance(scan: Scan, body: BodyModel, noise: Noise) -> FreeCompliance:
     """Return the placed readings, each press with a compliance of its own."""
     used, contacts = scan.used(), body.coarse.contacts
     mechanics = BodyMechanics(body.coarse, None, lambda nu: body.coarse)
     unit = REFERENCE_PA * compliance(body.coarse, GaussianMap(REFERENCE_PA))
-    return PressWise(
+    return FreeCompliance(
         Readings.of(scan),
         used.displacement_m,
         noise,
@@ -46,7 +46,7 @@ def presses_alone(scan: Scan, body: BodyModel, noise: Noise) -> PressWise:
 
 
 def law_of(
-    presses: PressWise,
+    presses: FreeCompliance,
     had: Sequence[EffectInModel],
     catalogue: Sequence[Effect],
     say: Say = lambda text: None,
@@ -69,7 +69,7 @@ def law_of(
     return contact_law(presses, catalogue, had, say)
 
 
-def straight(scan: Scan, found: PressWiseFit) -> Scan:
+def straight(scan: Scan, found: FreeComplianceFit) -> Scan:
     """Return the used rows of a placed scan as they would be without the effects found."""
     used = scan.used()
     return used.replace(displacement_m=straightened(found, Readings.of(scan)))
@@ -82,7 +82,7 @@ def typical_error_m(fit: FitResult, scan: Scan) -> float:
     return float(1.48 * np.median(worst))
 
 
-def typical_error(fit: FitResult, found: PressWiseFit) -> float:
+def typical_error(fit: FitResult, found: FreeComplianceFit) -> float:
     """Return by how much, relative, a map usually misses the compliance that a press has alone."""
     off = np.log(fit.compliance_m_per_n / found.compliance)
     return float(1.48 * np.median(np.abs(off)))

@@ -186,6 +186,11 @@ class FitResult:
         return self._live.model
 
     @property
+    def effect_names(self) -> tuple[str, ...]:
+        """Names of the effects beside the map."""
+        return self.model.effect_names
+
+    @property
     def u(self) -> np.ndarray:
         """Scaled estimate, (k,)."""
         return self._live.u
@@ -291,7 +296,7 @@ def _covariance_of_meshes(
     model: MeasurementModel, at: Linearised, noise_alone: np.ndarray
 ) -> np.ndarray:
     """Covariance (k, k) that the finer model's own error adds to that from the noise."""
-    if MODEL_ERROR in model.has:
+    if MODEL_ERROR in model.effect_names:
         return np.zeros_like(noise_alone)  # it is among the unknowns
     press, c = model.readings.press, at.body.compliance
     off = c * model.mechanics.model_error

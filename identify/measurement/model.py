@@ -193,7 +193,7 @@ class MeasurementModel:
         return self.unknowns.names
 
     @property
-    def has(self) -> tuple[str, ...]:
+    def effect_names(self) -> tuple[str, ...]:
         """Names of the effects in the model."""
         return tuple(part.effect.name for part in self.effects)
 

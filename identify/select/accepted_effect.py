@@ -16,43 +16,43 @@ CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data h
 
 @dataclass(frozen=True)
 class AcceptedEffect:
-    """An effect that was added, the rivals that it was compared with (best first).
+    """An effect that was added, the candidates that it was compared with (best first).
 
     `before` : chi-square without it, when it was added.
-    `tried` : the rivals when it was added, if they were compared again since.
-    `borne_out` : the presses by themselves call for it, and most are explained, whatever the map.
-    `beside` : by rival, what a slight error of the model passes for, or what may pass for it.
+    `tried` : the candidates when it was added, if they were compared again since.
+    `shown_by_presses` : the contact law of the presses calls for it, whatever the map.
+    `beside` : for each candidate, the effects it cannot be separated from because of model error.
     """
 
     name: str
     candidates: tuple[Candidate, ...]
-    borne_out: bool = False
+    shown_by_presses: bool = False
     beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     before: float = np.inf
     tried: tuple[Candidate, ...] = ()
 
     @property
-    def equals(self) -> tuple[str, ...]:
-        """The effect and all rivals that explain the scan as well, to within `MARGIN`.
+    def equivalents(self) -> tuple[str, ...]:
+        """The effect and all candidates that explain the scan as well, to within `MARGIN`.
 
-        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A rival of
+        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A candidate of
         which the effect is a special case can always do nearly as well: it is none.
         """
         best = self.candidates[0]
         near = [
-            rival
-            for rival in self.candidates
-            if rival.criterion < best.criterion + MARGIN or rival.chi2 < best.chi2 + CLOSE
+            candidate
+            for candidate in self.candidates
+            if candidate.criterion < best.criterion + MARGIN or candidate.chi2 < best.chi2 + CLOSE
         ]
-        return tuple(rival.name for rival in near if self.name not in rival.contains)
+        return tuple(candidate.name for candidate in near if self.name not in candidate.contains)
 
     @property
     def group(self) -> tuple[str, ...]:
         """What the scan cannot tell apart: the `equals`, and what an error of the model is like."""
-        if len(self.equals) > 1 and self.name != MODEL_ERROR:
-            return self.equals
+        if len(self.equivalents) > 1 and self.name != MODEL_ERROR:
+            return self.equivalents
         beside = self.beside.get(self.name, ())
-        return (*self.equals, *(name for name in beside if name not in self.equals))
+        return (*self.equivalents, *(name for name in beside if name not in self.equivalents))
 
 
 def at_bound(fit: FitResult, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Which effects may be added to a rung: the best-scored are refitted with the map and compared."""
+"""Which effects may be added to a step: the best-scored are refitted with the map and compared."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ REFIT_EVALUATIONS = 15
 _EASED_WEIGHT, _EASED_RADIUS = 0.35, 1.3
 _FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
 _SHORTLIST = 3
-_ENOUGH = 0.5  # in chi-square: a rival whose steps bring less has shown what it can
-# A rival is beaten if it is so far behind, in chi-square, and has done less than half of what the
-# best one did: a true one has come from behind by 130 once the finer model corrected its map.
+_ENOUGH = 0.5  # in chi-square: a candidate whose steps bring less has shown what it can
+# A candidate is beaten if it is so far behind, in chi-square, and has done less than half of the
+# best one: a true one has come from behind by 130 once the finer model corrected its map.
 BEATEN_BY, _BEATEN_SHARE = 200.0, 0.5
 # Of what the best one did: what going on, a few dozen evaluations of it, has never made up for
 _LAGS_SHARE = 0.2
 _RISE = 1.002  # an addition does not raise the error itself ...
 _EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
 _PROMISED = 0.3  # of the score: a refit that brings less may have begun at the wrong place
-_HOPELESS = 0.1  # of the best linear score: a rival with less does not overtake it by a refit
+_HOPELESS = 0.1  # of the best linear score: a candidate with less does not overtake it by a refit
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Candidate:
 
 
 def best_candidates(
-    rung: Step,
+    step: Step,
     effects: dict[str, Effect],
     say: Callable[[str], None],
     exclude: Sequence[str],
@@ -64,33 +64,35 @@ def best_candidates(
     one of them must have a score that noise does not give in a thousand scans (`SURE`), or one of
     the latter a fall of chi-square.
     """
-    chance = SURE if rung.comparison.is_noise else 1.0
-    scores = [score for score in rung.diagnosis.scores if score.untestable is None]
+    chance = SURE if step.comparison.is_noise else 1.0
+    scores = [score for score in step.diagnosis.scores if score.untestable is None]
     sure = holm_significant(scores, chance)
     tested = {score.name for score in scores} - set(exclude)
     always = [name for name in effects if effects[name].refitted_from and name in tested]
     tried = list(exclude)
-    while names := list(dict.fromkeys([*shortlist(rung.diagnosis, tried), *always])):
-        candidates = compare_rivals(rung, effects, say, names)
+    while names := list(dict.fromkeys([*shortlist(step.diagnosis, tried), *always])):
+        candidates = compare_candidates(step, effects, say, names)
         sure |= {
             r.name
             for r in candidates
-            if r.name in always and refit_chance(rung, r) < chance / len(scores)
+            if r.name in always and refit_chance(step, r) < chance / len(scores)
         }
-        better = candidates and candidates[0].criterion < rung.fit.bic
-        if better and any(rival.name in sure for rival in candidates):
+        better = candidates and candidates[0].criterion < step.fit.bic
+        if better and any(candidate.name in sure for candidate in candidates):
             return candidates
         tried, always = [*tried, *names], []
     return ()
 
 
-def refit_chance(rung: Step, rival: Candidate) -> float:
-    """Chance that noise makes chi-square fall so far by the rival's further parameters."""
-    return float(chdtrc(len(rival.fit.u) - len(rung.fit.u), max(rung.fit.chi2 - rival.chi2, 0.0)))
+def refit_chance(step: Step, candidate: Candidate) -> float:
+    """Chance that noise makes chi-square fall so far by the candidate's further parameters."""
+    return float(
+        chdtrc(len(candidate.fit.u) - len(step.fit.u), max(step.fit.chi2 - candidate.chi2, 0.0))
+    )
 
 
-def compare_rivals(
-    rung: Step,
+def compare_candidates(
+    step: Step,
     effects: dict[str, Effect],
     say: Callable[[str], None],
     names: Sequence[str],
@@ -100,31 +102,31 @@ def compare_rivals(
     best = np.inf
     for name in names:
         say(f"trying {name}")
-        fit = fit_with(rung.fit, effects[name], rung.diagnosis[name], best)
-        if fit is not None and not doubted(fit, name):
+        fit = fit_with(step.fit, effects[name], step.diagnosis[name], best)
+        if fit is not None and not is_implausible(fit, name):
             fits[name] = fit
             best = min(best, fit.chi2)
     candidates = []
     for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
         say(f"trying {name} further")
-        fit = carried_on(fit, rung.fit, best)
-        if doubted(fit, name):  # now
+        fit = carried_on(fit, step.fit, best)
+        if is_implausible(fit, name):  # now
             continue
         best = min(best, fit.chi2)
-        if in_earnest(rung.fit, fit):
+        if in_earnest(step.fit, fit):
             candidates.append(Candidate(name, fit.chi2, fit.bic, fit))
-    return tuple(sorted(candidates, key=lambda rival: rival.criterion))
+    return tuple(sorted(candidates, key=lambda candidate: candidate.criterion))
 
 
 def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> FitResult | None:
-    """Refit a rival, or None where the start is impossible; 15 evaluations where not said."""
+    """Refit a candidate, or None where the start is impossible; 15 evaluations where not said."""
     options.setdefault("max_evaluations", REFIT_EVALUATIONS)
     return try_fit(model, stiffness, enough=_ENOUGH, **options)
 
 
-def beaten(rival: float, before: float, best: float, share: float = _BEATEN_SHARE) -> bool:
-    """Whether a rival's chi-square is too far behind the best one's, from what it was before."""
-    return rival - best > max(BEATEN_BY, share * (before - best))
+def beaten(candidate: float, before: float, best: float, share: float = _BEATEN_SHARE) -> bool:
+    """Whether a candidate's chi-square is too far behind the best one's."""
+    return candidate - best > max(BEATEN_BY, share * (before - best))
 
 
 def carried_on(fit: FitResult, before: FitResult, best: float) -> FitResult:
@@ -137,7 +139,7 @@ def carried_on(fit: FitResult, before: FitResult, best: float) -> FitResult:
     return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
 
 
-def doubted(fit: FitResult, name: str) -> bool:
+def is_implausible(fit: FitResult, name: str) -> bool:
     """Whether an effect of a fit has ended at values that are not to be believed."""
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
     return part.effect.doubt(fit.at.values[name], fit.model.readings) is not None
@@ -189,7 +191,7 @@ def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
 
 
 def fit_with(
-    fit: FitResult, effect: Effect, score: Score, rival: float = np.inf
+    fit: FitResult, effect: Effect, score: Score, candidate: float = np.inf
 ) -> FitResult | None:
     """Refit with one more effect from its first estimate, or parts of it; the best fit.
 
@@ -197,7 +199,7 @@ def fit_with(
     a fit that begins there does not bring what the score promises, and a part of it is tried.
     """
     if effect.refitted_from:
-        return _from_afar(fit, effect, rival)
+        return _from_afar(fit, effect, candidate)
     best = None
     for share in (1.0, 0.3, 0.03):
         values = dict(score.values)
@@ -214,14 +216,14 @@ def fit_with(
     return best
 
 
-def _from_afar(fit: FitResult, effect: Effect, rival: float) -> FitResult | None:
+def _from_afar(fit: FitResult, effect: Effect, candidate: float) -> FitResult | None:
     """Refit with one more effect from its `refitted_from`, beside an eased map or else the map.
 
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
     """
     model = fit.model.with_effect(effect, effect.refitted_from, fit.at.state)
     eased = refit(model, _eased(fit), rounds=0)
-    if eased is not None and beaten(eased.chi2, fit.chi2, rival):
+    if eased is not None and beaten(eased.chi2, fit.chi2, candidate):
         return eased
     eased = None if eased is None else refit(eased.model, eased.map)
     if eased is not None and eased.chi2 <= fit.chi2:

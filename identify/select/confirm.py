@@ -30,8 +30,8 @@ def confirmed(
     """Put an answer to the test on some of its readings; None unless all of it holds.
 
     The residual must be noise again, or structured again, and every effect must earn its place
-    beside the others. Where it is noise, each must be told apart from the same rivals, too; those
-    that were far behind on these readings are not tried again.
+    beside the others. If it is noise, each must have the same group of equivalents as before;
+    candidates that were far behind on these readings are not tried again.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def confirmed(
     -------
     the last model fitted to these readings, and how its residual is judged
     """
-    final, additions = explained.final, explained.additions
+    final, additions = explained.final, explained.accepted
     say("fitting the answer")
     effects = final.fit.model.started(final.fit.u).effects
     fit = fit_jointly(replace(model, effects=effects), final.fit.map)
@@ -59,7 +59,7 @@ def confirmed(
     if not comparison.is_noise:
         return fit, comparison
     near = [_without_those_far_behind(addition, same) for addition in additions]
-    _, again, _ = reconsider(fit, near, say, the_last_too=True)
+    _, again, _ = reconsider(fit, near, say, last_too=True)
     told_apart = [(a.name, set(a.group)) for a in again] == [
         (a.name, set(a.group)) for a in additions
     ]
@@ -67,11 +67,13 @@ def confirmed(
 
 
 def _without_those_far_behind(addition: AcceptedEffect, same: np.ndarray) -> AcceptedEffect:
-    """Leave out the rivals that were no match on the same readings, (m,) bool."""
+    """Leave out the candidates that were no match on the same readings, (m,) bool."""
 
     def chi2(fit: FitResult) -> float:
         return float(np.sum(fit.at.residual[same] ** 2))
 
     best = min(chi2(r.fit) for r in addition.candidates if r.name == addition.name)
-    near = tuple(rival for rival in addition.candidates if chi2(rival.fit) <= best + BEATEN_BY)
+    near = tuple(
+        candidate for candidate in addition.candidates if chi2(candidate.fit) <= best + BEATEN_BY
+    )
     return replace(addition, candidates=near)

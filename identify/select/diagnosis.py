@@ -84,7 +84,7 @@ def diagnose(
     fitted = fitted_basis(fit.at)
     scores = []
     for effect in catalogue:
-        if effect.name in fit.model.has:
+        if effect.name in fit.effect_names:
             continue
         if progress:
             progress(effect.name)

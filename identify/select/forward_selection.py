@@ -26,7 +26,7 @@ from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect, at_bound
-from identify.select.candidates import REFIT_EVALUATIONS, Candidate, best_candidates, doubted
+from identify.select.candidates import REFIT_EVALUATIONS, Candidate, best_candidates, is_implausible
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, step_of
@@ -46,16 +46,16 @@ class Explanation:
     ----------
     verdict : of the whole scan
     ladder : from the map alone to the last model
-    additions : in the order in which they were made, those that kept their place
+    accepted : in the order in which they were made, those that kept their place
     dropped : effects that were added and later lost their place
-    resting_on_suspects : effects that are not found without the presses that stand out
+    resting_on_outliers : effects that are not found without the presses that stand out
     """
 
     verdict: Verdict
     ladder: tuple[Step, ...]
-    additions: tuple[AcceptedEffect, ...]
+    accepted: tuple[AcceptedEffect, ...]
     dropped: tuple[str, ...]
-    resting_on_suspects: tuple[str, ...] = ()
+    resting_on_outliers: tuple[str, ...] = ()
 
     @property
     def final(self) -> Step:
@@ -65,8 +65,8 @@ class Explanation:
     @property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
         """Groups of effects that explain the scan equally well, single bad presses among them."""
-        groups = tuple(a.group for a in self.additions if len(a.group) > 1)
-        return groups + tuple((name, SUSPECT_PRESSES) for name in self.resting_on_suspects)
+        groups = tuple(a.group for a in self.accepted if len(a.group) > 1)
+        return groups + tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -75,22 +75,24 @@ class Explanation:
         Where the remainder is structured, an effect is only offered if the effects together took
         nearly all of what was unexplained, or the presses by themselves bear it out.
         """
-        unsure = (*self.resting_on_suspects, *self.at_bound, *self.doubted)
-        sure = tuple(a for a in self.additions if len(a.group) == 1 and a.name not in unsure)
+        unsure = (*self.resting_on_outliers, *self.at_bound, *self.implausible)
+        sure = tuple(a for a in self.accepted if len(a.group) == 1 and a.name not in unsure)
         main = self.explained_share >= _MAIN_PART and not self.map_error
         if self.verdict == "unexplained" and not main:
-            sure = tuple(a for a in sure if a.borne_out)
+            sure = tuple(a for a in sure if a.shown_by_presses)
         return tuple(a.name for a in sure)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
         """Effects of the last model that would be larger if that were possible: not found."""
-        return tuple(name for name in self.final.fit.model.has if at_bound(self.final.fit, name))
+        return tuple(name for name in self.final.fit.effect_names if at_bound(self.final.fit, name))
 
     @property
-    def doubted(self) -> tuple[str, ...]:
+    def implausible(self) -> tuple[str, ...]:
         """Effects of the last model whose values are not to be believed."""
-        return tuple(name for name in self.final.fit.model.has if doubted(self.final.fit, name))
+        return tuple(
+            name for name in self.final.fit.effect_names if is_implausible(self.final.fit, name)
+        )
 
     @property
     def traces(self) -> tuple[str, ...]:
@@ -179,11 +181,11 @@ def forward_selection(
         fit, additions, exchanged = policy.compare(fit, kept, say, bool(lost))
         dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
-            if exchanged.keys() & set(step.fit.model.has):  # the steps lead to the last model
+            if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
                 ladder[number] = judged(with_exchanged(step.fit, exchanged, fit))
         ladder.append(judged(fit))
     verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled, settings)
-    gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.model.has)
+    gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
     return Explanation(verdict, tuple(ladder), tuple(additions), gone)
 
 
@@ -211,7 +213,7 @@ def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings
     return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
 
 
-def _beside(rung: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
+def _beside(step: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
     """Name what cannot be told from an effect because the map imitates one of them all but wholly.
 
     What is left of such an effect is so little that it must be large to explain anything, with the
@@ -219,11 +221,11 @@ def _beside(rung: Step, name: str, settings: SelectionSettings = SELECTION) -> t
     passes for it. If the model's own error is what fits best, it may be any of these effects. Nor
     is an effect told from that error whose pattern is like its own, which is only an estimate.
     """
-    scores = [score for score in rung.diagnosis.scores if score.untestable is None]
+    scores = [score for score in step.diagnosis.scores if score.untestable is None]
     imitated = [score.name for score in scores if score.visible < settings.imitated]
     if name == MODEL_ERROR:
         return tuple(imitated)
-    alike = MODEL_ERROR in rung.diagnosis.confused_with(name)
+    alike = MODEL_ERROR in step.diagnosis.confused_with(name)
     return (MODEL_ERROR,) * (name in imitated or alike)
 
 
@@ -243,11 +245,11 @@ def _may_be_left_of_error(
     )
 
 
-def _acts_by_compliance(rung: Step, name: str, settings: SelectionSettings) -> bool:
+def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> bool:
     """Whether each press's readings move as by another compliance of the body under it."""
-    at, press = rung.fit.at, rung.fit.model.readings.press
+    at, press = step.fit.at, step.fit.model.readings.press
     by_own = at.whitened(at.by_compliance, press)
-    pattern = rung.diagnosis[name].beyond
+    pattern = step.diagnosis[name].beyond
     along = np.array([np.bincount(press, by_own * column) for column in pattern.T])
     square = np.bincount(press, by_own**2)
     return bool(np.sum(along**2 / square) >= settings.by_compliance * np.sum(pattern**2))
@@ -286,7 +288,7 @@ def is_more_missing(
     if strongest == 0 or not additions or not now.comparison.is_noise:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
-    return len(additions[-1].equals) == 1 and strongest > settings.trace * explained
+    return len(additions[-1].equivalents) == 1 and strongest > settings.trace * explained
 
 
 def _verdict(
@@ -303,7 +305,7 @@ def _verdict(
         return "unexplained"
     if not additions:
         return "nothing_missing"
-    if any(at_bound(last.fit, a.name) or doubted(last.fit, a.name) for a in additions):
+    if any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in additions):
         return "unexplained"
     return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
 

@@ -38,7 +38,7 @@ _SPREAD = 5.0  # standard errors that what is found may be off by
 _PART = 0.1  # ... or of what was planted: the law may bend over so many standard errors
 
 
-def planted_and_found(effect: Effect, own: ExampleScan) -> str:
+def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
     """Plant the effect in a known map, score it and refit; for `conformance.check_effect`.
 
     Raises

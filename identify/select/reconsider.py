@@ -3,8 +3,8 @@
 Which effect did best was decided while another one was still missing, and may have been decided by
 it: presses made row by row that sink ever deeper look like a tilt along the columns, so that a
 first touch declared late is taken for a tilted surface. Once the other effect is in the model, the
-earlier one is compared with its rivals of then once more. Whatever does clearly better takes its
-place, as does a special case that does as well; who comes near makes its group.
+earlier one is compared with its former candidates once more. A clearly better candidate takes its
+place, as does a special case that does as well; near ones form its group.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from identify.select.candidates import (
     Candidate,
     beaten,
     carried_on,
-    doubted,
     in_earnest,
+    is_implausible,
     refit,
 )
 
@@ -31,9 +31,9 @@ def reconsider(
     fit: FitResult,
     additions: Sequence[AcceptedEffect],
     say: Callable[[str], None],
-    the_last_too: bool = False,
+    last_too: bool = False,
 ) -> tuple[FitResult, list[AcceptedEffect], dict[str, str]]:
-    """Compare each addition but the last with its rivals, beside all others.
+    """Compare each addition but the last with its candidates, beside all others.
 
     The last was compared beside the present ones, and is compared again only if one is replaced, or
     if it is said. What the presses by themselves bear out stands as it is.
@@ -45,7 +45,7 @@ def reconsider(
     additions, exchanged = list(additions), {}
     for index, addition in enumerate(additions):
         is_last = index == len(additions) - 1
-        if addition.borne_out or (is_last and not exchanged and not the_last_too):
+        if addition.shown_by_presses or (is_last and not exchanged and not last_too):
             continue
         candidates = _beside_the_rest(fit, addition, say)
         winner = candidates[0]
@@ -75,32 +75,34 @@ def with_exchanged(fit: FitResult, exchanged: Mapping[str, str], now: FitResult)
 def _beside_the_rest(
     fit: FitResult, addition: AcceptedEffect, say: Callable[[str], None]
 ) -> tuple[Candidate, ...]:
-    """Return an addition and its rivals, each refitted beside all other effects, best first."""
+    """Return an addition and its candidates, each refitted beside all other effects, best first."""
     found = [Candidate(addition.name, fit.chi2, fit.bic, fit)]
-    best = next(rival for rival in addition.candidates if rival.name == addition.name)
-    for rival in addition.candidates:
-        if rival.name in fit.model.has or beaten(rival.chi2, addition.before, best.chi2):
+    best = next(candidate for candidate in addition.candidates if candidate.name == addition.name)
+    for candidate in addition.candidates:
+        if candidate.name in fit.effect_names or beaten(candidate.chi2, addition.before, best.chi2):
             continue
-        say(f"trying {rival.name} in place of {addition.name}")
-        own = refit(_exchanged(fit, addition.name, rival), rival.fit.map, rounds=0)
+        say(f"trying {candidate.name} in place of {addition.name}")
+        own = refit(_exchanged(fit, addition.name, candidate), candidate.fit.map, rounds=0)
         if own is None:
             continue
-        own = carried_on(own, rival.fit, fit.chi2)
-        if not doubted(own, rival.name) and (own.chi2 > fit.chi2 or in_earnest(fit, own)):
-            found.append(Candidate(rival.name, own.chi2, own.bic, own))
-    return tuple(sorted(found, key=lambda rival: rival.criterion))
+        own = carried_on(own, candidate.fit, fit.chi2)
+        if not is_implausible(own, candidate.name) and (
+            own.chi2 > fit.chi2 or in_earnest(fit, own)
+        ):
+            found.append(Candidate(candidate.name, own.chi2, own.bic, own))
+    return tuple(sorted(found, key=lambda candidate: candidate.criterion))
 
 
 def _takes_over(winner: Candidate, name: str, candidates: Sequence[Candidate]) -> bool:
-    """Whether a rival is better beyond doubt, or does with less what it is a special case of."""
-    present = next(rival for rival in candidates if rival.name == name)
+    """Whether a candidate is clearly better, or a special case that does as well."""
+    present = next(candidate for candidate in candidates if candidate.name == name)
     clearly = winner.criterion < present.criterion - MARGIN
     return clearly or (winner.name != name and winner.name in present.contains)
 
 
-def _exchanged(fit: FitResult, name: str, rival: Candidate) -> MeasurementModel:
-    """Return the model of a fit with a rival, as it was fitted then, in place of an effect."""
-    (part,) = (part for part in rival.fit.model.effects if part.effect.name == rival.name)
+def _exchanged(fit: FitResult, name: str, candidate: Candidate) -> MeasurementModel:
+    """Return the model of a fit with a candidate, as it was fitted then, in place of an effect."""
+    (part,) = (part for part in candidate.fit.model.effects if part.effect.name == candidate.name)
     now = fit.model.started(fit.u)
     parts = tuple(part if own.effect.name == name else own for own in now.effects)
     return replace(now, effects=parts)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from identify.effects.base import Effect
-from identify.fit.cross_validation import CrossValidation, held_out
+from identify.fit.cross_validation import CrossValidation, cross_validate
 from identify.fit.result import FitResult
 from identify.measurement.model import correlated
 from identify.residual.compare import compare_residual
@@ -22,7 +22,7 @@ class Step:
 
     fit: FitResult
     comparison: Comparison
-    held_out: CrossValidation
+    cross_validation: CrossValidation
     diagnosis: Diagnosis
 
 
@@ -37,7 +37,7 @@ def step_of(
     say("judging what is left")
     comparison = compare_residual(whitened_fit(fit, scan))
     diagnosis = diagnose(fit, catalogue, seed=seed, progress=lambda name: say(f"scoring {name}"))
-    return Step(fit, comparison, held_out(fit), diagnosis)
+    return Step(fit, comparison, cross_validate(fit), diagnosis)
 
 
 def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:

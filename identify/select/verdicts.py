@@ -59,10 +59,10 @@ def refit_numbers(name: str, explained: Explanation) -> tuple[float, float, floa
 
     None without a refit of the effect beside a step of the ladder.
     """
-    refits = (r for a in explained.additions for r in (*a.candidates, *a.tried) if r.name == name)
+    refits = (r for a in explained.accepted for r in (*a.candidates, *a.tried) if r.name == name)
     for candidate in refits:
-        others = {part for part in candidate.fit.model.has if part != name}
-        before = next((r for r in explained.ladder if set(r.fit.model.has) == others), None)
+        others = {part for part in candidate.fit.effect_names if part != name}
+        before = next((r for r in explained.ladder if set(r.fit.effect_names) == others), None)
         if before is not None:
             fall, excess = max(before.fit.chi2 - candidate.chi2, 0.0), before.diagnosis.excess
             share = min(fall / excess, 1.0) if excess > 0 else 0.0
@@ -79,16 +79,16 @@ def _in_group(
         return "indistinguishable", others
     if name in explained.added:
         return "supported", ()
-    if name in explained.resting_on_suspects:
+    if name in explained.resting_on_outliers:
         return "indistinguishable", (SUSPECT_PRESSES,)
-    if name in (*explained.at_bound, *explained.doubted):
+    if name in (*explained.at_bound, *explained.implausible):
         return "not_seen", ()
     return "helps", ()
 
 
 def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...] | None]:
     """Return the step that decided on an effect, and its group if it was chosen there."""
-    for addition in explained.additions:
+    for addition in explained.accepted:
         if name in addition.group:
             return _step_before(explained, addition.name, name), addition.group
     last = explained.final
@@ -100,7 +100,9 @@ def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...
 def _step_before(explained: Explanation, added: str, name: str) -> Step:
     """Return the last step without an addition that scored an effect."""
     ladder = explained.ladder
-    number = next((i for i, step in enumerate(ladder) if added in step.fit.model.has), len(ladder))
+    number = next(
+        (i for i, step in enumerate(ladder) if added in step.fit.effect_names), len(ladder)
+    )
     before = [step for step in ladder[:number] if _scored(step, name)]
     return before[-1] if before else next(step for step in ladder if _scored(step, name))
 

@@ -29,11 +29,11 @@ def check_effect(
 
     from identify.catalogue.user_effect import load_effect
     from identify.effects.conformance import kit as conformance
-    from identify.select.plant_and_recover import NOT_PLANTED, planted_and_found
+    from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
     from palpmap.commands.effects import findings_table
 
     effect = load_effect(file)
-    further = {"planted and found": planted_and_found}
+    further = {"planted and found": plant_and_recover}
     findings = conformance.check_effect(effect, further)
     faults = conformance.failures(findings)
     not_made = [finding for finding in findings if finding.says.startswith(NOT_PLANTED)]

@@ -136,12 +136,12 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
 
 
 def _after(fit: Any, diagnosis: Any, problem: Problem) -> Step:
-    from identify.fit.cross_validation import held_out
+    from identify.fit.cross_validation import cross_validate
     from identify.residual.compare import compare_residual
     from identify.select.step import whitened_fit
 
     comparison = compare_residual(whitened_fit(fit, problem.scan))
-    return Step(fit, comparison, held_out(fit), diagnosis)
+    return Step(fit, comparison, cross_validate(fit), diagnosis)
 
 
 def _record(
@@ -175,7 +175,7 @@ def _change_table(
         error.add_column(column, justify="right" if column else "left")
     pairs = [
         ("rms", before.fit.rms_m, after.fit.rms_m),
-        ("cross-validation", before.held_out.rms_m, after.held_out.rms_m),
+        ("cross-validation", before.cross_validation.rms_m, after.cross_validation.rms_m),
         ("noise alone", before.comparison.expected_rms_m, after.comparison.expected_rms_m),
     ]
     for label, was, now in pairs:

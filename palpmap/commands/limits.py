@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identify.design.detection_limits import SHARE, Limit, detection_limits
-from identify.design.predicted_limits import Improvement, improvements, that_fit
+from identify.design.predicted_limits import Improvement, designs_on_body, improvements
 from identify.design.scan_variants import mixed, presses_of, variations
-from identify.design.undetected_bias import UnseenShift, unseen_shifts
+from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.select.forward_selection import Explanation
@@ -98,7 +98,7 @@ def planned_limits(
     presses = presses_of(readings)
     all_at_once = mixed(presses)
     designs = [*variations(presses, readings.time_s is not None), all_at_once]
-    plans = improvements(fit, problem.catalogue, that_fit(fit, designs), say)
+    plans = improvements(fit, problem.catalogue, designs_on_body(fit, designs), say)
     same = next(p for p in plans if p.design.name == "same")
     present = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
     for limit in same.limits:
@@ -147,11 +147,11 @@ def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     limits = detection_limits(first, problem.catalogue)
-    shifts: Mapping[str, UnseenShift] = {}
+    shifts: Mapping[str, UndetectedBias] = {}
     blind: list[str] = []
     if explained.verdict != "unexplained":
         own = limits if last is first else detection_limits(last, problem.catalogue)
-        shifts = unseen_shifts(own)
+        shifts = undetected_biases(own)
         chain = last.model.chain
         blind = [
             limit.name

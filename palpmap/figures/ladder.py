@@ -34,8 +34,8 @@ def draw_ladder(explained: Explanation) -> Figure:
     rungs = explained.ladder
     at = np.arange(len(rungs))
     rms = 1e6 * np.array([rung.fit.rms_m for rung in rungs])
-    apart = 1e6 * np.array([rung.held_out.rms_m for rung in rungs])
-    high = [rung.held_out.high_rms_m for rung in rungs]
+    apart = 1e6 * np.array([rung.cross_validation.rms_m for rung in rungs])
+    high = [rung.cross_validation.high_rms_m for rung in rungs]
     noise = 1e6 * rungs[-1].comparison.expected_rms_m
     axes.set_yscale("log")
     axes.axhspan(noise / 30, noise, color="#eef0f3", zorder=0)

@@ -35,8 +35,10 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     first, last = explained.ladder[0], explained.final
     shown: list[tuple[str, GaussianMap | ChangedMap]] = [("Found", last.fit.changed_map)]
     if len(explained.ladder) > 1:
-        start = " + ".join(("map", *first.fit.model.has)) if first.fit.model.has else "map alone"
-        names = " + ".join(last.fit.model.has) or "map alone"
+        start = (
+            " + ".join(("map", *first.fit.effect_names)) if first.fit.effect_names else "map alone"
+        )
+        names = " + ".join(last.fit.effect_names) or "map alone"
         shown = [
             (f"Before: {start}", first.fit.changed_map),
             (f"After: with {names}", last.fit.changed_map),

@@ -283,7 +283,7 @@ def _absent(explained: Explanation) -> dict[str, float]:
 def _log_rung(log: Log, rung: Step, number: int, painted: _Painted) -> None:
     for name, value in (
         ("rms_um", 1e6 * rung.fit.rms_m),
-        ("held_out_um", 1e6 * rung.held_out.rms_m),
+        ("held_out_um", 1e6 * rung.cross_validation.rms_m),
         ("noise_um", 1e6 * rung.comparison.expected_rms_m),
         ("chi2_per_dof", rung.fit.chi2_per_dof),
     ):
@@ -300,7 +300,8 @@ def _log_events(log: Log, explained: Explanation, problem: Problem, number: int)
         parts.EVENTS,
         rr.TextLog(
             f"{label}: error {length(rung.fit.rms_m, signed=False)}, at presses left out "
-            f"{length(rung.held_out.rms_m, signed=False)}, chi2/dof {rung.fit.chi2_per_dof:.3g}",
+            f"{length(rung.cross_validation.rms_m, signed=False)}, "
+            f"chi2/dof {rung.fit.chi2_per_dof:.3g}",
             level="INFO",
         ),
     )

@@ -40,7 +40,7 @@ def step_line(rung: Step) -> str:
     """Return one line: the effects, the error and its bar, chi-square per degree of freedom."""
     noise = rung.comparison.expected_rms_m
     bar = "█" * min(round(_WIDTH / 4 * rung.fit.rms_m / noise), _WIDTH)
-    what = "+ " + rung.fit.model.has[-1] if rung.fit.model.has else "map alone"
+    what = "+ " + rung.fit.effect_names[-1] if rung.fit.effect_names else "map alone"
     return (
         f"  {what:<22} {length(rung.fit.rms_m, signed=False):>9}  {bar}  "
         f"chi2/dof {rung.fit.chi2_per_dof:.3g}"
@@ -59,7 +59,7 @@ def explain_summary(
     if explained.verdict != "unexplained" or explained.added:
         for number in steps_of(explained):
             names = added_names(explained.ladder[number - 1], explained.ladder[number])
-            if set(names) & set(explained.final.fit.model.has):
+            if set(names) & set(explained.final.fit.effect_names):
                 titles = " and ".join(named(problem.catalogue, name).title for name in names)
                 lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
     lines.extend(Text(f"- {says}") for says in presses_sentences(record))
@@ -91,7 +91,7 @@ def _ladder_table(explained: Explanation) -> "RenderableType":
         table.add_row(
             label.replace("\n", ", "),
             length(rung.fit.rms_m, signed=False),
-            length(rung.held_out.rms_m, signed=False),
+            length(rung.cross_validation.rms_m, signed=False),
             length(rung.comparison.expected_rms_m, signed=False),
             f"{rung.fit.chi2_per_dof:.3g}",
         )

@@ -29,13 +29,13 @@ def ladder_table(explained: Explanation) -> str:
         (
             label.replace("\n", ", "),
             length(rung.fit.rms_m, signed=False),
-            length(rung.held_out.rms_m, signed=False),
+            length(rung.cross_validation.rms_m, signed=False),
             "" if high is None else length(high, signed=False),
             length(rung.comparison.expected_rms_m, signed=False),
             f"{rung.fit.chi2_per_dof:.3g}",
         )
         for label, rung in zip(rung_labels(explained), explained.ladder, strict=True)
-        for high in (rung.held_out.high_rms_m,)
+        for high in (rung.cross_validation.high_rms_m,)
     ]
     head = (
         "Model", "Error (rms)", "Cross-validation", "At forces left out", "Noise alone",
@@ -52,7 +52,7 @@ def rival_table(addition: AcceptedEffect) -> str:
             rival.name,
             f"{rival.chi2:.0f}",
             "best" if rival.criterion == best else f"+{rival.criterion - best:.0f}",
-            "as good" if rival.name in addition.equals[1:] else "",
+            "as good" if rival.name in addition.equivalents[1:] else "",
         )
         for rival in addition.candidates
     ]

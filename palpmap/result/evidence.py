@@ -91,18 +91,18 @@ def steps(explained: Explanation) -> Iterable[tuple[str, Step, Step]]:
 
 def added_name(before: Step, after: Step) -> str:
     """Return the effect that the rung after has and the one before has not."""
-    return next(name for name in after.fit.model.has if name not in before.fit.model.has)
+    return next(name for name in after.fit.effect_names if name not in before.fit.effect_names)
 
 
 def added_names(before: Step, after: Step) -> tuple[str, ...]:
     """Return all effects that the rung after has and the one before has not."""
-    had = before.fit.model.has
-    return tuple(name for name in after.fit.model.has if name not in had)
+    had = before.fit.effect_names
+    return tuple(name for name in after.fit.effect_names if name not in had)
 
 
 def kept(explained: Explanation, name: str) -> AcceptedEffect | None:
     """Return the addition of an effect, or None where it lost its place later."""
-    return next((a for a in explained.additions if a.name == name), None)
+    return next((a for a in explained.accepted if a.name == name), None)
 
 
 def evidences(explained: Explanation) -> tuple[Evidence, ...]:

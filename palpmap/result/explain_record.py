@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from identify.design.geometry_confounders import geometry_confounders
-from identify.design.redundant_inclusions import unseen_inclusions
+from identify.design.redundant_inclusions import redundant_inclusions
 from identify.effects.base import Effect
 from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import Explanation
@@ -33,12 +33,12 @@ def explain_record(
         "added": list(explained.added),
         "ambiguous": [list(group) for group in explained.ambiguous],
         "traces": list(explained.traces),
-        "helpers": [a.name for a in explained.additions if a.name not in explained.added],
+        "helpers": [a.name for a in explained.accepted if a.name not in explained.added],
         "ladder": [step_record(rung) for rung in explained.ladder],
         "candidates": [
             candidate_record(effect, explained, problem)
             for effect in problem.catalogue
-            if effect.name not in problem.model.has
+            if effect.name not in problem.model.effect_names
         ],
         "parameters": parameters_of(explained.final, problem, bent=True),
         "residual": explained.final.comparison.statement,
@@ -56,7 +56,9 @@ def explain_record(
 
 def _unseen(explained: Explanation) -> list[int]:
     """Numbers of the inclusions that are not seen; what is unexplained may hide any."""
-    return [] if explained.verdict == "unexplained" else [*unseen_inclusions(explained.final.fit)]
+    return (
+        [] if explained.verdict == "unexplained" else [*redundant_inclusions(explained.final.fit)]
+    )
 
 
 def _stated_lengths(explained: Explanation) -> list[dict[str, Any]]:
@@ -80,10 +82,10 @@ def without_record(without: WithoutSuspects) -> dict[str, Any]:
 def step_record(rung: Step) -> dict[str, Any]:
     """Return one step of the ladder."""
     return {
-        "effects": list(rung.fit.model.has),
+        "effects": list(rung.fit.effect_names),
         "rms_m": rung.fit.rms_m,
-        "held_out_rms_m": rung.held_out.rms_m,
-        "held_out_high_rms_m": rung.held_out.high_rms_m,
+        "held_out_rms_m": rung.cross_validation.rms_m,
+        "held_out_high_rms_m": rung.cross_validation.high_rms_m,
         "noise_rms_m": rung.comparison.expected_rms_m,
         "chi2_per_dof": rung.fit.chi2_per_dof,
         "is_noise": rung.comparison.is_noise,

@@ -37,7 +37,7 @@ CANDIDATES = {
 def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
     if explained.verdict == "unexplained" and explained.final.comparison.is_noise:
-        if explained.at_bound or explained.doubted:
+        if explained.at_bound or explained.implausible:
             return "Unexplained: the only model that fits has implausible parameter values."
         return "Unexplained: more is seen to be missing than could be found."
     return VERDICTS[explained.verdict][0]
@@ -66,7 +66,7 @@ def rung_labels(explained: Explanation) -> list[str]:
     """Return what each rung of the ladder changed: "map alone", "+ viscoelasticity"."""
     labels, had = [], ()
     for number, rung in enumerate(explained.ladder):
-        has = rung.fit.model.has
+        has = rung.fit.effect_names
         new = [f"+ {name}" for name in has if name not in had]
         lost = [f"− {name}" for name in had if name not in has]
         start = ["map alone" if not has else "map"] if number == 0 else []
@@ -86,7 +86,7 @@ def listed(names: Sequence[str]) -> str:
 
 def _help(explained: Explanation) -> str:
     """Say how much the additions of an unexplained scan take, and that they are not the answer."""
-    helpers = [a.name for a in explained.additions]
+    helpers = [a.name for a in explained.accepted]
     if not helpers:
         return _nearest(explained)
     one = len(helpers) == 1
@@ -100,9 +100,9 @@ def _help(explained: Explanation) -> str:
             f"With {listed(helpers)} the error falls, but only with more of {listed(bound)} than "
             "can be: at the bound of what is possible it is a help, not the answer. "
         )
-    if doubted := [name for name in helpers if name in explained.doubted]:
+    if implausible := [name for name in helpers if name in explained.implausible]:
         return (
-            f"With {listed(helpers)} the error falls, but {listed(doubted)} only at "
+            f"With {listed(helpers)} the error falls, but {listed(implausible)} only at "
             "implausible values: a help, not the answer. "
         )
     text = f"{listed(helpers)} {'takes' if one else 'take'} "
@@ -134,7 +134,7 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
     """
     rungs, says = explained.ladder, []
     for name in added_names(rungs[number - 1], rungs[number]):
-        having = [rung for rung in rungs[number:] if name in rung.fit.model.has]
+        having = [rung for rung in rungs[number:] if name in rung.fit.effect_names]
         values = having[-1].fit.at.values[name]
         text = named(problem.catalogue, name).evidence(values, problem.model.readings)
         says.append(text if name in explained.added else f"If it were {name}: {text}")
@@ -147,8 +147,8 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
     text = (
         f"Chi-square goes from {before.fit.chi2:.0f} to {after.fit.chi2:.0f} "
         f"({after.fit.dof} degrees of freedom); in cross-validation, the error "
-        f"goes from {length(before.held_out.rms_m, signed=False)} to "
-        f"{length(after.held_out.rms_m, signed=False)}."
+        f"goes from {length(before.cross_validation.rms_m, signed=False)} to "
+        f"{length(after.cross_validation.rms_m, signed=False)}."
     )
     names = added_names(before, after)
     return [text, *(note for name in names for note in _name_notes(explained, name))]
@@ -158,7 +158,7 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
     addition = kept(explained, name)
     if addition is None:
         return [f"{name} lost its place later: beside what was added after it, it is not needed."]
-    if len(addition.group) > len(addition.equals):
+    if len(addition.group) > len(addition.equivalents):
         return [
             f"{listed(addition.group)} cannot be told apart: beyond what the map takes up, a "
             "slight error of the model, or another form of the map, looks the same as "
@@ -171,9 +171,9 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
             f"{name} stands for a group: with {others} in its place the model is as good. Do not "
             "take its name, or its numbers, for found."
         ]
-    if addition.borne_out and name in explained.added and explained.verdict == "unexplained":
+    if addition.shown_by_presses and name in explained.added and explained.verdict == "unexplained":
         return [f"The presses by themselves call for {name}, whatever the map."]
-    if name in explained.resting_on_suspects:
+    if name in explained.resting_on_outliers:
         return [
             f"{name} is only found, or only told from the other candidates, with presses that "
             "stand out by themselves, so it is not offered as the missing effect."
@@ -183,7 +183,7 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
             f"{name} is at the bound of what is possible, so it is not offered as the missing "
             "effect."
         ]
-    if name in explained.doubted:
+    if name in explained.implausible:
         values = explained.final.fit.at.values[name]
         model = explained.final.fit.model
         (part,) = (part for part in model.effects if part.effect.name == name)
@@ -220,7 +220,7 @@ def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
         notes.append("The last fit did not reach its minimum within its evaluations.")
     if explained.dropped:
         notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
-    if explained.traces and explained.additions:
+    if explained.traces and explained.accepted:
         notes.append(
             f"A trace of {' or '.join(explained.traces)} is left. It is small against what was "
             "explained, and as likely an inaccuracy of the effects that were found."

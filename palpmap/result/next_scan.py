@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.design.next_presses import Proposal, next_presses
-from identify.design.predicted_limits import that_fit
+from identify.design.predicted_limits import designs_on_body
 from identify.design.scan_variants import Presses, presses_of, variations
 from identify.select.forward_selection import Explanation
 from palpmap.study.body import Body
@@ -31,17 +31,17 @@ def propose(
     explained: Explanation, problem: Problem, say: Say = lambda text: None
 ) -> tuple[Proposal, ...]:
     """Return the scans that tell the last ambiguous group apart; the first is to be made."""
-    ambiguous = [a for a in explained.additions if len(a.equals) > 1]
+    ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1]
     if not ambiguous:
         return ()
     group = ambiguous[-1]
-    candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equals]
+    candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equivalents]
     readings = problem.model.readings
     in_time = any(
         "time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in candidates
     )
     timed = in_time and readings.time_s is not None
-    designs = that_fit(candidates[0][1], variations(presses_of(readings), timed))
+    designs = designs_on_body(candidates[0][1], variations(presses_of(readings), timed))
     return next_presses(candidates, designs, say)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from identify.effects.units import force, percent
-from identify.fit.free_compliance import PressWiseFit
+from identify.fit.free_compliance import FreeComplianceFit
 from palpmap.study.open_study import Problem
 
 
@@ -26,7 +26,7 @@ def presses_record(problem: Problem) -> dict[str, Any] | None:
     }
 
 
-def _record(fit: PressWiseFit, largest_n: float) -> dict[str, float]:
+def _record(fit: FreeComplianceFit, largest_n: float) -> dict[str, float]:
     return {
         "rms_n": fit.rms_n,
         "typical_n": fit.typical_n,

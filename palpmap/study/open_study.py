@@ -20,8 +20,8 @@ from identify.effects.readings import Readings
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance_start import (
     curved_again,
+    free_compliance,
     law_of,
-    presses_alone,
     straight,
     typical_error,
     typical_error_m,
@@ -138,7 +138,7 @@ def law_of_study(
     """Return what the presses by themselves call for beside the study's effects, see `law_of`."""
     scan = placement.scan
     noise = scan_noise(scan.used(), study.noise.displacement_m, study.noise.force_n)
-    presses = presses_alone(scan, body, noise)
+    presses = free_compliance(scan, body, noise)
     effects = [(named(catalogue, entry.name), entry.initial) for entry in study.effects]
     had = [presses.begun(e, initial) for e, initial in effects if presses.shows(e)]
     return law_of(presses, had, catalogue, say)

@@ -49,7 +49,7 @@ class WithoutSuspects:
     def of(cls, presses: tuple[int, ...], again: Explanation) -> "WithoutSuspects":
         """Return what the loop has found without the presses."""
         final = again.final
-        found = frozenset(a.name for a in again.additions if len(a.group) == 1)
+        found = frozenset(a.name for a in again.accepted if len(a.group) == 1)
         return cls(
             presses,
             again.verdict,
@@ -92,7 +92,7 @@ def without_suspects(
         say(f"without presses {named}: {text}")
 
     try:
-        if explained.additions:
+        if explained.accepted:
             same = _same_answer(problem, explained, presses, tell)
             if same is not None:
                 return same
@@ -133,7 +133,7 @@ def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tu
     if without is None:
         return tuple(p for p in explained.ladder[0].comparison.bad_presses if p in still)
     same = (without.verdict, without.added) == (explained.verdict, explained.added)
-    if not same or explained.resting_on_suspects:
+    if not same or explained.resting_on_outliers:
         return without.presses
     return tuple(press for press in without.presses if press in still)
 
@@ -146,4 +146,4 @@ def weighed(explained: Explanation, without: WithoutSuspects | None) -> Explanat
     if not resting:
         return explained
     verdict = "ambiguous" if explained.verdict == "explained" else explained.verdict
-    return replace(explained, verdict=verdict, resting_on_suspects=resting)
+    return replace(explained, verdict=verdict, resting_on_outliers=resting)

@@ -92,7 +92,7 @@ def test_a_written_fit_is_the_commands_folder_and_reads_back(fitted, tmp_path, r
 def test_a_missing_effect_is_found_from_memory(why):
     assert why.verdict == "explained"
     assert why.added == ("contact_offset",)
-    assert [step.fit.model.has for step in why.ladder] == [(), ("contact_offset",)]
+    assert [step.fit.effect_names for step in why.ladder] == [(), ("contact_offset",)]
     assert {row["name"] for row in why.candidates} == set(NAMES)
     assert {row["name"] for row in why.limits} == set(NAMES)
     assert why.next_presses == ()

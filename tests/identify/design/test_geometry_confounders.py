@@ -55,8 +55,8 @@ def found(effect: Effect, wider_m: float = 0.0, higher_m: float = 0.0, shift_m: 
     null = dict.fromkeys((p.name for p in effect.parameters), 0.0)
     after = fit_jointly(before.model.with_effect(effect, null, own.state()), before.map)
     assert after.chi2 < before.chi2 - 20
-    rungs = tuple(SimpleNamespace(fit=fit) for fit in (before, after))
-    explained: Any = SimpleNamespace(ladder=rungs, additions=(SimpleNamespace(name=effect.name),))
+    steps = tuple(SimpleNamespace(fit=fit) for fit in (before, after))
+    explained: Any = SimpleNamespace(ladder=steps, accepted=(SimpleNamespace(name=effect.name),))
     return {
         m.length: m.change_m for m in geometry_confounders(explained) if m.effect == effect.name
     }

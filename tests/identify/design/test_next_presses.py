@@ -117,7 +117,7 @@ def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_for
 
 
 def test_presses_that_are_made_bring_what_was_promised(candidates):
-    """All presses are made, without noise, and both rivals are refitted to all of them.
+    """All presses are made, without noise, and both candidates are refitted to all of them.
 
     A refit may follow the bend of the map's valley, along which the promise goes straight.
     """

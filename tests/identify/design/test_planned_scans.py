@@ -10,7 +10,7 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import detection_limits
-from identify.design.predicted_limits import improvements, planned, that_fit
+from identify.design.predicted_limits import designs_on_body, improvements, planned
 from identify.design.scan_variants import BETWEEN_SCANS_S, presses_of, readings_of, variations
 from identify.effects.readings import Readings
 from identify.fit.cross_validation import folds
@@ -59,14 +59,14 @@ def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
     near = replace(presses, point_m=presses.point_m + np.array([-0.004, 0, 0]))
     two = replace(design(fit, "two_radii"), presses=replace(near, radius_m=np.full(25, 0.008)))
     same = replace(design(fit, "same"), presses=presses)
-    (fitting, unchanged) = that_fit(fit, [two, same])
+    (fitting, unchanged) = designs_on_body(fit, [two, same])
     assert unchanged is same
     assert len(fitting.presses) == 20
     assert fitting.presses.point_m[:, 0].min() > 0.008
     assert fitting.change.endswith("(without the 5 places too near an edge for the tip)")
     planned(fit, fitting)  # meshes and solves
     beside = replace(two, presses=replace(near, radius_m=np.full(25, 0.05)))
-    assert that_fit(fit, [beside]) == ()
+    assert designs_on_body(fit, [beside]) == ()
 
 
 def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):

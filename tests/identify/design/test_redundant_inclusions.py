@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.design.redundant_inclusions import unseen_inclusions
+from identify.design.redundant_inclusions import redundant_inclusions
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -25,11 +25,11 @@ def fitted(truth: GaussianMap, start: GaussianMap) -> FitResult:
 
 def test_of_a_homogeneous_body_no_inclusion_is_seen():
     start = GaussianMap(TRUE.background_pa, (FAINT,))
-    assert unseen_inclusions(fitted(GaussianMap(5000.0), start)) == (1,)
+    assert redundant_inclusions(fitted(GaussianMap(5000.0), start)) == (1,)
 
 
 def test_the_one_that_is_there_is_kept_and_the_other_is_named():
     (real,) = TRUE.inclusions
     for start, unseen in (((real, FAINT), (2,)), ((FAINT, real), (1,)), ((real,), ())):
         fit = fitted(TRUE, GaussianMap(TRUE.background_pa, start))
-        assert unseen_inclusions(fit) == unseen
+        assert redundant_inclusions(fit) == unseen

@@ -6,7 +6,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import SHARE, Limit, detection_limits
-from identify.design.undetected_bias import UnseenShift, unseen_shifts
+from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.fit.joint_fit import fit_jointly
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
@@ -16,7 +16,7 @@ def limit(name: str, share: float | None, most: float | None = None, **bias: flo
 
 
 def test_the_largest_shift_is_that_of_the_limit_or_of_three_percent_if_that_is_less():
-    found = unseen_shifts(
+    found = undetected_biases(
         [
             limit("easily_seen", SHARE / 10, background_pa=-400.0, weight_pa=9000.0),
             limit("hardly_seen", 3 * SHARE, background_pa=-70.0, weight_pa=300.0),
@@ -25,11 +25,11 @@ def test_the_largest_shift_is_that_of_the_limit_or_of_three_percent_if_that_is_l
         ]
     )
     assert found == {
-        "background_pa": UnseenShift(70.0, "hardly_seen", SHARE),
-        "weight_pa": UnseenShift(900.0, "easily_seen", SHARE / 10),
-        "z_m": UnseenShift(2e-3, "never_seen", SHARE / 2),  # as much of it as there can be
+        "background_pa": UndetectedBias(70.0, "hardly_seen", SHARE),
+        "weight_pa": UndetectedBias(900.0, "easily_seen", SHARE / 10),
+        "z_m": UndetectedBias(2e-3, "never_seen", SHARE / 2),  # as much of it as there can be
     }
-    assert not unseen_shifts([limit("never_seen", None)])
+    assert not undetected_biases([limit("never_seen", None)])
 
 
 @pytest.mark.parametrize("name", ["tool_compliance", "contact_offset"])
@@ -39,7 +39,7 @@ def test_an_effect_too_small_to_be_seen_moves_the_map_as_foretold(name):
     table = scan(body.evaluate(TRUE, body.state()).compliance[press] * force, force, 0)
     fit = fit_jointly(model(table, body), TRUE)
     (own,) = detection_limits(fit, [effect for effect in CATALOGUE if effect.name == name])
-    foretold = unseen_shifts([own])
+    foretold = undetected_biases([own])
     share = foretold["background_pa"].share
     assert own.smallest_share is not None
     assert share == min(own.smallest_share, SHARE)

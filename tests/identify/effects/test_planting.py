@@ -7,7 +7,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.example_scan import trial
-from identify.select.plant_and_recover import planted_and_found
+from identify.select.plant_and_recover import plant_and_recover
 
 QUICK = {"contact_offset", "force_bias", "viscoelasticity", "tool_compliance", "skin_layer"}
 
@@ -18,7 +18,7 @@ QUICK = {"contact_offset", "force_bias", "viscoelasticity", "tool_compliance", "
     ids=lambda effect: effect.name,
 )
 def test_a_built_in_effect_is_found_where_it_was_planted(effect):
-    said = planted_and_found(effect, trial())
+    said = plant_and_recover(effect, trial())
     redundant = "under a contact of fixed size it is what force_bias is"
     assert ("found" in said) is (effect.name != "touch_threshold")
     assert "not planted" not in said or redundant in said
@@ -35,4 +35,4 @@ class Forgetful(ContactOffset):
 
 def test_an_effect_that_does_not_come_back_is_at_fault():
     with pytest.raises(Fault, match=r"planted .*offset_m"):
-        planted_and_found(Forgetful(), trial())
+        plant_and_recover(Forgetful(), trial())

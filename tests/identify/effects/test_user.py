@@ -120,7 +120,7 @@ def test_a_sound_effect_passes_the_command():
 
 def test_a_check_that_was_not_made_is_not_said_to_be_kept(monkeypatch):
     why = planting.NOT_PLANTED + "the stiffness map absorbs it entirely"
-    monkeypatch.setattr(planting, "planted_and_found", lambda effect, own: why)
+    monkeypatch.setattr(planting, "plant_and_recover", lambda effect, own: why)
     done = palpmap("check-effect", WARM_UP)
     assert done.exit_code == 0
     assert re.search(r"^ *- +planted and found", done.stdout, re.MULTILINE)

@@ -14,7 +14,7 @@ from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
 from identify.fit.contact_law import GROSS, contact_law
-from identify.fit.free_compliance import PressWise, straightened
+from identify.fit.free_compliance import FreeCompliance, straightened
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
 
@@ -37,7 +37,7 @@ def moduli(seed: int) -> np.ndarray:
     return 2e4 * np.exp(rng.normal(0, 0.15, PRESSES)) * np.where(np.arange(PRESSES) < 4, 4.0, 1.0)
 
 
-def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> PressWise:
+def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> FreeCompliance:
     """Noisy readings (j, levels) under what a study with a flat tip takes for its contact."""
     rng = np.random.default_rng(100 + seed)
     count = displacement.shape[1]
@@ -57,13 +57,13 @@ def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> PressWise
     unit = (1 - NU**2) / (2 * BALL * punch_factor(BALL / THICKNESS, NU))
     noisy = displacement.ravel() + NOISE.displacement_m * rng.standard_normal(size)
     box = ((0.0, 0.0, 0.0), (0.09, 0.06, THICKNESS))
-    return PressWise(
+    return FreeCompliance(
         readings, noisy, NOISE, np.full(PRESSES, BALL), "flat", NU, np.full(PRESSES, unit),
         BodyState(box, NU),
     )  # fmt: skip
 
 
-def ball(seed: int, threshold_n: float = 0.0, offset_m: float = 0.0) -> PressWise:
+def ball(seed: int, threshold_n: float = 0.0, offset_m: float = 0.0) -> FreeCompliance:
     """A ball's presses; travel counts from a force, and from an offset."""
     force_1, travel_1 = layer()
     e = moduli(seed)[:, None]
@@ -74,7 +74,7 @@ def ball(seed: int, threshold_n: float = 0.0, offset_m: float = 0.0) -> PressWis
     return presses(reported, force, seed)
 
 
-def flat(seed: int, change=lambda d, f: (d, f)) -> PressWise:
+def flat(seed: int, change=lambda d, f: (d, f)) -> FreeCompliance:
     """A flat tip's presses, straight lines, and what is done to travel and force (j, levels)."""
     e = moduli(seed)[:, None]
     share = np.linspace(0.1, 1, LEVELS)[None, :]

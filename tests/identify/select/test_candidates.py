@@ -9,7 +9,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.select import candidates as candidates
-from identify.select.candidates import borne_out, compare_rivals, fit_with, shortlist
+from identify.select.candidates import borne_out, compare_candidates, fit_with, shortlist
 from identify.select.score_test import fitted_basis, score_effect
 from identify.select.step import step_of
 from tests.identify.select.loop_problem import (  # fmt: skip
@@ -30,7 +30,7 @@ LOSS, SHARPNESS, SEED = 0.02, 8.0, 4
 
 @pytest.fixture(scope="module")
 def saturated():
-    """A rung of the map alone, of a scan whose sensor loses 2 % at its largest force."""
+    """A step of the map alone, of a scan whose sensor loses 2 % at its largest force."""
     press, _, _, force = timing(SEED)
     read = force * (1 - LOSS * (force / PEAK_N) ** SHARPNESS)
     table = scan(true_compliance()[press] * force, read, SEED)
@@ -44,7 +44,7 @@ def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
     assert fit.chi2 < saturated.fit.chi2 - 20
     assert fit.rms_m > 1.002 * saturated.fit.rms_m  # at the forces as they were read
     assert borne_out(saturated.fit, fit) == pytest.approx(1, abs=0.3)
-    candidates = compare_rivals(
+    candidates = compare_candidates(
         saturated, {e.name: e for e in CATALOGUE}, str, shortlist(saturated.diagnosis)
     )
     assert candidates[0].name == "force_saturation"
@@ -95,7 +95,7 @@ def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
 def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
     press, _, _, force = timing(SEED)
     late = scan(true_compliance()[press] * force + 10 * NOISE.displacement_m, force, SEED)
-    rung = step_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
+    step = step_of(fit_jointly(model(late), TRUE), late, CATALOGUE, 0, lambda text: None)
     effects = {e.name: e for e in CATALOGUE}
     refits = []
 
@@ -104,10 +104,10 @@ def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
         return try_fit(tried, *rest, **options)
 
     monkeypatch.setattr(candidates, "try_fit", counted)
-    compare_rivals(rung, effects, str, ["inclusion_edge"])
+    compare_candidates(step, effects, str, ["inclusion_edge"])
     assert len(refits) > 1
     refits.clear()
-    best, beaten = compare_rivals(rung, effects, str, ["contact_offset", "inclusion_edge"])
+    best, beaten = compare_candidates(step, effects, str, ["contact_offset", "inclusion_edge"])
     assert (best.name, beaten.name) == ("contact_offset", "inclusion_edge")
     assert beaten.chi2 > best.chi2 + 200
     assert refits.count("inclusion_edge") == 1

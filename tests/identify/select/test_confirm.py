@@ -69,7 +69,7 @@ def test_where_something_is_left_the_effects_must_still_earn_their_place():
     table = swaying(table_with(np.full(25 * 22, OFFSET_M), 8))
     answer = explained(table)
     assert answer.verdict == "unexplained"
-    assert [addition.name for addition in answer.additions] == ["contact_offset"]
+    assert [addition.name for addition in answer.accepted] == ["contact_offset"]
     some = table.time_s % 3 > 1
     others = table.rows(some)
     again = confirmed(answer, model(others), others, some, print)

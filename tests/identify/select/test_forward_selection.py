@@ -8,7 +8,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit import cross_validation as module
-from identify.fit.cross_validation import held_out, predicted_error
+from identify.fit.cross_validation import cross_validate, predicted_error
 from identify.fit.joint_fit import fit_jointly
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
@@ -56,9 +56,9 @@ def test_an_offset_is_found_and_the_map_recovers():
     before, after = found.ladder[0], found.final
     assert after.fit.values["contact_offset.offset_m"] == pytest.approx(1.5e-4, abs=3e-5)
     assert after.fit.rms_m < 0.8 * before.fit.rms_m
-    assert after.held_out.ratio == pytest.approx(1, abs=0.15)
-    assert before.held_out.ratio > 1.3
-    error = [abs(rung.fit.values["background_pa"] - TRUE.background_pa) for rung in found.ladder]
+    assert after.cross_validation.ratio == pytest.approx(1, abs=0.15)
+    assert before.cross_validation.ratio > 1.3
+    error = [abs(step.fit.values["background_pa"] - TRUE.background_pa) for step in found.ladder]
     assert error[1] < error[0] / 3
 
 
@@ -155,7 +155,7 @@ def test_held_out_presses_are_those_of_a_fit_without_them(monkeypatch):
     direct = weights.linearise(other).residual[out]
     assert predicted_error(fit, out) == pytest.approx(direct, abs=0.02 * np.abs(direct).max())
     assert len(rest.used()) == 528
-    assert held_out(fit).ratio == pytest.approx(1, abs=0.15)
+    assert cross_validate(fit).ratio == pytest.approx(1, abs=0.15)
     # Too long a step for a linear prediction: it ends before, and there the model itself is asked
     own = fit.at.residual[out]
     whole = predicted_error(fit, out) - own

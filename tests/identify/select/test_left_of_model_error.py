@@ -38,8 +38,8 @@ def explained(small: float, gradient: float = 0.0, drift_n: float = 0.0):
 
 def second(found):
     """Group of the second addition, and its share of what the first explained."""
-    chi2 = [rung.fit.chi2 for rung in found.ladder]
-    first, other = found.additions
+    chi2 = [step.fit.chi2 for step in found.ladder]
+    first, other = found.accepted
     assert MODEL_ERROR in first.group
     return other.group, (chi2[1] - chi2[2]) / (chi2[0] - chi2[1])
 

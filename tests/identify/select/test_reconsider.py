@@ -1,4 +1,4 @@
-"""Earlier additions are compared with their rivals again, beside what was added since."""
+"""Earlier additions are compared with their candidates again, beside what was added since."""
 
 from dataclasses import replace
 from functools import cache
@@ -31,7 +31,7 @@ def explained():
     found = forward_selection(
         model(table), TRUE, table, [CATALOGUE[name] for name in names], on_step=steps.append
     )
-    return found, [rung.fit.model.has for rung in steps]
+    return found, [step.fit.effect_names for step in steps]
 
 
 def test_what_was_taken_for_another_effect_while_one_was_missing_is_put_right():
@@ -47,27 +47,27 @@ def test_what_was_taken_for_another_effect_while_one_was_missing_is_put_right():
 
 def test_the_ladder_leads_to_the_last_model_step_by_step():
     found, steps = explained()
-    ladder = [rung.fit.model.has for rung in found.ladder]
+    ladder = [step.fit.effect_names for step in found.ladder]
     assert ladder == [(), ("contact_offset",), ("contact_offset", "preconditioning")]
     assert steps[-2:] == ladder[-2:]
-    chi2 = [rung.fit.chi2 for rung in found.ladder]
+    chi2 = [step.fit.chi2 for step in found.ladder]
     assert chi2 == sorted(chi2, reverse=True)
 
 
 def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     found, _ = explained()
-    for addition in found.additions:
+    for addition in found.accepted:
         others = set(found.added) - {addition.name}
-        for rival in addition.candidates:
-            assert set(rival.fit.model.has) == {rival.name, *others}
-    offset = next(a for a in found.additions if a.name == "contact_offset")
-    tilt = next(rival for rival in offset.candidates if rival.name == "surface_tilt")
-    own = next(rival for rival in offset.candidates if rival.name == "contact_offset")
+        for candidate in addition.candidates:
+            assert set(candidate.fit.effect_names) == {candidate.name, *others}
+    offset = next(a for a in found.accepted if a.name == "contact_offset")
+    tilt = next(candidate for candidate in offset.candidates if candidate.name == "surface_tilt")
+    own = next(candidate for candidate in offset.candidates if candidate.name == "contact_offset")
     assert (
         tilt.chi2 <= own.chi2 + 0.1
     )  # it contains the offset, and its slopes bring next to nothing
     assert tilt.chi2 > own.chi2 - MARGIN
-    before = {rival.name: rival.chi2 for rival in offset.tried}
+    before = {candidate.name: candidate.chi2 for candidate in offset.tried}
     assert before["surface_tilt"] < before["contact_offset"] - MARGIN
 
 

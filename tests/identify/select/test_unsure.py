@@ -46,9 +46,9 @@ def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_th
     assert "presses that stand out" in note
 
 
-def bad(rung, *presses):
-    marked = tuple(replace(p, bad=p.press in presses) for p in rung.comparison.presses)
-    return replace(rung, comparison=replace(rung.comparison, presses=marked))
+def bad(step, *presses):
+    marked = tuple(replace(p, bad=p.press in presses) for p in step.comparison.presses)
+    return replace(step, comparison=replace(step.comparison, presses=marked))
 
 
 def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_case, monkeypatch):
@@ -78,11 +78,11 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     explained = explained_case.explained
     (name,) = explained.added
     assert name == "viscoelasticity"
-    assert explain._verdict(explained.ladder, explained.additions, True) == "explained"
+    assert explain._verdict(explained.ladder, explained.accepted, True) == "explained"
     why = "it keeps step with the presses"
     monkeypatch.setattr(Viscoelasticity, "doubt", lambda self, values, readings: why)
-    assert candidates.doubted(explained.final.fit, name)
-    assert explain._verdict(explained.ladder, explained.additions, True) == "unexplained"
+    assert candidates.is_implausible(explained.final.fit, name)
+    assert explain._verdict(explained.ladder, explained.accepted, True) == "unexplained"
     found = replace(explained, verdict="unexplained")
     assert found.added == ()
     assert "implausible" in headline(found)
@@ -91,8 +91,8 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     assert why in " ".join(_name_notes(found, name))
     record = candidate_record(CATALOGUE[name], found, explained_case.problem)
     assert record["verdict"] == "not_seen"
-    # Nor is it a rival of anything else
-    tried = candidates.compare_rivals(
+    # Nor is it a candidate of anything else
+    tried = candidates.compare_candidates(
         explained.ladder[0], {name: CATALOGUE[name]}, lambda text: None, [name]
     )
     assert tried == ()
@@ -132,25 +132,26 @@ def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explaine
     (part,) = last.model.effects
     twin = replace(part, effect=CATALOGUE["hysteresis"], start={"loss": 0.01},
                    parameters=CATALOGUE["hysteresis"].parameters)  # fmt: skip
-    both = replace(last, model=replace(last.model, effects=(part, twin)))
+    model = replace(last.model, effects=(part, twin))
+    both = replace(last, solution=replace(last.solution, model=model))
     now = with_exchanged(both, {"hysteresis": "viscoelasticity"}, last)
-    assert now.model.has == ("viscoelasticity",)
+    assert now.model.effect_names == ("viscoelasticity",)
 
 
 def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(explained_case):
     asked = []
     case = explained_case
-    best = case.explained.additions[0].candidates[0]
+    best = case.explained.accepted[0].candidates[0]
     first = AcceptedEffect("hysteresis", (replace(best, name="hysteresis"),))
 
-    def started(rung, say):
+    def started(step, say):
         return case.explained.ladder[0].fit, [first]
 
     def lost(fit, names, say):
         return fit, list(names)
 
-    def looked(fit, additions, say, the_last_too=False):
-        asked.append(the_last_too)
+    def looked(fit, additions, say, last_too=False):
+        asked.append(last_too)
         return fit, list(additions), {}
 
     policy = explain.Policy(
@@ -163,7 +164,7 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(expla
     )
     found = explain.forward_selection(case.problem.model, case.problem.start, case.problem.scan,
                                       case.problem.catalogue, policy=policy)  # fmt: skip
-    assert [a.name for a in found.additions] == [best.name]
+    assert [a.name for a in found.accepted] == [best.name]
     assert found.dropped == ("hysteresis",)
     assert asked == [True]
 

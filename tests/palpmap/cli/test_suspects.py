@@ -75,7 +75,7 @@ def test_a_scan_without_slipped_presses_is_judged_once(tmp_path):
 def test_an_effect_that_rests_on_suspect_presses_is_not_offered_by_name(explained_case):
     explained = explained_case.explained
     (name,) = explained.added
-    nothing = replace(explained, additions=(), verdict="nothing_missing")
+    nothing = replace(explained, accepted=(), verdict="nothing_missing")
     weighed_down = weighed(explained, WithoutSuspects.of((3, 8), nothing))
     assert weighed_down.verdict == "ambiguous"
     assert weighed_down.added == ()
@@ -114,7 +114,7 @@ def test_an_answer_that_holds_without_suspect_presses_is_not_searched_again(expl
 def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_case):
     """Those of a moved body's edge stand out of the map alone, and of nothing that knows of it."""
     explained = explained_case.explained
-    nothing = replace(explained, additions=(), verdict="nothing_missing")
+    nothing = replace(explained, accepted=(), verdict="nothing_missing")
     assert suspects_left(explained, None) == ()
     assert suspects_left(explained, WithoutSuspects.of((3, 8), explained)) == ()
     assert suspects_left(explained, WithoutSuspects.of((3, 8), nothing)) == (3, 8)

@@ -81,13 +81,13 @@ def written(told, path):
 
 def grouped(explained, *others):
     """The explanation as if other effects had explained the scan as well."""
-    best = explained.additions[0].candidates[0]
+    best = explained.accepted[0].candidates[0]
     candidates = (
         best,
         *(Candidate(name, best.chi2, best.criterion + 1, best.fit) for name in others),
     )
     return replace(
-        explained, verdict="ambiguous", additions=(AcceptedEffect(best.name, candidates),)
+        explained, verdict="ambiguous", accepted=(AcceptedEffect(best.name, candidates),)
     )
 
 
@@ -102,12 +102,12 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert explain._beside(low, "hysteresis") == ("mesh_error",)
     assert set(explain._beside(low, "mesh_error")) == {"hysteresis", "contact_offset"}
     assert explain._beside(low, "viscoelasticity") == ()
-    best = told.explained.additions[0].candidates[0]
+    best = told.explained.accepted[0].candidates[0]
     alone = AcceptedEffect("tool_compliance", (replace(best, name="tool_compliance"),), False,
                      {"tool_compliance": ("mesh_error",)})  # fmt: skip
-    assert alone.equals == ("tool_compliance",)
+    assert alone.equivalents == ("tool_compliance",)
     assert alone.group == ("tool_compliance", "mesh_error")
-    explained = replace(told.explained, additions=(alone,))
+    explained = replace(told.explained, accepted=(alone,))
     assert explained.added == ()
     assert explained.ambiguous == (("tool_compliance", "mesh_error"),)
     assert propose(explained, told.problem) == ()
@@ -229,7 +229,7 @@ def test_nothing_missing_is_no_proof(told, tmp_path):
         told.explained,
         verdict="nothing_missing",
         ladder=told.explained.ladder[1:],
-        additions=(),
+        accepted=(),
     )
     page = written(replace(told, explained=explained), tmp_path)
     assert "no proof" in page.text
@@ -293,7 +293,7 @@ def test_a_foreign_truth_file_is_no_truth(explained_case, tmp_path):
 
 @pytest.mark.slow
 def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
-    explained = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    explained = replace(told.explained, ladder=told.explained.ladder[1:], accepted=())
     pictures = explain_pictures(told.finding, explained, told.record)
     assert all(data.startswith(b"\x89PNG") for data in pictures.values())
     assert "parameters" not in pictures
@@ -350,7 +350,7 @@ def test_the_pale_bar_is_the_interval_and_what_an_unseen_effect_may_add(told):
     p = record["parameters"]["inclusion_1.weight_pa"]
     ends = [p["lower95"] - 4 * p["std"], p["upper95"] + 4 * p["std"]]
     assert_allclose(pale.get_ydata(), 1e-3 * np.array(ends))
-    one = replace(told.explained, ladder=told.explained.ladder[1:], additions=())
+    one = replace(told.explained, ladder=told.explained.ladder[1:], accepted=())
     assert draw_parameters(told.finding, one, told.record) is None
     assert draw_parameters(told.finding, one, record) is not None
 
@@ -368,7 +368,7 @@ def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told
 
 def test_the_nearest_effect_is_said_only_where_it_takes_next_to_nothing(explained_case):
     first = explained_case.explained.ladder[0]
-    much = replace(explained_case.explained, verdict="unexplained", ladder=(first,), additions=())
+    much = replace(explained_case.explained, verdict="unexplained", ladder=(first,), accepted=())
     assert "nearest" not in verdict_detail(much)
     beside = replace(first, diagnosis=replace(first.diagnosis, excess=1e9))
     little = replace(much, ladder=(beside,))

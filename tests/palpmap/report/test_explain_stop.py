@@ -16,7 +16,7 @@ from identify.select.score_test import Score
 
 @pytest.fixture(scope="module")
 def rungs(explained_case):
-    return explained_case.explained.ladder, explained_case.explained.additions
+    return explained_case.explained.ladder, explained_case.explained.accepted
 
 
 def significant(rung, share: float, explained: float):
@@ -69,7 +69,9 @@ def test_a_rival_is_beaten_by_the_data_and_not_by_its_price_alone(rungs, behind,
     other = replace(
         best, name="another", chi2=best.chi2 + behind, criterion=best.criterion + priced
     )
-    assert (replace(addition, candidates=(best, other)).equals == (best.name, "another")) is alike
+    assert (
+        replace(addition, candidates=(best, other)).equivalents == (best.name, "another")
+    ) is alike
 
 
 def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):

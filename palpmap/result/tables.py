@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from identify.design.undetected_bias import UnseenShift
+from identify.design.undetected_bias import UndetectedBias
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.select.step import Step
@@ -90,7 +90,7 @@ class ParameterRow:
     before: float | None = None
     before_std: float = 0.0
     true: float | None = None
-    unseen: UnseenShift | None = None
+    unseen: UndetectedBias | None = None
 
     @property
     def off(self) -> float | None:
@@ -119,7 +119,7 @@ def parameter_rows(
     truth: GaussianMap | None = None,
     before: FitResult | None = None,
     at_bound: Sequence[str] = (),
-    unseen: Mapping[str, UnseenShift] | None = None,
+    unseen: Mapping[str, UndetectedBias] | None = None,
 ) -> tuple[ParameterRow, ...]:
     """Return the parameters of a fit, those of the map first.
 
@@ -200,7 +200,7 @@ class LadderRow:
     def of(cls, label: str, step: Step) -> "LadderRow":
         """Return the row of a step."""
         return cls(
-            label, step.fit.rms_m, step.held_out.rms_m, step.held_out.high_rms_m,
+            label, step.fit.rms_m, step.cross_validation.rms_m, step.cross_validation.high_rms_m,
             step.comparison.expected_rms_m, step.fit.chi2_per_dof,
         )  # fmt: skip
 

@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 PYTEST := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 "$(BIN)/python" -m pytest -n auto --maxprocesses 4 \
 	--no-loadscope-reorder
 
-.PHONY: demo test validate bench lint clean
+.PHONY: demo test validate bench docs lint clean
 
 demo: $(READY)
 	"$(BIN)/python" -m palpmap demo
@@ -24,6 +24,9 @@ validate: $(READY)
 	$(PYTEST) -m "slow or not slow"
 	"$(BIN)/python" benchmarks/validate.py
 
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 "$(BIN)/python" -m mkdocs build --strict
+
 bench: $(READY)
 	"$(BIN)/python" benchmarks/run.py
 
@@ -34,4 +37,4 @@ $(READY): pyproject.toml
 	touch "$(READY)"
 
 clean:
-	rm -rf "$(VENV)" build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf "$(VENV)" build site *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -18,6 +18,7 @@ class BaseCompliance(Effect):
         "Every press sinks by a little more, least where the load spreads widest."
     )
     formula = "u_n = normal t_n on the base instead of u_n = 0"
+    latex = r"u_n = \text{normal} \cdot t_n \quad \text{on the base, in place of } u_n = 0"
     source = (
         "E. Winkler, Die Lehre von der Elasticitaet und Festigkeit, 1867; joints of no thickness: "
         "R. E. Goodman et al., J. Soil Mech. Found. Div. ASCE 94 (1968) 637-659"

@@ -18,6 +18,10 @@ class BaseSliding(Effect):
         "A body of nearly constant volume then spreads under the tip instead of being held."
     )
     formula = "u_t = tangential t_t on the base instead of u_t = 0"
+    latex = (
+        r"\mathbf{u}_t = \text{tangential} \cdot \mathbf{t}_t \quad \text{on the base, in "
+        r"place of } \mathbf{u}_t = 0"
+    )
     source = (
         "E. Winkler, Die Lehre von der Elasticitaet und Festigkeit, 1867; joints of no thickness: "
         "R. E. Goodman et al., J. Soil Mech. Found. Div. ASCE 94 (1968) 637-659"

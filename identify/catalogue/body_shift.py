@@ -25,6 +25,7 @@ class BodyShift(Effect):
         "registration that is off. Presses that are thought to be far from an edge are near it."
     )
     formula = "sides at x + x_m and y + y_m; presses and map stay in the robot's frame"
+    latex = r"\Omega \to \Omega + (x, y, 0), \quad \text{presses and map stay in the robot's frame}"
     source = "derivation: the same boundary value problem on the moved body"
     gives_away = "presses along one side sink too far, those along the opposite side too little"
     cure = "Touch the body's sides with the robot, or keep presses away from the edges."

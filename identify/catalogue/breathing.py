@@ -30,6 +30,10 @@ class Breathing(Effect):
         "for travel. The motion goes on through all presses at one frequency."
     )
     formula = "d = u + sine sin(2 pi f t) + cosine cos(2 pi f t),  t since the scan's first reading"
+    latex = (
+        r"d = u + \text{sine} \cdot \sin(2\pi f t) + \text{cosine} \cdot \cos(2\pi f t), \quad "
+        r"f = \text{frequency}"
+    )
     source = "C. N. Riviere, J. Gangloff, M. de Mathelin, Proc. IEEE 94 (2006) 1705-1716"
     gives_away = "the misfit swings with the clock, not with force, place or press"
     cure = (

@@ -20,6 +20,7 @@ class ContactOffset(Effect):
         "All displacements are then too large or too small by a constant."
     )
     formula = "d = u + offset"
+    latex = r"d = u + \text{offset}"
     source = (
         "D. C. Lin, E. K. Dimitriadis, F. Horkay, J. Biomech. Eng. 129 (2007) 430-440 "
         "(uncertain contact point)"

@@ -20,6 +20,7 @@ class DisplacementDrift(Effect):
         "with it. They are too large or too small by a length that grows over the scan."
     )
     formula = "d = u + rate t,  t since the first reading of the scan"
+    latex = r"d = u + \text{rate} \cdot t"
     source = (
         "ISO 230-3:2020, Determination of thermal effects; "
         "International Vocabulary of Metrology, JCGM 200:2012, 4.21 (instrumental drift)"

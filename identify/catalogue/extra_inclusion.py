@@ -31,6 +31,10 @@ class ExtraInclusion(Effect):
         "The map then bends its own inclusions towards it."
     )
     formula = "E -> E + weight exp(-|r - centre|^2 / (2 radius^2))"
+    latex = (
+        r"E \to E + \text{weight} \cdot \exp\left(-\frac{|\mathbf{r} - \mathbf{c}|^2}{2 \, "
+        r"\text{radius}^2}\right), \quad \mathbf{c} = (x, y, z)"
+    )
     source = (
         "Method to Generate Distribution Maps of the Material Parameters of the Human Body Using "
         "Robotic and Dynamic Simulation Systems, eq. 13"

@@ -38,6 +38,10 @@ class FiniteStrain(Effect):
     formula = (
         "d = u (1 - s x (1 + x)), x = u / a, u = C F;  s > 0: u = d (1 + s y (1 + y)), y = d/a"
     )
+    latex = (
+        r"d = u \left(1 - s\,x\,(1 + x)\right), \; x = \frac{u}{a} \quad (s \le 0), \qquad u = "
+        r"d \left(1 + s\,y\,(1 + y)\right), \; y = \frac{d}{a} \quad (s > 0), \qquad u = C F"
+    )
     source = (
         "neo-Hookean finite elements, rigid flat tip (`fem.finite_strain`); balls: C.-E. Wu et al. "
         "Tribol. Int. 97 (2016) 71; deep: M. Shojaeifard, M. Bacca, Soft Matter (2025) D5SM00502G"

@@ -23,6 +23,7 @@ class ForceBias(Effect):
         "Travel is then missing or left over at small forces, most at soft places."
     )
     formula = "F = F_read - bias"
+    latex = r"F = F_{\text{read}} - \text{bias}"
     source = "International Vocabulary of Metrology, JCGM 200:2012, 4.20 (instrumental bias)"
     gives_away = "lines of travel over force miss the origin, the softer the place the further"
     cure = "Zero the sensor in the air before each press."

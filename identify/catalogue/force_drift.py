@@ -23,6 +23,7 @@ class ForceDrift(Effect):
         "Late presses seem stiffer or softer than early ones."
     )
     formula = "F = F_read - rate t,  t since the first reading of the scan"
+    latex = r"F = F_{\text{read}} - \text{rate} \cdot t"
     source = "International Vocabulary of Metrology, JCGM 200:2012, 4.21 (instrumental drift)"
     gives_away = "the misfit grows steadily with time, by the same force whatever the force"
     cure = "Zero the sensor in the air before each press, and let it warm up."

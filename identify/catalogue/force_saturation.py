@@ -30,6 +30,10 @@ class ForceSaturation(Effect):
         "The body seems to give way once the force is high, everywhere at the same force."
     )
     formula = "F = F_read (1 + loss |F_read / Fref|^sharpness),  Fref the scan's largest force read"
+    latex = (
+        r"F = F_{\text{read}} \left(1 + \text{loss} "
+        r"\left|\frac{F_{\text{read}}}{F_{\text{ref}}}\right|^{\text{sharpness}}\right)"
+    )
     source = (
         "J. Fraden, Handbook of Modern Sensors, Springer 2016, ch. 3 (saturation, nonlinearity); "
         "the power law is the simplest loss of one size and one shape"

@@ -20,6 +20,10 @@ class Hysteresis(Effect):
         "The loop closes at the largest force and at none, and does not depend on the speed."
     )
     formula = "d = u (1 + 4 h (1 - F / Fmax)) while unloading;  widest, h C Fmax, at Fmax / 2"
+    latex = (
+        r"d = u \left(1 + 4 h \left(1 - \frac{F}{F_{\max}}\right)\right) \quad \text{while "
+        r"unloading}"
+    )
     source = (
         "Y. C. Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, ch. 7 "
         "(loops nearly independent of the rate); the parabola is the simplest loop that closes"

@@ -18,6 +18,10 @@ class MeshError(Effect):
         "are steep. This is a fault of the computation, not of the body or of the robot."
     )
     formula = "C -> C + share (estimated error of C), the estimate from two meshes"
+    latex = (
+        r"C \to C + \text{share} \cdot \delta C, \quad \delta C \text{ estimated from two "
+        r"meshes}"
+    )
     source = "L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357 (two meshes)"
     gives_away = "the misfit follows the model's own estimate of its error from press to press"
     cure = "Take finer cells (cell_size_m under [body] in the study), or a wider tip."

@@ -21,6 +21,7 @@ class PoissonRatio(Effect):
         "A bonded base holds back an incompressible body more, and free edges less."
     )
     formula = "nu -> nu + change"
+    latex = r"\nu \to \nu + \text{change}"
     source = "W. C. Hayes et al., J. Biomech. 5 (1972) 541-551 (indented layers)"
     gives_away = "presses near the edges misfit otherwise than those in the middle"
     cure = "Measure it apart, or press with two tips of clearly different radius."

@@ -23,6 +23,10 @@ class Preconditioning(Effect):
         "Presses made later in the scan therefore seem softer, wherever they are."
     )
     formula = "d = u (1 + p (1 - exp(-k / k0))),  k = 0, 1, ... the order of the press"
+    latex = (
+        r"d = u \left(1 + p \left(1 - e^{-k/k_0}\right)\right), \quad k = 0, 1, \ldots \text{ "
+        r"the order of the press}"
+    )
     source = (
         "Y. C. Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, ch. 7 "
         "(preconditioning); the exponential is the simplest law that settles"

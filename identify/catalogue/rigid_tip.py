@@ -18,6 +18,10 @@ class RigidTip(Effect):
         "or bulge. Beside hard places and near edges it sinks less than under the assumed pressure."
     )
     formula = "C -> C - share sum_k A_k^2/A_kk, A_k the work of pressures without resultant"
+    latex = (
+        r"C \to C - \text{share} \sum_{k=1}^{3} \frac{A_k^2}{A_{kk}}, \quad A_k \text{ the "
+        r"work of a pressure without resultant}"
+    )
     source = "derivation: least complementary energy over three more pressures (`fem.palpation`)"
     gives_away = "wide tips misfit near edges and on the flanks of hard places, small ones do not"
     cure = "Press with a narrower tip, farther from edges, or through a joint that lets it tilt."

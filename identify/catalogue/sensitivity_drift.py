@@ -26,6 +26,7 @@ class SensitivityDrift(Effect):
         "Late presses seem stiffer or softer than early ones, by the same share at every force."
     )
     formula = "F = F_read / (1 + rate t),  t since the first reading of the scan"
+    latex = r"F = \frac{F_{\text{read}}}{1 + \text{rate} \cdot t}"
     source = (
         "International Vocabulary of Metrology, JCGM 200:2012, 4.12 and 4.21 (sensitivity, "
         "instrumental drift); a body whose modulus goes with 1 + rate t gives the same readings"

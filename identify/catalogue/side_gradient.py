@@ -20,6 +20,10 @@ class SideGradient(Effect):
         "A map with one background cannot follow, and its inclusions drift that way."
     )
     formula = "E -> E (1 + g_x (x/l_x - 1/2) + g_y (y/l_y - 1/2)), x and y from the body's corner"
+    latex = (
+        r"E \to E \left(1 + g_x \left(\frac{x}{l_x} - \frac{1}{2}\right) + g_y "
+        r"\left(\frac{y}{l_y} - \frac{1}{2}\right)\right)"
+    )
     source = "derivation: the first terms of a Taylor series of ln E along the surface"
     gives_away = "one side of the body is felt stiffer than the other, evenly and at every force"
     cure = "None is needed if the body is so; else let the gel set evenly, or warm up throughout."

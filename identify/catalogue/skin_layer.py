@@ -20,6 +20,7 @@ class SkinLayer(Effect):
         "Its stiffness and its thickness can hardly be told apart: about their product counts."
     )
     formula = "E -> E (1 + stiffening) within thickness of the top surface"
+    latex = r"E \to E \, (1 + \text{stiffening}) \quad \text{within thickness of the top surface}"
     source = "D. M. Burmister, J. Appl. Phys. 16 (1945) 89-94 (layered elastic half-space)"
     gives_away = "small tips find the body stiffer than wide ones do, everywhere by like amounts"
     cure = "Press with two tips of clearly different radius, 3 and 10 mm for example."

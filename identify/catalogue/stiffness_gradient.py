@@ -20,6 +20,10 @@ class StiffnessGradient(Effect):
         "With one tip this looks much like a different background."
     )
     formula = "E -> E (1 + gradient (z / height - 1/2)),  z from the base"
+    latex = (
+        r"E \to E \left(1 + \text{gradient} \left(\frac{z}{\text{height}} - "
+        r"\frac{1}{2}\right)\right), \quad z \text{ from the base}"
+    )
     source = (
         "A. E. Giannakopoulos, S. Suresh, Int. J. Solids Struct. 34 (1997) 2357-2392 "
         "(indentation of graded solids)"

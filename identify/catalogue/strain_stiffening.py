@@ -25,6 +25,7 @@ class StrainStiffening(Effect):
         "The force grows exponentially with depth."
     )
     formula = "d = (a / b) ln(1 + b u / a),  u = C F;  that is C F = (a / b) (exp(b d / a) - 1)"
+    latex = r"d = \frac{a}{b} \ln\left(1 + \frac{b\,u}{a}\right), \quad u = C F"
     source = "Y. C. Fung, Am. J. Physiol. 213 (1967) 1532-1544"
     gives_away = "each further bit of depth costs more force than the last, most at soft places"
     cure = "Press less deep, use a larger tip, or keep the law and press to several forces."

@@ -24,6 +24,7 @@ class SurfaceTilt(Effect):
     formula = (
         "d = u + offset + slope_x (x - xc) + slope_y (y - yc),  (xc, yc) the middle of the scan"
     )
+    latex = r"d = u + \text{offset} + \text{slope}_x (x - x_c) + \text{slope}_y (y - y_c)"
     source = "derivation: height of a plane, to first order in its slopes"
     gives_away = (
         "lines of travel over force miss the origin, by amounts that change across the body"

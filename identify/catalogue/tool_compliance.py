@@ -19,6 +19,7 @@ class ToolCompliance(Effect):
         "of the tip. The same is added at every place, so that hard places suffer most."
     )
     formula = "d = u + c F"
+    latex = r"d = u + c F"
     source = "W. C. Oliver, G. M. Pharr, J. Mater. Res. 7 (1992) 1564-1583 (load-frame compliance)"
     gives_away = "each newton adds the same travel everywhere, which shows most where it is hard"
     cure = "Press on steel once: all travel there is the tool's. Or use tips of two radii."

@@ -31,6 +31,7 @@ class TouchThreshold(Effect):
         "displacement, most at soft places."
     )
     formula = "d = u(F) - u(threshold)"
+    latex = r"d = u(F) - u(\text{threshold})"
     source = (
         "derived; D. C. Lin, E. K. Dimitriadis, F. Horkay, J. Biomech. Eng. 129 (2007) 430-440 "
         "for the contact point as an unknown"

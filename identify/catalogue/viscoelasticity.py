@@ -24,6 +24,10 @@ class Viscoelasticity(Effect):
         "Its creep is described by one strength and one time constant for all places."
     )
     formula = "d(t) = ∫ J(t - s) du(s),  J(t) = 1 + g (1 - exp(-t / tau)), u the elastic travel"
+    latex = (
+        r"d(t) = \int_0^t J(t - s) \, \mathrm{d}u(s), \quad J(t) = 1 + g \left(1 - "
+        r"e^{-t/\tau}\right)"
+    )
     source = (
         "E. H. Lee, J. R. M. Radok, J. Appl. Mech. 27 (1960) 438-444; quasi-linear form: "
         "Y. C. Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, ch. 7"

@@ -94,7 +94,7 @@ class Effect:
     hooks, link : its hook, and with it the link of the chain; both follow from the methods
     order : place among the effects of its link, a smaller one acts first; a user's own act last
     summary : what it is, two sentences for an experimenter
-    formula : one line of plain text
+    formula, latex : the same equation in plain text for the terminal, and in LaTeX for documents
     source : paper, book or derivation
     gives_away : what in the data would show it, one sentence
     cure : what in the experiment would avoid or separate it, one sentence
@@ -113,6 +113,7 @@ class Effect:
     order: ClassVar[int] = 100
     summary: ClassVar[str]
     formula: ClassVar[str]
+    latex: ClassVar[str] = ""
     source: ClassVar[str]
     gives_away: ClassVar[str]
     cure: ClassVar[str]

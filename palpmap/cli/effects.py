@@ -26,6 +26,8 @@ def effects(
 
     Example: palpmap effects viscoelasticity
     """
+    from rich.markdown import Markdown
+
     from identify.catalogue.catalogue import CATALOGUE
     from identify.catalogue.user_effect import load_effect
     from palpmap.commands.effects import catalogue_table, effect_page, effect_record
@@ -37,4 +39,4 @@ def effects(
         output.say("More on one of them: palpmap effects NAME")
     else:
         effect = load_effect(name) if name.endswith(".py") else CATALOGUE[name]
-        output.result(effect_record(effect), *effect_page(effect))
+        output.result(effect_record(effect), Markdown(effect_page(effect)))

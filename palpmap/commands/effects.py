@@ -1,6 +1,6 @@
 """The catalogue of effects for a reader: a table of all, one page of each, findings of the kit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -8,10 +8,7 @@ from identify.effects.base import Effect, EffectParameter
 from identify.effects.conformance.kit import CheckResult
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
     from rich.table import Table
-
-_PAGE = 80  # characters; a wider page is hard to read
 
 
 def effect_record(effect: Effect) -> dict[str, Any]:
@@ -51,25 +48,37 @@ def catalogue_table(effects: Sequence[Effect]) -> "Table":
     return table
 
 
-def effect_page(effect: Effect) -> "Iterator[RenderableType]":
-    """Yield the parts of an effect's page."""
-    from rich.text import Text
-
-    yield Text(f"{effect.title} ({effect.name})", style="bold")
-    yield ""
-    yield _paragraph("", effect.summary)
-    yield ""
-    yield _paragraph("acts in     ", f"the {effect.link}: {effect.formula}")
-    yield _paragraph("gives away  ", f"{effect.gives_away}")
-    yield _paragraph("cure        ", effect.cure)
+def effect_page(effect: Effect, latex: bool = False) -> str:
+    """Return an effect's page in Markdown, its formula as LaTeX or in plain text."""
+    formula = f"    {effect.formula}"
+    if latex and effect.latex:
+        formula = f"$$\n{effect.latex}\n$$"
+    said = [
+        f"**Acts in** the {effect.link}.",
+        f"**How it shows.** {_sentence(effect.gives_away)}",
+        f"**Cure.** {_sentence(effect.cure)}",
+    ]
     if effect.needs:
-        yield _paragraph("needs       ", f"a scan with {', '.join(effect.needs)}")
+        said.append(f"**Needs** a scan with {', '.join(effect.needs)}.")
     if effect.contains:
-        yield _paragraph("contains    ", f"{', '.join(effect.contains)}, as a special case")
-    yield _paragraph("source      ", effect.source)
-    yield _parameter_table(effect.parameters)
-    for example in effect.examples:
-        yield _paragraph("example     ", f"{_values(effect, example.values)}. {example.says}")
+        said.append(f"**Contains** {', '.join(effect.contains)}, as a special case.")
+    said.append(f"**Source.** {_sentence(effect.source)}")
+    rows = [
+        "| parameter | unit | meaning | absent at | typical | bounds |",
+        "|---|---|---|---|---|---|",
+    ]
+    rows += [_parameter_row(parameter) for parameter in effect.parameters]
+    parts = [
+        f"# {effect.title}",
+        f"`{effect.name}`: {effect.summary}",
+        formula,
+        *said,
+        "## Parameters",
+        "\n".join(rows),
+        "## Worked example",
+        *(f"`{_values(effect, example.values)}`. {example.says}" for example in effect.examples),
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
 def findings_table(
@@ -91,32 +100,17 @@ def findings_table(
     return table
 
 
-def _paragraph(label: str, text: str) -> "RenderableType":
-    """Wrap text beside its label."""
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table.grid()
-    grid.add_column(no_wrap=True, style="dim")
-    grid.add_column(width=_PAGE - len(label))
-    grid.add_row(Text(label), Text(text))
-    return grid
+def _parameter_row(p: EffectParameter) -> str:
+    unit = "" if p.unit == "1" else p.unit
+    absent = "" if p.null is None else f"{p.null:g}"
+    return (
+        f"| `{p.name}` | {unit} | {p.meaning} | {absent} | {p.typical:.3g} "
+        f"| {p.lower:.3g} to {p.upper:.3g} |"
+    )
 
 
-def _parameter_table(parameters: Sequence[EffectParameter]) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, pad_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    for column in ("unit", "absent at", "typical", "bounds"):
-        table.add_column(column, no_wrap=True, justify="left")
-    table.add_column("meaning")
-    for p in parameters:
-        absent = "-" if p.null is None else f"{p.null:g}"
-        bounds = f"{p.lower:.3g} to {p.upper:.3g}"
-        table.add_row(p.name, p.unit, absent, f"{p.typical:.3g}", bounds, p.meaning)
-    return table
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:].rstrip('.')}."
 
 
 def _values(effect: Effect, values: Any) -> str:

@@ -38,19 +38,20 @@ from identify.map.gaussian_map import GaussianMap
 from identify.residual import comparison as residual
 from identify.select.forward_selection import Explanation as Selection
 from identify.select.step import Step
+from models.catalogue import Catalogue
 from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.experiment import Experiment
 from palpmap.run_folder import RunFolder, read_record
-from palpmap.study.open_study import Problem, own_effects, pose
+from palpmap.study.open_study import Problem, catalogue_with, own_effects, pose
 from palpmap.study.study import Noise, load_study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from identify.select.outlying_presses import WithoutSuspects
     from models.press_program import PressProgram
     from palpmap.result.finding import Finding
-    from palpmap.study.outlying_presses import WithoutSuspects
 
 Progress = Callable[[str], None]
 """Called with what is being done, in words."""
@@ -437,24 +438,20 @@ def fit(
     >>> found.success, found.parameters["background_pa"].unit
     (True, 'Pa')
     """
-    from palpmap.commands.fit import with_effects
-    from palpmap.study.body_model import build_body_model
-    from palpmap.study.checks import refuse_unfit
-    from palpmap.study.map_fit import fit_study
-    from palpmap.study.placement import place_scan
+    from identify.fit.start_map import fit_map
+    from identify.select.start_fit import with_effects
+    from palpmap.study.open_study import open_study
 
     experiment = experiment.with_inclusions(inclusions)
     study = experiment.study
-    placement = place_scan(experiment.scan, study)
-    refuse_unfit(placement, study)
-    progress("meshing the body")
-    body = build_body_model(study, placement.scan.used())
+    catalogue = catalogue_with(own_effects(study, ()))
+    opened = open_study(study, experiment.scan, catalogue, thin=False, say=progress)
     progress("fitting the map")
-    found = fit_study(study, placement, body, callback=on_iteration)
+    found = fit_map(opened, callback=on_iteration)
     if study.effects:
         progress("fitting the effects")
-        found = with_effects(study, placement, body, found)
-    return FitResult(experiment, found, body.note)
+        found = with_effects(opened, found)
+    return FitResult(experiment, found, opened.body.note)
 
 
 def compare(fit: FitResult) -> Comparison:
@@ -469,7 +466,7 @@ def _posed(experiment: Experiment, effects: Sequence[Effect], progress: Progress
     problem = pose(study, own, progress, measured=experiment.scan)
     wanted = {effect.name for effect in (*effects, *own)}
     wanted |= {entry.name for entry in study.effects}
-    return replace(problem, catalogue=tuple(e for e in problem.catalogue if e.name in wanted))
+    return replace(problem, catalogue=Catalogue(e for e in problem.catalogue if e.name in wanted))
 
 
 def diagnose(
@@ -510,13 +507,11 @@ def explain(
     progress : called with what is being done, in words
     on_step : called with each new model
     """
-    from palpmap.study.outlying_presses import climbed, weighed, without_suspects
+    from identify.select import outlying_presses
 
     problem = _posed(experiment, effects, progress)
-    explained = climbed(problem, seed, progress, on_step)
-    own = [effect for effect in problem.catalogue if effect not in CATALOGUE]
-    without = without_suspects(problem, own, seed, explained, progress)
-    return Explanation(experiment, weighed(explained, without), problem, without, seed)
+    explained, without = outlying_presses.explain(problem, seed, on_step)
+    return Explanation(experiment, explained, problem, without, seed)
 
 
 def limits(

@@ -12,19 +12,20 @@ import pytest
 from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
-from identify.body.body_model import BodyModel
 from identify.catalogue.catalogue import CATALOGUE
+from identify.experiment import BodyModel, Experiment, contacts_of
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import scan_noise
 from identify.select.forward_selection import Explanation, forward_selection
+from identify.select.start_fit import measurement_model
+from models.catalogue import Catalogue
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.commands.write_explain_run import write_explain_files
 from palpmap.result.explain_record import explain_record
 from palpmap.run_folder import RunFolder, write_record
-from palpmap.study.body_model import contacts_of
-from palpmap.study.open_study import Problem, measurement_model
+from palpmap.study.open_study import Problem
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
 
@@ -154,25 +155,30 @@ def explained_case(tmp_path_factory) -> Explained:
         shutil.copy(case / name, folder / name)
     study = load_study(folder / "study.toml")
     placement = place_scan(read_scan(study.scan), study)
-    contacts, note = contacts_of(study, placement.scan.used())
+    contacts, note = contacts_of(placement.scan.used(), sphere=False)
     size, nu = study.body.size_m, study.body.poisson_ratio
     coarse, finer = (
         PalpationModel(block_mesh(size, cells), nu, contacts) for cells in ((6, 6, 3), (8, 8, 4))
     )
     body = BodyModel(coarse, coarse, RefinedModel(coarse, finer), note)
+    noise = scan_noise(placement.scan.used(), study.noise.displacement_m, study.noise.force_n)
     fit = fit_scan(
         placement.scan,
         coarse,
-        noise=scan_noise(placement.scan.used(), study.noise.displacement_m, study.noise.force_n),
+        noise=noise,
         fine_model=body.fine,
         start=GaussianMap(5300.0, (Inclusion(16000.0, 0.040, 0.058, 0.032, 0.010),)),
         free=["background_pa", "inclusion_1.weight_pa"],
     )
     wanted = ("viscoelasticity", "contact_offset", "force_drift", "hysteresis")
     problem = Problem(
-        study, placement, body, fit, measurement_model(placement.scan, body, fit), fit.map,
-        tuple(effect for effect in CATALOGUE if effect.name in wanted),
-    )  # fmt: skip
+        Experiment(placement.scan, body, noise, origin_m=placement.origin_m),
+        Catalogue(effect for effect in CATALOGUE if effect.name in wanted),
+        fit,
+        measurement_model(placement.scan, body, fit),
+        fit.map,
+        study=study,
+    )
     explained = forward_selection(problem.model, problem.start, problem.scan, problem.catalogue)
     record = explain_record(explained, problem)
     with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:

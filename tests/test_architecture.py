@@ -27,13 +27,13 @@ ORDER = {
     "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
     "identify": (
         "optimize", "map", "body", "effects", "effects.conformance", "catalogue", "measurement",
-        "fit", "residual", "select", "design",
+        "experiment", "fit", "residual", "select", "design",
     ),
     "palpmap": (
         "study", "result", "figures", "report", "recording", "paper", "commands", "blind", "cli",
     ),
 }  # fmt: skip
-"""Folders of each package: one imports from itself and from those before it."""
+"""Folders and modules of each package: one imports from itself and from those before it."""
 GROUND = {
     "fem.errors",
     "identify.json_record",
@@ -210,7 +210,8 @@ def test_every_folder_has_its_place_in_the_order():
         for package in OURS
         for path in (ROOT / package).rglob("*.py")
     }
-    assert there - set(OURS) == listed
+    modules = {place for place in listed if (ROOT / f"{place}.py").is_file()}
+    assert there - set(OURS) == listed - modules
 
 
 def test_no_folder_is_crowded():

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.body.body_model import BodyModel
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
+from identify.experiment import BodyModel
 from identify.fit.contact_law import GROSS, ContactLaw, contact_law
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
 from identify.fit.result import FitResult

@@ -1,6 +1,5 @@
 """`palpmap add` and `palpmap history`: effects added to a study, one version after the other."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,19 +98,16 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
 
 def _effect_to_add(name: str, study: Path, known: Study, own: Sequence[Effect]) -> Effect:
     """Return the effect, or say why it cannot be added before a minute is spent on fitting."""
-    catalogue = {effect.name: effect for effect in catalogue_with(own)}
-    if name not in catalogue:
-        near = difflib.get_close_matches(name.lower().replace("-", "_"), catalogue, n=1)
-        hint = f"the nearest right one is '{near[0]}'" if near else "`palpmap effects` lists them"
-        file = "; a file of your own goes with --effect" if name.endswith(".py") else ""
-        raise InputError(f"no effect is called '{name}'; {hint}{file}")
+    if name.endswith(".py"):
+        raise InputError(f"{name}: expected an effect; a file of your own goes with --effect")
+    effect = catalogue_with(own)[name]
     if any(entry.name == name for entry in known.effects):
         raise InputError(f"{study}: the study has the effect '{name}' already; add another one")
     readings = Readings.of(read_scan(known.scan, known.study.units_checked))
-    reason = catalogue[name].untestable(readings)
+    reason = effect.untestable(readings)
     if reason is not None:
         raise InputError(f"the effect '{name}' cannot be added to {study}: {reason}")
-    return catalogue[name]
+    return effect
 
 
 def run_history(*, study: Path, undo: bool, output: Output) -> bool:

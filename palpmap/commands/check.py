@@ -12,7 +12,7 @@ from models.scan_file import read_scan
 from models.scan_quality import scan_findings
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import cell_size_m
-from palpmap.study.checks import refuse_contradictions, refuse_effect, too_few
+from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Study, load_study
 
@@ -80,6 +80,7 @@ def _refuse_effects(study: Study, placement: Placement) -> None:
     """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
     from identify.catalogue.catalogue import CATALOGUE
     from identify.effects.readings import Readings
+    from identify.select.start_fit import refuse_effect
 
     readings = Readings.of(placement.scan)
     for entry in study.effects:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from identify.fit.start_map import fit_map
 from models.scan_file import read_scan
 from palpmap.commands.fit import finish_fit, fit_record, step_recorder
 from palpmap.commands.scan import (
@@ -23,9 +24,7 @@ from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding, matched
 from palpmap.run_folder import RunFolder
-from palpmap.study.body_model import build_body_model
-from palpmap.study.map_fit import fit_study
-from palpmap.study.placement import place_scan
+from palpmap.study.open_study import open_study
 
 #: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
 TOLERANCES = {
@@ -71,15 +70,13 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)
         study = laboratory.study
-        placement = place_scan(read_scan(study.scan, study.study.units_checked), study)
+        measured = read_scan(study.scan, study.study.units_checked)
         with stage("building the model"):
-            body = build_body_model(study, placement.scan.used())
+            opened = open_study(study, measured, thin=False)
         with stage("fitting the map") as advance:
-            fit = fit_study(
-                study, placement, body, callback=step_recorder(recording, body, advance)
-            )
+            fit = fit_map(opened, callback=step_recorder(recording, opened.body, advance))
         with stage("comparing and drawing"):
-            finding = finish_fit(run.path, study, fit, body, recording, stage_s)
+            finding = finish_fit(run.path, study, fit, opened.body, recording, stage_s)
     presses = scan_record(scanned)
     deviations = deviations_from_truth(finding)
     passed = presses["kept"] and all(deviation[2] for deviation in deviations.values())

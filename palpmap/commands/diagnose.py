@@ -12,7 +12,7 @@ from palpmap.console import Output
 from palpmap.result.explain_record import evidence, parameters_of, score_record, step_record
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.run_folder import RunFolder, write_record
-from palpmap.study.open_study import Problem, named, own_effects, pose
+from palpmap.study.open_study import Problem, own_effects, pose
 from palpmap.study.study import load_study
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def diagnosis_record(rung: Step, problem: Problem) -> dict[str, Any]:
         "candidates": [
             {
                 **score_record(score, diagnosis),
-                "evidence": evidence(named(problem.catalogue, score.name), score, problem),
+                "evidence": evidence(problem.catalogue[score.name], score, problem),
             }
             for score in diagnosis.scores
         ],

@@ -6,6 +6,7 @@ from typing import Any
 
 from identify.effects.base import Effect
 from identify.select.forward_selection import Explanation
+from identify.select.outlying_presses import WithoutSuspects, explain
 from identify.select.step import Step
 from models.scan import Scan
 from models.scan_file import read_scan
@@ -17,7 +18,6 @@ from palpmap.result.next_scan import REPEAT, next_lines, proposal_records, propo
 from palpmap.run_folder import RunFolder, write_record
 from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
 from palpmap.study.open_study import Problem, own_effects, pose
-from palpmap.study.outlying_presses import WithoutSuspects, climbed, weighed, without_suspects
 from palpmap.study.study import Study, load_study
 from palpmap.study.versions import version_of
 
@@ -89,10 +89,9 @@ def explain_study(
                 progress.console.print(step_line(rung), highlight=False)
 
         problem = pose(study, own, say, lambda step: progress.advance(task), measured=measured)
-        explained = climbed(problem, seed, say, on_step)
-        without = without_suspects(problem, own, seed, explained, say)
+        explained, without = explain(problem, seed, on_step)
         progress.update(task, description="done", total=1, completed=1)
-    return weighed(explained, without), problem, without
+    return explained, problem, without
 
 
 def write_explanation(

@@ -7,12 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from identify.body.body_model import BodyModel
+from identify.experiment import BodyModel
 from identify.fit.files import write_fit
-from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
+from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
+from identify.optimize.optimizers import OPTIMIZERS
+from identify.select.start_fit import with_effects
 from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.commands.write_fit_run import build_finding, write_finding
@@ -23,12 +25,8 @@ from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding
 from palpmap.run_folder import RunFolder
-from palpmap.study.body_model import build_body_model
-from palpmap.study.checks import refuse_unfit
 from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
-from palpmap.study.map_fit import fit_study
-from palpmap.study.open_study import fit_effects, own_effects
-from palpmap.study.placement import Placement, place_scan
+from palpmap.study.open_study import catalogue_with, open_study, own_effects
 from palpmap.study.study import Study, load_study
 
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
@@ -69,8 +67,7 @@ def run_fit(
             update={"map": known.map.model_copy(update={"inclusions": inclusions})}
         )
     scan = read_scan(known.scan, known.study.units_checked)
-    placement = place_scan(scan, known)
-    refuse_unfit(placement, known)
+    opened = open_study(known, scan, catalogue_with(own_effects(known, ())), thin=False)
     settings = {"inclusions": known.map.inclusions, "optimizer": optimizer}
     with RunFolder("fit", out, seed=seed, settings=settings, inputs=[source, known.scan]) as run:
         known = keep_inputs(known, scan, run.path)
@@ -85,13 +82,13 @@ def run_fit(
             ) as recording,
         ):
             task = progress.add_task("meshing the body", total=None)
-            body = build_body_model(known, placement.scan.used())
-            surface = record_scan(recording, body, placement.scan.used())
+            body = opened.body
+            surface = record_scan(recording, body, opened.scan.used())
             progress.update(task, description="fitting the map")
             record_step = step_recorder(recording, body, lambda: progress.advance(task), surface)
-            fit = fit_study(known, placement, body, optimizer, record_step)
+            fit = fit_map(opened, OPTIMIZERS[optimizer], record_step)
             if known.effects:
-                fit = with_effects(known, placement, body, fit)
+                fit = with_effects(opened, fit)
                 record_step(fit.history[-1])
             progress.update(task, description="comparing and drawing")
             finding = finish_fit(run.path, known, fit, body, recording)
@@ -105,19 +102,6 @@ def run_fit(
             f"Recording: {escape(to_type('review', run.path))}",
         )
     return fit.success
-
-
-def with_effects(study: Study, placement: Placement, body: BodyModel, fit: FitResult) -> FitResult:
-    """Fit a study's effects jointly with the map that was fitted without them.
-
-    Appends the joint estimate to the history of that fit.
-    """
-    model, start = fit_effects(study, placement.scan, body, fit, own_effects(study, ()))
-    joint = fit_jointly(model, start)
-    found = dict(zip(joint.map.names, joint.map.values.tolist(), strict=True))
-    number = fit.history[-1].iteration + 1 if fit.history else 0
-    end = FitIteration(number, found, joint.chi2, joint.chi2_per_dof, joint.rms_m)
-    return replace(joint, history=(*fit.history, end))
 
 
 def record_scan(recording: Recording, body: BodyModel, scan: Scan) -> np.ndarray:

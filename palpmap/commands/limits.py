@@ -11,6 +11,7 @@ from identify.design.detection_limits import SHARE, Limit, detection_limits
 from identify.design.predicted_limits import Improvement, designs_on_body, improvements
 from identify.design.scan_variants import mixed, presses_of, variations
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
+from identify.experiment import Progress
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.select.forward_selection import Explanation
@@ -19,7 +20,7 @@ from palpmap.console import Output
 from palpmap.result.next_scan import write_presses
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.run_folder import RunFolder, write_record
-from palpmap.study.open_study import Problem, Say, named, own_effects, pose
+from palpmap.study.open_study import Problem, own_effects, pose
 from palpmap.study.study import load_study
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def run_limits(
 
 
 def planned_limits(
-    fit: FitResult, problem: Problem, run: Path, say: Say, limits: Sequence[Limit] = ()
+    fit: FitResult, problem: Problem, run: Path, say: Progress, limits: Sequence[Limit] = ()
 ) -> Better:
     """Return the changed scans that see clearly smaller effects.
 
@@ -131,7 +132,7 @@ def planned_limits(
 def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:
     """Return a planned scan as plain data, its program in the run folder."""
     program = f"scan_{plan.design.name}.csv"
-    write_presses(plan.design.presses, problem.placement.origin_m, run / program)
+    write_presses(plan.design.presses, problem.experiment.origin_m, run / program)
     return {"change": plan.design.change, "program": program}
 
 
@@ -157,8 +158,7 @@ def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
             limit.name
             for limit in own
             if not (limit.smallest_share or limit.largest_share)
-            and named(problem.catalogue, limit.name).redundant(chain.profile, chain.nonlinear)
-            is None
+            and problem.catalogue[limit.name].redundant(chain.profile, chain.nonlinear) is None
         ]
     return {
         "limits": [limit_record(limit) for limit in limits],

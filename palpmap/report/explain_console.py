@@ -23,7 +23,7 @@ from palpmap.result.explain_words import (
     without_suspects,
 )
 from palpmap.result.presses_words import presses_sentences
-from palpmap.study.open_study import Problem, named
+from palpmap.study.open_study import Problem
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -60,7 +60,7 @@ def explain_summary(
         for number in steps_of(explained):
             names = added_names(explained.ladder[number - 1], explained.ladder[number])
             if set(names) & set(explained.final.fit.effect_names):
-                titles = " and ".join(named(problem.catalogue, name).title for name in names)
+                titles = " and ".join(problem.catalogue[name].title for name in names)
                 lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
     lines.extend(Text(f"- {says}") for says in presses_sentences(record))
     lines.append(_parameter_table(record))

@@ -33,7 +33,7 @@ from palpmap.result.explain_words import (
 )
 from palpmap.result.finding import Finding
 from palpmap.result.presses_words import presses_sentences
-from palpmap.study.open_study import Problem, named
+from palpmap.study.open_study import Problem
 
 CAPTIONS = {
     "ladder": (
@@ -175,7 +175,7 @@ def _step(t: Told, number: int) -> str:
     text += listing(step_notes(t.explained, number))
     titles = []
     for name in names:
-        effect, addition = named(t.problem.catalogue, name), kept(t.explained, name)
+        effect, addition = t.problem.catalogue[name], kept(t.explained, name)
         text += rival_table(addition) if addition is not None else ""
         about = (
             ("What it is", effect.summary),

@@ -39,7 +39,7 @@ def step_finding(run: Path, problem: Problem, rung: Step) -> Finding:
         comparison=rung.comparison,
         outline=outline,
         truth=truth_beside(problem),
-        origin_m=problem.placement.origin_m,
+        origin_m=problem.experiment.origin_m,
         how=how_made(runs),
         limits=(*limits, note) if note else limits,
     )

@@ -8,14 +8,14 @@ from identify.design.redundant_inclusions import redundant_inclusions
 from identify.effects.base import Effect
 from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import Explanation
+from identify.select.outlying_presses import WithoutSuspects, suspects_left
 from identify.select.score_test import Score
 from identify.select.step import Step
 from identify.select.verdicts import effect_verdict
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.presses_words import counted, presses_record
 from palpmap.study.frame import frame_shift_m
-from palpmap.study.open_study import Problem, named
-from palpmap.study.outlying_presses import WithoutSuspects, suspects_left
+from palpmap.study.open_study import Problem
 
 SCHEMA = 1
 
@@ -154,7 +154,7 @@ def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str,
     held = fit.at_bound
     found = {}
     for name, entry in (fit.parameters if bent else fit.intervals(curved=False)).items():
-        shift = frame_shift_m(name, problem.placement.origin_m)
+        shift = frame_shift_m(name, problem.experiment.origin_m)
         found[name] = {
             "value": entry.value + shift,
             "std": entry.std,
@@ -166,4 +166,4 @@ def parameters_of(rung: Step, problem: Problem, bent: bool = False) -> dict[str,
     return found
 
 
-__all__ = ["candidate_record", "explain_record", "named", "score_record", "step_record"]
+__all__ = ["candidate_record", "explain_record", "score_record", "step_record"]

@@ -14,7 +14,7 @@ from identify.residual.statement import length
 from identify.select.forward_selection import Explanation
 from identify.select.settings import SELECTION
 from palpmap.result.evidence import added_names, kept
-from palpmap.study.open_study import Problem, named
+from palpmap.study.open_study import Problem
 
 _NAMED = 3  # of the effects that may have moved the parameters unseen
 
@@ -136,7 +136,7 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
     for name in added_names(rungs[number - 1], rungs[number]):
         having = [rung for rung in rungs[number:] if name in rung.fit.effect_names]
         values = having[-1].fit.at.values[name]
-        text = named(problem.catalogue, name).evidence(values, problem.model.readings)
+        text = problem.catalogue[name].evidence(values, problem.model.readings)
         says.append(text if name in explained.added else f"If it were {name}: {text}")
     return " ".join(says)
 

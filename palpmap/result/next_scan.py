@@ -11,10 +11,11 @@ from identify.body.discretization_error import MODEL_ERROR
 from identify.design.next_presses import Proposal, next_presses
 from identify.design.predicted_limits import designs_on_body
 from identify.design.scan_variants import Presses, presses_of, variations
+from identify.experiment import Progress, silent
 from identify.select.forward_selection import Explanation
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
-from palpmap.study.open_study import Problem, Say, named
+from palpmap.study.open_study import Problem
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -28,7 +29,7 @@ _IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with 
 
 
 def propose(
-    explained: Explanation, problem: Problem, say: Say = lambda text: None
+    explained: Explanation, problem: Problem, say: Progress = silent
 ) -> tuple[Proposal, ...]:
     """Return the scans that tell the last ambiguous group apart; the first is to be made."""
     ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1]
@@ -37,9 +38,7 @@ def propose(
     group = ambiguous[-1]
     candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equivalents]
     readings = problem.model.readings
-    in_time = any(
-        "time" in named(problem.catalogue, n).needs or n in _IN_ORDER for n, _ in candidates
-    )
+    in_time = any("time" in problem.catalogue[n].needs or n in _IN_ORDER for n, _ in candidates)
     timed = in_time and readings.time_s is not None
     designs = designs_on_body(candidates[0][1], variations(presses_of(readings), timed))
     return next_presses(candidates, designs, say)
@@ -52,7 +51,7 @@ def proposal_records(
     records = []
     for number, proposal in enumerate(proposals[:_MOST], start=1):
         name = f"next_scan_{number}.csv"
-        write_presses(proposal.design.presses, problem.placement.origin_m, run / name)
+        write_presses(proposal.design.presses, problem.experiment.origin_m, run / name)
         records.append(
             {
                 "change": _asked(proposal, len(problem.scan.used().press_ids)),
@@ -93,7 +92,7 @@ def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[s
     """Write a program that repeats some presses (ids) into a run folder; return its record."""
     ids = problem.scan.used().press_ids
     again = presses_of(problem.model.readings).taken(np.flatnonzero(np.isin(ids, presses)))
-    write_presses(again, problem.placement.origin_m, run / REPEAT)
+    write_presses(again, problem.experiment.origin_m, run / REPEAT)
     return {
         "change": f"Repeat presses {', '.join(map(str, presses))}",
         "why": "they stand out by themselves: if they come out otherwise, they had gone wrong",

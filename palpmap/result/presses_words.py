@@ -40,7 +40,7 @@ def counted(problem: Problem) -> dict[str, int]:
     """Return how many presses were used and how many were too many, as plain data."""
     return {
         "presses_used": problem.model.readings.presses,
-        "presses_left_out": problem.left_out,
+        "presses_left_out": problem.experiment.left_out,
     }
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
-from identify.body.body_model import BodyModel
+from fem import Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
+from identify.experiment import BodyModel, contacts_of
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.study.body import Body
@@ -37,7 +37,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     fem.errors.MeshError
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
-    contacts, note = contacts_of(study, scan)
+    contacts, note = contacts_of(scan, study.probe.tip == "sphere")
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
     search = PalpationModel(
@@ -73,27 +73,6 @@ def _check_held(model: PalpationModel, scan: Scan) -> None:
             f'study, key body.support: found "base-sliding", but {error}; press straight onto the '
             'base, give held_sides, or support = "base-elastic" with a tangential compliance'
         ) from error
-
-
-def contacts_of(study: Study, scan: Scan) -> tuple[Contacts, str]:
-    """Return the presses as contacts of fixed size, and what is to be said of them.
-
-    A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
-    a = sqrt(R d) that the sphere has at half the press's largest depth.
-    """
-    points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
-    if study.probe.tip == "flat":
-        return Contacts(points, directions, radii), ""
-    deepest = np.zeros(len(points))
-    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
-    typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
-    contact = np.minimum(np.sqrt(radii * typical / 2), radii)
-    note = (
-        "The tip is a sphere, whose contact grows with the force; the linear model holds it at "
-        f"the size of half the depth (radius {1e3 * contact.min():.2g} to "
-        f"{1e3 * contact.max():.2g} mm)."
-    )
-    return Contacts(points, directions, contact, "hertz"), note
 
 
 def cell_size_m(body: Body) -> float:

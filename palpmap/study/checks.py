@@ -1,21 +1,13 @@
 """Scans that no fit can make anything of, each refused in a sentence."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from identify.fit.number_of_inclusions import different_presses
+from identify.experiment import FEWEST_PRESSES, different_presses
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.study.placement import Placement
 from palpmap.study.study import Study
 
-if TYPE_CHECKING:
-    from identify.effects.base import Effect
-    from identify.effects.readings import Readings
-
-_FEWEST = 2  # one alone leaves nothing to judge the fit by
 _STEADY, _MOVED = 0.95, 0.2  # of the press's largest force and travel
 
 
@@ -45,30 +37,16 @@ def too_few(placement: Placement, study: Study) -> str | None:
     number = 0 if study.map.inclusions == "auto" else study.map.inclusions
     unknowns = 1 + 5 * number - len(study.map.fixed)
     found = different_presses(scan)
-    if found >= unknowns and len(scan.press_ids) >= _FEWEST:
+    if found >= unknowns and len(scan.press_ids) >= FEWEST_PRESSES:
         return None
     inclusions = "1 inclusion" if number == 1 else f"{number} inclusions"
-    why = f", as many as a map with {inclusions} has unknowns" if unknowns > _FEWEST else ""
+    why = f", as many as a map with {inclusions} has unknowns" if unknowns > FEWEST_PRESSES else ""
     fewer = ", or state fewer inclusions (map.inclusions = 0 has none)" if number else ""
     return (
         f"found {found} different press{'es' if found > 1 else ''} (place, direction or tip "
-        f"radius), expected at least {max(unknowns, _FEWEST)}{why}; press at more places{fewer}"
+        f"radius), expected at least {max(unknowns, FEWEST_PRESSES)}{why}; press at more "
+        f"places{fewer}"
     )
-
-
-def refuse_effect(effect: "Effect", readings: "Readings", initial: Mapping[str, float]) -> None:
-    """Refuse an effect that a scan cannot show, and values to start from that it does not have."""
-    reason = effect.untestable(readings)
-    if reason is not None:
-        raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
-    missing = [p.name for p in effect.parameters if p.name not in initial]
-    unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
-    if initial and (missing or unknown):
-        names = ", ".join(p.name for p in effect.parameters)
-        raise InputError(
-            f"effect '{effect.name}', key initial: expected values of {names}; "
-            f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
-        )
 
 
 def _refuse_too_deep(scan: Scan, study: Study) -> None:

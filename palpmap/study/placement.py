@@ -4,7 +4,7 @@ The scan has its own frame (often the robot's). `place_scan` moves it into the b
 which a block reaches from 0 to its size, and refuses presses that are not on the body's surface.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,13 @@ class Placement:
     def onto_another_shape(self) -> bool:
         """Whether presses were moved by more than the tip: no map of the block fits them all."""
         return self.projected and bool(self.distance_m.max() > self.scan.contact_radii.min())
+
+    def of_presses(self, ids: np.ndarray) -> "Placement":
+        """Return the placement of some presses, by their ids."""
+        kept = np.isin(self.scan.press_ids, ids)
+        scan = self.scan.rows(kept[self.scan.press_index])
+        distance_m, angle_deg = self.distance_m[kept], self.angle_deg[kept]
+        return replace(self, scan=scan, distance_m=distance_m, angle_deg=angle_deg)
 
 
 def place_scan(scan: Scan, study: Study) -> Placement:

@@ -12,8 +12,10 @@ from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
+from identify.select import outlying_presses as suspects
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import SUSPECT_PRESSES
+from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
 from models.errors import InputError
@@ -27,8 +29,6 @@ from palpmap.result.explain_words import (
     verdict_detail,
     without_suspects,
 )
-from palpmap.study import outlying_presses as suspects
-from palpmap.study.outlying_presses import WithoutSuspects, suspects_left, weighed
 from tests.palpmap.report.test_explain_report import grouped
 
 
@@ -62,8 +62,8 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
         raise InputError("found 10 different presses")
 
     monkeypatch.setattr(suspects, "_same_answer", lambda *_: None)
-    monkeypatch.setattr(suspects, "pose", refused)
-    found = suspects.without_suspects(explained_case.problem, (), 0, suspected, lambda text: None)
+    monkeypatch.setattr(suspects, "start_fit", refused)
+    found = suspects.without_suspects(explained_case.problem, 0, suspected)
     assert found is None
     assert weighed(suspected, found) is suspected
     # Nobody has looked: the press that still stands out is said to do so

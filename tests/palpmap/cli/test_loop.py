@@ -274,9 +274,8 @@ def test_what_explain_has_read_is_kept_before_it_begins(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("contact_ofset", "no effect is called 'contact_ofset'; the nearest right one is "
-         "'contact_offset'"),
-        ("xyz", "`palpmap effects` lists them"),
+        ("contact_ofset", "no effect is called 'contact_ofset'; did you mean 'contact_offset'?"),
+        ("xyz", "no effect is called 'xyz'; there are: extra_inclusion, "),
         ("own.py", "a file of your own goes with --effect"),
     ],
 )  # fmt: skip

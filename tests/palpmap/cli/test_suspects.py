@@ -9,10 +9,15 @@ import pytest
 from typer.testing import CliRunner
 
 from identify.select.forward_selection import SUSPECT_PRESSES
+from identify.select.outlying_presses import (
+    WithoutSuspects,
+    suspects_left,
+    weighed,
+    without_suspects,
+)
 from palpmap.__main__ import app
 from palpmap.result.explain_record import explain_record
 from palpmap.result.explain_words import doubts, verdict_detail
-from palpmap.study.outlying_presses import WithoutSuspects, suspects_left, weighed, without_suspects
 from tests.identify.select.loop_problem import scan, timing, true_compliance
 from tests.palpmap.report.loop_study import put, shifted
 
@@ -102,7 +107,9 @@ def test_an_answer_that_holds_without_suspect_presses_is_not_searched_again(expl
     suspected = replace(
         explained, ladder=(replace(first, comparison=comparison), *explained.ladder[1:])
     )
-    without = without_suspects(explained_case.problem, (), 0, suspected, said.append)
+    problem = explained_case.problem
+    start = replace(problem, experiment=replace(problem.experiment, say=said.append))
+    without = without_suspects(start, 0, suspected)
     assert without is not None
     assert (without.verdict, without.added) == ("explained", explained.added)
     assert without.fit.model.readings.presses == explained.final.fit.model.readings.presses - 2

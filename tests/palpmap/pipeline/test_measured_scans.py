@@ -13,13 +13,11 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.contact_law import GROSS
+from identify.select.start_fit import contact_law_of
 from models.scan_file import read_scan, write_scan
-from models.thin import thinned
 from palpmap.commands.explain import explain_study
 from palpmap.console import Output
-from palpmap.study.body_model import build_body_model
-from palpmap.study.open_study import law_of_study
-from palpmap.study.placement import place_scan
+from palpmap.study.open_study import open_study
 from palpmap.study.study import About, Body, Map, Probe, Study, load_study
 from sim.bench.planted_scan import planted_scan
 from sim.body.true_body import HiddenBody
@@ -73,9 +71,7 @@ def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
     (tmp_path / "study.toml").write_text(text.replace('tip = "sphere"', f'tip = "{tip}"'))
     shutil.copy(source, tmp_path)
     study = load_study(tmp_path / "study.toml")
-    placement = place_scan(thinned(read_scan(study.scan)), study)
-    body = build_body_model(study, placement.scan.used())
-    law = law_of_study(study, placement, body, CATALOGUE)
+    law = contact_law_of(open_study(study, read_scan(study.scan)), CATALOGUE)
     assert law is not None
     assert ("spherical_tip" in law.names) == (tip == "flat")
     assert "touch_threshold" in law.names
@@ -100,7 +96,7 @@ def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effec
     shutil.copy(source, tmp_path)
     study = load_study(tmp_path / "study.toml")
     explained, problem, _ = explain_study(study, (), 0, Output(quiet=True))
-    assert problem.placement.onto_another_shape
+    assert problem.experiment.onto_another_shape
     assert explained.verdict == "unexplained"  # a slab is not what was pressed
     assert explained.added == ()
     assert explained.ambiguous == (("contact_offset", "touch_threshold"),)

@@ -1,28 +1,27 @@
 """Presses that stand out by themselves, and whether the verdict rests on them.
 
-A slip or a wrong place looks like an effect. Where single presses stand out, the answer is put to
-the test without them: its model is fitted anew, and each effect must earn its place again and do
-better than its rivals. If any does not, the loop runs once more without these presses, and what is
-only found with them is not offered by name.
+A slip or a wrong place looks like an effect. Where single presses stand out, the answer is tested
+without them: its model is fitted anew, and each effect must earn its place again and do better than
+the other candidates. If any does not, the selection runs once more without these presses, and an
+effect found only with them is not offered by name.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.effects.base import Effect
+from identify.experiment import Progress
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
+from identify.select.first_step import follow
 from identify.select.forward_selection import Explanation, Policy, Verdict, forward_selection
 from identify.select.settings import SELECTION
+from identify.select.start_fit import StartFit, measurement_model, start_fit
+from identify.select.step import Step
 from models.errors import InputError
-from palpmap.study.body_model import build_body_model
-from palpmap.study.open_study import Problem, measurement_model, pose
-
-Say = Callable[[str], None]
 
 # Of what is unexplained: where less of it lies outside the presses that stand out, they may have
 # hidden what explains the others
@@ -61,62 +60,82 @@ class WithoutSuspects:
         )
 
 
-def climbed(problem: Problem, seed: int, say: Say, on_step: Callable | None = None) -> Explanation:
-    """Run the loop from a posed problem."""
+def explain(
+    start: StartFit, seed: int = 0, on_step: Callable[[Step], None] | None = None
+) -> tuple[Explanation, WithoutSuspects | None]:
+    """Find the missing effects, with all presses and without those that stand out.
+
+    Returns
+    -------
+    the explanation, its verdict changed where it rests on these presses, and the other one
+    """
+    explained = _selected(start, seed, on_step)
+    without = without_suspects(start, seed, explained)
+    return weighed(explained, without), without
+
+
+def _selected(
+    start: StartFit, seed: int, on_step: Callable[[Step], None] | None = None
+) -> Explanation:
+    law = start.law
+
+    def first(step: Step, say: Progress):
+        assert law is not None
+        return follow(law, step, start.start, say)
+
     return forward_selection(
-        problem.model,
-        problem.start,
-        problem.scan,
-        problem.catalogue,
+        start.model,
+        start.start,
+        start.scan,
+        start.catalogue,
         seed=seed,
-        progress=say,
+        progress=start.experiment.say,
         on_step=on_step,
-        policy=Policy(first=problem.first_step),
-        settings=replace(SELECTION, most_effects=0) if problem.model.press_error else SELECTION,
+        policy=Policy(first=first if law is not None and law.names else None),
+        settings=replace(SELECTION, most_effects=0) if start.model.press_error else SELECTION,
     )
 
 
-def without_suspects(
-    problem: Problem, own: Sequence[Effect], seed: int, explained: Explanation, say: Say
-) -> WithoutSuspects | None:
+def without_suspects(start: StartFit, seed: int, explained: Explanation) -> WithoutSuspects | None:
     """Return what is found without the presses that stand out.
 
-    None where none do, or where too little is left without them to say.
+    None where none do, or where too few presses remain.
     """
     presses = explained.ladder[0].comparison.bad_presses
     if not presses or explained.map_error:  # beside a wrong map, many stand out
         return None
-    named = ", ".join(map(str, presses))
+    named, say = ", ".join(map(str, presses)), start.experiment.say
 
     def tell(text: str) -> None:
         say(f"without presses {named}: {text}")
 
+    experiment = replace(start.experiment, say=tell)
     try:
         if explained.accepted:
-            same = _same_answer(problem, explained, presses, tell)
+            same = _same_answer(replace(start, experiment=experiment), explained, presses)
             if same is not None:
                 return same
-        again = pose(problem.study, own, tell, leave_out=presses, measured=problem.measured)
-        fresh = replace(again, catalogue=problem.catalogue)
-        return WithoutSuspects.of(presses, climbed(fresh, seed, tell))
+        fewer = experiment.without(presses)
+        if not fewer.is_determined:
+            return None
+        again = start_fit(fewer, start.catalogue)
+        return WithoutSuspects.of(presses, _selected(again, seed))
     except (InputError, InadmissibleError):
         return None
 
 
 def _same_answer(
-    problem: Problem, explained: Explanation, presses: tuple[int, ...], say: Say
+    start: StartFit, explained: Explanation, presses: tuple[int, ...]
 ) -> WithoutSuspects | None:
     """Return the answer as it is without these presses; None where it does not hold there."""
-    others = ~np.isin(problem.scan.press, presses)
-    same = others[problem.scan.in_contact]
+    others = ~np.isin(start.scan.press, presses)
+    same = others[start.scan.in_contact]
     excess = explained.final.fit.at.residual**2 - 1
     if explained.verdict == "unexplained" and excess[same].sum() < _ELSEWHERE * excess.sum():
         return None
-    scan = problem.scan.rows(others)
-    say("meshing the body")
-    body = build_body_model(problem.study, scan.used())
-    model = measurement_model(scan, body, problem.fit)
-    again = confirmed(explained, model, scan, same, say)
+    fewer = start.experiment.without(presses, refill=False)
+    model = measurement_model(fewer.scan, fewer.body, start.fit)
+    again = confirmed(explained, model, fewer.scan, same, fewer.say)
     if again is None:
         return None
     fit, comparison = again

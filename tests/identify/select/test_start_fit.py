@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from identify.optimize.result import InadmissibleError
-from palpmap.study.open_study import possible_map
+from identify.select.start_fit import possible_map
 from tests.identify.select.loop_problem import (
     SIZE,
     TRUE,

@@ -1,0 +1,170 @@
+"""A placed scan, the models of its body, its noise and the map's guesses: input of every fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from fem import Contacts, PalpationModel, RefinedModel
+from identify.effects.base import Effect, Values
+from identify.measurement.noise import Noise
+from models.scan import Scan
+from models.thin import thinned
+
+Progress = Callable[[str], None]
+"""Called with the step under way, in words."""
+
+FEWEST_PRESSES = 2  # one alone leaves no residual to judge
+_SAME_M, _SAME_DIRECTION = 1e-4, 1e-2  # presses that differ by less are repeats
+
+
+def silent(text: str) -> None:
+    """Report no progress."""
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """Finite element models of one body under the presses of one scan.
+
+    Attributes
+    ----------
+    search : quick, cruder than `coarse` and without the near field of the presses: starts are
+        tried on it
+    coarse : with near field and derivatives; the fit corrects it towards `fine`
+    fine : of a block two meshes extrapolated, right to 0.2 to 1 %, see `RefinedModel`; of a closed
+        surface the finer mesh as it is, right to about 0.3 % where cells of size h cut off little
+        of a curve of radius R under a tip of radius a, h^2/(8 R) << a. Convex facets are felt too
+        hard: a dome of 50 mm under a tip of 3 mm by 1.4 % on cells of 8 mm, by 5 % on 12 mm. Meshes
+        of one surface differ at random (each cuts its corners elsewhere), so that an extrapolation
+        would add to the error
+    note : simplification of the contact, for the reader of a report; empty where there is none
+    """
+
+    search: PalpationModel
+    coarse: PalpationModel
+    fine: PalpationModel | RefinedModel
+    note: str
+
+    def under(self, scan: Scan) -> BodyModel:
+        """Return the models on the same meshes, under the presses of another placed scan."""
+        contacts, note = contacts_of(scan, sphere=self.coarse.contacts.profile == "hertz")
+
+        def pressed(model: PalpationModel, near_field: bool = True) -> PalpationModel:
+            return PalpationModel(
+                model.mesh, model.stiffness.poisson_ratio, contacts,
+                near_field=near_field, support=model.support,
+            )  # fmt: skip
+
+        coarse = pressed(self.coarse)
+        search = coarse if self.search is self.coarse else pressed(self.search, near_field=False)
+        if isinstance(self.fine, RefinedModel):
+            return BodyModel(search, coarse, RefinedModel(coarse, pressed(self.fine.fine)), note)
+        return BodyModel(search, coarse, pressed(self.fine), note)
+
+
+def contacts_of(scan: Scan, sphere: bool) -> tuple[Contacts, str]:
+    """Return the presses as contacts of fixed size, and a note for the report.
+
+    A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
+    a = sqrt(R d) that the sphere has at half the press's largest depth.
+    """
+    points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
+    if not sphere:
+        return Contacts(points, directions, radii), ""
+    deepest = np.zeros(len(points))
+    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
+    contact = np.minimum(np.sqrt(radii * typical / 2), radii)
+    note = (
+        "The tip is a sphere, whose contact grows with the force; the linear model holds it at "
+        f"the size of half the depth (radius {1e3 * contact.min():.2g} to "
+        f"{1e3 * contact.max():.2g} mm)."
+    )
+    return Contacts(points, directions, contact, "hertz"), note
+
+
+@dataclass(frozen=True)
+class MapGuess:
+    """Number of inclusions, first guesses and fixed values by parameter name, body frame."""
+
+    inclusions: int | Literal["auto"] = 1
+    initial: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of free parameters of the map; of "auto" the least."""
+        number = 0 if self.inclusions == "auto" else self.inclusions
+        return 1 + 5 * number - len(self.fixed)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A placed scan and its models.
+
+    Attributes
+    ----------
+    scan : readings in the body's frame
+    body : finite element models under the scan's presses
+    noise : of both readings
+    map : guesses of the map
+    effects : effects of the model from the start, with values to start from (may be empty)
+    origin_m : (3,) added to a position it gives the scan's own frame, m
+    onto_another_shape : a block stands in for a body of clearly another shape
+    whole : every press as measured and as placed, where `scan` is a part of them
+    say : progress
+    """
+
+    scan: Scan
+    body: BodyModel
+    noise: Noise
+    map: MapGuess = MapGuess()
+    effects: tuple[tuple[Effect, Values], ...] = ()
+    origin_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    onto_another_shape: bool = False
+    whole: tuple[Scan, Scan] | None = None
+    say: Progress = silent
+
+    @property
+    def left_out(self) -> int:
+        """Number of presses beyond the most that are used."""
+        every = self.scan if self.whole is None else self.whole[0]
+        return len(every.press_ids) - len(self.scan.press_ids)
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the different presses are as many as the map's unknowns."""
+        presses = different_presses(self.scan.used())
+        enough = len(self.scan.used().press_ids) >= FEWEST_PRESSES
+        return enough and presses >= self.map.unknowns
+
+    def without(self, presses: tuple[int, ...], refill: bool = True) -> Experiment:
+        """Return the experiment without some presses (ids), on the same meshes, with its noise.
+
+        Parameters
+        ----------
+        refill : take others of the `whole` scan in their place
+        """
+        whole = self.whole
+        if whole is not None and refill:
+            measured, placed = (each.rows(~np.isin(each.press, presses)) for each in whole)
+            whole = (measured, placed)
+            scan = placed.rows(np.isin(placed.press, thinned(measured).press_ids))
+        else:
+            scan = self.scan.rows(~np.isin(self.scan.press, presses))
+        return replace(self, scan=scan, body=self.body.under(scan.used()), whole=whole)
+
+
+def different_presses(scan: Scan) -> int:
+    """Return the number of presses that differ in place, direction or tip radius."""
+    kinds = np.column_stack(
+        [
+            scan.contact_points / _SAME_M,
+            scan.contact_directions / _SAME_DIRECTION,
+            scan.contact_radii / _SAME_M,
+        ]
+    )
+    return len(np.unique(np.rint(kinds), axis=0))

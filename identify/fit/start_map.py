@@ -1,0 +1,74 @@
+"""The map of an experiment, with its number of inclusions, guesses and noise."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from identify.experiment import Experiment, different_presses
+from identify.fit.map_fit import fit_scan
+from identify.fit.result import FitResult
+from identify.fit.search import FitIteration
+from identify.fit.settings import PRECISE
+from identify.map.gaussian_map import GaussianMap
+from identify.optimize.gauss_newton import minimize_gauss_newton
+from identify.optimize.optimizers import Optimizer
+
+MOST_INCLUSIONS = 4
+
+
+def fit_map(
+    experiment: Experiment,
+    optimizer: Optimizer = minimize_gauss_newton,
+    callback: Callable[[FitIteration], None] | None = None,
+    rough: bool = False,
+) -> FitResult:
+    """Fit the map alone.
+
+    A `rough` fit is a start for another one: without the finer model, with simple intervals.
+
+    With `inclusions = "auto"` their number rises from none until the Bayesian information
+    criterion no longer falls.
+    """
+    scan, body, guess = experiment.scan, experiment.body, experiment.map
+    known = {**guess.initial, **guess.fixed}
+    start = free = None
+    if guess.inclusions == "auto":
+        start = _best_number(experiment)
+    elif known:
+        names = GaussianMap.from_values(np.ones(1 + 5 * guess.inclusions)).names
+        values = dict.fromkeys(names, np.nan)
+        if set(known) != set(names):  # open values start at the end of a quick fit
+            quick = _quick_fit(experiment, guess.inclusions).map
+            values = dict(zip(names, quick.values, strict=True))
+        start = GaussianMap.from_values(np.array(list((values | known).values())))
+        free = [name for name in names if name not in guess.fixed]
+    return fit_scan(
+        scan, body.coarse, inclusions=0 if guess.inclusions == "auto" else guess.inclusions,
+        noise=experiment.noise, search_model=body.search if start is None else None,
+        fine_model=None if rough else body.fine, start=start, free=free, optimizer=optimizer,
+        callback=callback, settings=replace(PRECISE, curved_intervals=not rough),
+    )  # fmt: skip
+
+
+def _quick_fit(experiment: Experiment, inclusions: int) -> FitResult:
+    body = experiment.body
+    return fit_scan(
+        experiment.scan, body.coarse, inclusions=inclusions, noise=experiment.noise,
+        search_model=body.search,
+    )  # fmt: skip
+
+
+def _best_number(experiment: Experiment) -> GaussianMap:
+    """Return the map of the number of inclusions with the least information criterion."""
+    used = experiment.scan.used()
+    best, least = None, np.inf
+    bearable = (different_presses(used) - 1) // 5  # as many unknowns as presses
+    for inclusions in range(min(MOST_INCLUSIONS, bearable) + 1):
+        fit = _quick_fit(experiment, inclusions)
+        criterion = fit.chi2 + len(fit.covariance_names) * np.log(len(used))
+        if best is not None and criterion > least:
+            break
+        best, least = fit.map, criterion
+    assert best is not None  # the loop has run
+    return best

@@ -1,0 +1,236 @@
+"""From an experiment to the model that the selection starts from: map, body and given effects.
+
+The map is searched without effects; the experiment's effects are then fitted jointly with it, from
+the given values or from the linear estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from identify.body.mechanics import BodyMechanics
+from identify.effects.base import Effect, Values
+from identify.effects.readings import Readings
+from identify.experiment import BodyModel, Experiment
+from identify.fit.contact_law import ContactLaw
+from identify.fit.free_compliance_start import (
+    curved_again,
+    free_compliance,
+    law_of,
+    straight,
+    typical_error,
+    typical_error_m,
+)
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.result import FitResult
+from identify.fit.search import FitIteration
+from identify.fit.settings import PRECISE
+from identify.fit.start_map import fit_map
+from identify.map.gaussian_map import GaussianMap
+from identify.map.parameters import parameter_space
+from identify.measurement.model import MeasurementModel
+from identify.optimize.result import InadmissibleError
+from identify.select.candidates import fit_with
+from identify.select.score_test import fitted_basis, score_effect
+from models.catalogue import Catalogue
+from models.errors import InputError
+from models.scan import Scan
+
+# Chi-square per degree of freedom from which on a map has an error of its own, where a block stands
+# in for a body of another shape; elsewhere that of a gross misfit
+_OTHER_SHAPE = 1.5
+_ERROR_ROUNDS = 2
+_WEAKER = (1.0, 0.3, 0.1, 0.03)  # parts of the inclusions' weights
+
+
+@dataclass(frozen=True)
+class StartFit:
+    """The model that the selection starts from.
+
+    Attributes
+    ----------
+    experiment : scan, body, noise
+    catalogue : candidates
+    fit : the map alone
+    model : with the experiment's effects
+    start : map beside these effects
+    law : contact law of the presses alone, None where it was not needed
+    """
+
+    experiment: Experiment
+    catalogue: Catalogue[Effect]
+    fit: FitResult
+    model: MeasurementModel
+    start: GaussianMap
+    law: ContactLaw | None = None
+
+    @property
+    def scan(self) -> Scan:
+        """The scan in the body's frame."""
+        return self.experiment.scan
+
+    @property
+    def body(self) -> BodyModel:
+        """Finite element models of the body."""
+        return self.experiment.body
+
+
+def start_fit(
+    experiment: Experiment,
+    catalogue: Catalogue[Effect],
+    on_iteration: Callable[[FitIteration], None] | None = None,
+) -> StartFit:
+    """Fit the map of an experiment and its effects.
+
+    Parameters
+    ----------
+    catalogue : effects that a contact law may be made of, and candidates of the selection
+    on_iteration : called with each step of the map's fit
+    """
+    law, fit, error = rough_fit(experiment, catalogue, on_iteration)
+    starts = law.plain.values if law else {}
+    model, start = fit_effects(experiment, fit, starts, error)
+    return StartFit(experiment, catalogue, fit, model, start, law)
+
+
+def contact_law_of(experiment: Experiment, catalogue: Catalogue[Effect]) -> ContactLaw | None:
+    """Return the contact law of the presses alone beside the experiment's effects (`law_of`)."""
+    presses = free_compliance(experiment.scan, experiment.body, experiment.noise)
+    had = [presses.begun(e, initial) for e, initial in experiment.effects if presses.shows(e)]
+    return law_of(presses, had, catalogue, experiment.say)
+
+
+def rough_fit(
+    experiment: Experiment,
+    catalogue: Catalogue[Effect],
+    on_iteration: Callable[[FitIteration], None] | None = None,
+) -> tuple[ContactLaw | None, FitResult, float]:
+    """Fit an initial map; a nonlinear contact law of the presses is subtracted first.
+
+    A map that is still far from the presses has an error above the noise: the few presses that the
+    noise makes the surest (hard places) would have the map to themselves. The fit then counts this
+    error as noise of the displacement, for all presses alike. Returned third is the map's typical
+    relative error of a press's compliance, else 0.
+    """
+    scan, noise, say = experiment.scan, experiment.noise, experiment.say
+    law = contact_law_of(experiment, catalogue)
+    say("fitting the map")
+    if law is None:
+        return None, fit_map(experiment, callback=on_iteration, rough=True), 0.0
+    placed = replace(experiment, scan=straight(scan, law.found))
+    fit = fit_map(placed, callback=on_iteration, rough=True)
+    gross = PRECISE.is_gross(fit.chi2_per_dof)
+    if experiment.onto_another_shape:
+        gross = fit.chi2_per_dof > _OTHER_SHAPE
+    for _ in range(_ERROR_ROUNDS if gross else 0):
+        say("fitting the map, with an error of its own")
+        error_m = typical_error_m(fit, placed.scan)
+        wider = replace(noise, displacement_m=float(np.hypot(noise.displacement_m, error_m)))
+        fit = fit_map(replace(placed, noise=wider), callback=on_iteration, rough=True)
+    error = typical_error(fit, law.found) if gross else 0.0
+    return law, curved_again(replace(fit, noise=noise), scan), error
+
+
+def fit_effects(
+    experiment: Experiment,
+    fit: FitResult,
+    starts: Mapping[str, Values] = MappingProxyType({}),
+    press_error: float = 0.0,
+) -> tuple[MeasurementModel, GaussianMap]:
+    """Return the model with the effects near their estimates, and the map beside them.
+
+    `starts` are values of effects without given ones, `press_error` is the model's.
+    """
+    model = measurement_model(experiment.scan, experiment.body, fit)
+    model = replace(model, press_error=press_error)
+    start = possible_map(model, fit.map)
+    if start is not fit.map:
+        corrected = model.mechanics.corrected(start, model.mechanics.state())
+        model = replace(model, mechanics=corrected)
+    for effect, initial in experiment.effects:
+        experiment.say(f"fitting {effect.name}")
+        joint = _with_effect(model, start, effect, initial or dict(starts.get(effect.name, {})))
+        model, start = joint.model, joint.map
+    return model, start
+
+
+def with_effects(experiment: Experiment, found: FitResult) -> FitResult:
+    """Fit the experiment's effects jointly with a map that was fitted without them.
+
+    Appends the joint estimate to the history of that fit.
+    """
+    joint = fit_jointly(*fit_effects(experiment, found))
+    values = dict(zip(joint.map.names, joint.map.values.tolist(), strict=True))
+    number = found.history[-1].iteration + 1 if found.history else 0
+    end = FitIteration(number, values, joint.chi2, joint.chi2_per_dof, joint.rms_m)
+    return replace(joint, history=(*found.history, end))
+
+
+def possible_map(model: MeasurementModel, found: GaussianMap) -> GaussianMap:
+    """Return the map, or one with weaker inclusions where the model cannot evaluate it.
+
+    Presses that slipped may draw a map to inclusions that are finer than its mesh.
+    """
+    for share in _WEAKER:
+        weaker = tuple(replace(i, weight_pa=share * i.weight_pa) for i in found.inclusions)
+        stiffness = found if share == 1 else GaussianMap(found.background_pa, weaker)
+        try:
+            model.linearise(model.start(stiffness))
+        except InadmissibleError:
+            continue
+        return stiffness
+    return found  # the fit will say what is wrong with it
+
+
+def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> MeasurementModel:
+    """Return the model without effects, corrected to the finer body at the fitted map."""
+    coarse = body.coarse
+    mechanics = BodyMechanics.of(coarse, body.fine)
+    free = [name for name, estimate in fit.parameters.items() if estimate.free]
+    return MeasurementModel(
+        Readings.of(scan),
+        scan.used().displacement_m,
+        fit.noise,
+        mechanics.corrected(fit.map, mechanics.state()),
+        parameter_space(fit.map, coarse.mesh.box_m, [n for n in free if n in fit.map.names]),
+    )
+
+
+def refuse_effect(effect: Effect, readings: Readings, initial: Values) -> None:
+    """Refuse an effect that a scan cannot show, and values to start from that it does not have."""
+    reason = effect.untestable(readings)
+    if reason is not None:
+        raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
+    missing = [p.name for p in effect.parameters if p.name not in initial]
+    unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
+    if initial and (missing or unknown):
+        names = ", ".join(p.name for p in effect.parameters)
+        raise InputError(
+            f"effect '{effect.name}', key initial: expected values of {names}; "
+            f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
+        )
+
+
+def _with_effect(
+    model: MeasurementModel, start: GaussianMap, effect: Effect, initial: Values
+) -> FitResult:
+    refuse_effect(effect, model.readings, initial)
+    if initial:
+        return fit_jointly(model.with_effect(effect, initial, model.mechanics.state()), start)
+    without = fit_jointly(model, start, rounds=0)
+    score = score_effect(without, effect, fitted_basis(without.at))
+    if score.untestable is not None:
+        raise InputError(
+            f"the effect '{effect.name}' cannot be fitted to this scan: {score.untestable}"
+        )
+    joint = fit_with(without, effect, score)
+    if joint is None:
+        raise InputError(
+            f"the effect '{effect.name}' leads to an impossible body; give it other values under "
+            "initial"
+        )
+    return joint

@@ -1,4 +1,4 @@
-"""Errors of the finite element part; each carries a sentence that says what to do."""
+"""Errors of the finite element part; each names the fault and its cure."""
 
 
 class MeshError(ValueError):

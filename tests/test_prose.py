@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 CEILINGS = {
     "models": (0.08, 1),
-    "fem": (0.08, 6),
+    "fem": (0.06, 0),
     "sim": (0.06, 3),
     "identify": (0.12, 99),
     "palpmap": (0.16, 61),

@@ -70,8 +70,8 @@ class Contacts:
     def __len__(self) -> int:
         return len(self.points_m)
 
-    def alike(self, other: Contacts) -> bool:
-        """Whether the other presses are the same ones."""
+    def same_presses(self, other: Contacts) -> bool:
+        """Return True if the other presses are the same."""
         return self.profile == other.profile and all(
             np.array_equal(getattr(self, name), getattr(other, name))
             for name in ("points_m", "directions", "radius_m")
@@ -139,11 +139,11 @@ def disc_quadrature(profile: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Footprint(NamedTuple):
-    """What lies on a body's surface under points of a tip's plane.
+    """Points of a body's surface under points of a tip's plane.
 
     Attributes
     ----------
-    hit : (p,) bool, whether there is a surface under the point; the rest holds only where it is
+    hit : (p,) bool, true where a surface lies under the point; the rest holds only there
     face : (p,) number of the boundary face
     barycentric : (p, 3) place in it
     depth : (p,) m below the tip's plane
@@ -200,7 +200,7 @@ class PressedSurface:
         )
 
     def bears(self, contacts: Contacts) -> np.ndarray:
-        """Whether the whole tip of each press lies on the surface, (j,)."""
+        """Return True for each press whose whole tip lies on the surface, (j,)."""
         disc, _ = disc_quadrature(contacts.profile_code)
         return np.array([self._beneath(contacts, j, disc).hit.all() for j in range(len(contacts))])
 

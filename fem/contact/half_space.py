@@ -99,7 +99,7 @@ def field(r: float, z: float, a: float, nu: float, profile: int):
 
 @numba.njit(cache=True, error_model="numpy")
 def field_of(r, z, nu, v, v_z, v_r, psi_r, v_zz, v_rz):
-    """Return what `field` does, from `potential` and `slopes`."""
+    """Return the result of `field` from `potential` and `slopes`."""
     k = (1 + nu) / (2 * np.pi)
     c = 1 - 2 * nu
     # z V_z and z V_r vanish on the surface, where V_z may be infinite
@@ -123,15 +123,9 @@ def displacement(r: float, z: float, a: float, nu: float, profile: int):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def gradient(r: float, z: float, a: float, nu: float, profile: int):
-    """du_z/dz, du_z/dr, du_r/dz, du_r/dr, u_r/r at one point, unit force and E = 1."""
-    return field(r, z, a, nu, profile)[2:]
-
-
-@numba.njit(cache=True, error_model="numpy")
 def strain(r: float, z: float, a: float, nu: float, profile: int):
     """e_zz, e_rr, e_tt, e_rz at one point, unit force and E = 1."""
-    e_zz, zr, rz, e_rr, e_tt = gradient(r, z, a, nu, profile)
+    _, _, e_zz, zr, rz, e_rr, e_tt = field(r, z, a, nu, profile)
     return e_zz, e_rr, e_tt, (zr + rz) / 2
 
 

@@ -27,7 +27,7 @@ class FiniteStrainBody:
     ----------
     mesh : four or ten nodes a cell
     poisson_ratio : of the whole body, at small strain
-    law : which hyperelastic law
+    law : the hyperelastic law
     fixed_surface : name of the mesh surface that is bonded
     mean_dilatation : the volumetric term sees the mean dilatation of a cell (see
         `fem.finite_strain.kernels`); for a four-node cell this changes nothing.

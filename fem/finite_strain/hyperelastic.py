@@ -33,7 +33,7 @@ _NEO_HOOKEAN, _YEOH, _FUNG = 0, 1, 2
 
 
 class HyperelasticLaw(Protocol):
-    """A law of the family: which g, and its one coefficient."""
+    """A law of the family: g and its one coefficient."""
 
     @property
     def code(self) -> int:

@@ -1,4 +1,4 @@
-"""Compiled loops over the cells at finite strain: forces, tangent, and what the adjoint needs.
+"""Compiled loops over the cells at finite strain: forces, tangent and adjoint sensitivity.
 
 Total Lagrangian: `gradients` (e, q, i, 3) are those of the shape functions in the unloaded body.
 With `mean_dilatation` the law's volumetric term sees one dilatation a cell, theta = sum_q w_q J_q,

@@ -62,8 +62,7 @@ class Equilibrium:
     force_n : the load
     u : (3 f,) m, displacement
     z : (3 f,) m/N, its derivative with respect to the force
-    reading_m : b.u with what the residual that is left still adds, z.r: its error is of second
-        order in that of u
+    reading_m : b.u + z.r, r the remaining residual: its error is of second order in that of u
     errors : relative energy norm of each iteration's correction, the first guess's first
     """
 
@@ -75,7 +74,7 @@ class Equilibrium:
 
 
 class _NotConverged(Exception):
-    """A load step that failed; what it says ends up in the path's message."""
+    """A load step that failed; its text becomes the path's message."""
 
 
 class PathFollower:
@@ -122,7 +121,7 @@ class PathFollower:
 
         Parameters
         ----------
-        rest : what `press` returned
+        rest : the unloaded state, from `press`
         forces_n : (l,) N, rising, not negative
         start : guess for each force, the equilibrium with another modulus, or None
         other : the unloaded state with that modulus
@@ -130,7 +129,7 @@ class PathFollower:
         Returns
         -------
         The equilibria, None from the first force on that was not reached; the largest force with a
-        converged state; why it went no further, empty where it did.
+        converged state; the reason for stopping there, empty if no force was missed.
         """
         path = [rest]
         found: list[Equilibrium | None] = []
@@ -214,7 +213,7 @@ class PathFollower:
         )
 
     def _remaining(self, error: float, rate: float) -> float:
-        """Return how many iterations are still to come at this rate of contraction."""
+        """Estimate the number of further iterations at this rate of contraction."""
         return math.log(self.options.rtol / error) / math.log(rate) if rate < 1 else math.inf
 
     def _best(
@@ -342,6 +341,6 @@ def _extrapolated_slope(path: Sequence[Equilibrium], force: float) -> np.ndarray
 
 
 def _difference(state: Equilibrium, other: Equilibrium) -> Equilibrium:
-    """Return what another modulus makes of a state and its slope, at the force of the first."""
+    """Change of a state and its slope against those of another modulus, at the same force."""
     u = other.u + (state.force_n - other.force_n) * other.z
     return replace(state, u=state.u - u, z=state.z - other.z)

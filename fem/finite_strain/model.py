@@ -1,7 +1,7 @@
 """Readings of presses at finite strain, and how they correct accurate linear ones.
 
 A mesh that one can afford is far too stiff under a tip's rim at small strain already
-(`fem.near_field.enrichment` repairs that). What it is asked here is only how a reading departs from
+(`fem.near_field.enrichment` repairs that). It serves here only for the departure of a reading from
 proportionality: of the same mesh with the same tip, at force F,
 
     ratio(F) = b.u(F) / (C F),      C = b.u/F at small strain.
@@ -38,7 +38,7 @@ from fem.finite_strain.tips import DeadPressure, TipShape
 from fem.linear.modulus_samples import checked_modulus
 from fem.mesh.mesh import Mesh
 from fem.solve.direct import Solver, default_solver
-from fem.solve.threads import available_cores, share_out, solver_for_threads
+from fem.solve.threads import available_cores, map_over_workers, solver_for_threads
 
 
 class LoadNotReached(SolverError):
@@ -51,7 +51,7 @@ class LoadNotReached(SolverError):
 
 @dataclass(frozen=True)
 class FiniteStrainResponse:
-    """What a body answers at finite strain, for one modulus field.
+    """Readings of presses at finite strain, for one modulus field.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class FiniteStrainResponse:
     tangent_compliance : (j, l) d reading/d force, m/N
     mesh_compliance : (j,) linear compliance of the mesh with the tip, m/N
     reached_n : (j,) the largest force for which there is an equilibrium: the largest asked for, or
-        less, and then `messages` says why the load went no further
+        less, with the reason in `messages`
     messages : (j,) empty where all went well
     factorizations, iterations : work done, over all presses
     """
@@ -83,7 +83,7 @@ class FiniteStrainResponse:
 
     @property
     def complete(self) -> bool:
-        """Whether every force was reached."""
+        """True if every force was reached."""
         return not any(self.messages)
 
     def require_complete(self) -> None:
@@ -201,7 +201,7 @@ class FiniteStrainModel:
             return PathFollower(self.body, (first, second), options)
 
         count = min(workers or available_cores(), len(contacts))
-        self._followers = share_out([None] * count, follower, count)
+        self._followers = map_over_workers([None] * count, follower, count)
 
     def _tip_constraints(self, tip: TipShape) -> list[TipConstraints]:
         surface = PressedSurface(self.body.mesh)
@@ -220,7 +220,7 @@ class FiniteStrainModel:
 
     @staticmethod
     def scales(scale: np.ndarray) -> bool:
-        """Whether forces were scaled to an accurate compliance."""
+        """Return True if forces were scaled to an accurate compliance."""
         return bool((scale != 1).any())
 
     def evaluate(
@@ -260,7 +260,7 @@ class FiniteStrainModel:
                 "a response to start from needs the same number of presses and forces"
             )
         done = [(f.tangent.factorizations, f.iterations) for f in self._followers]
-        presses = share_out(
+        presses = map_over_workers(
             self._followers,
             lambda follower, j: self._press(follower, j, modulus, forces[j], accurate, start),
             count,

@@ -7,8 +7,7 @@ hard would be unstable without the tip that holds it, so that its tangent alone 
 factorised: then it is propped by springs that are taken off again in the solution
 (`_hold_propped`).
 
-Factors may be in single precision: what they solve is a preconditioner's answer, with which
-`solve_exactly` iterates.
+Factors may be in single precision: they then precondition the iterations of `solve_exactly`.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from fem.solve.direct import Factor, Pattern
 
 
 class TipConstraints(NamedTuple):
-    """What is to stay zero, `rows @ u[dofs]`: orthonormal rows (k, t), dofs (t,) of the free."""
+    """Constraints `rows @ u[dofs] = 0`: orthonormal rows (k, t), dofs (t,) of the free."""
 
     dofs: np.ndarray
     rows: np.ndarray
@@ -32,7 +31,7 @@ class TipConstraints(NamedTuple):
     def without_reactions(self, forces: np.ndarray) -> np.ndarray:
         """Take off, in place, the part of forces (3 f,) that the constraints balance.
 
-        Rounding errors then scale with what is left, which vanishes in equilibrium.
+        Rounding errors then scale with the remainder, which vanishes in equilibrium.
         """
         if len(self.rows):
             forces[self.dofs] -= (self.rows @ forces[self.dofs]) @ self.rows
@@ -40,7 +39,7 @@ class TipConstraints(NamedTuple):
 
 
 class _Held(NamedTuple):
-    """A factor, and what makes its solutions obey the tip: u - responses (rows u[dofs])."""
+    """A factor with its correction for the tip: u - responses (rows u[dofs])."""
 
     factor: Factor
     rows: np.ndarray

@@ -52,7 +52,7 @@ class RigidTip:
     Attributes
     ----------
     degree : of the polynomials phi_k, at least 1
-    sticking : whether the surface is held across the press too, or slides without friction
+    sticking : the surface is held across the press too; else it slides without friction
     """
 
     degree: int = 4
@@ -63,7 +63,7 @@ class RigidTip:
             raise MeshError(f"a rigid tip's polynomials have degree 1 or more, got {self.degree}")
 
     def constraints(self, surface: PressedSurface, contacts: Contacts, j: int) -> np.ndarray:
-        """Vectors (k, n, 3); a coarse mesh cannot tell all polynomials apart and has fewer."""
+        """Vectors (k, n, 3); fewer on a coarse mesh, which cannot resolve all polynomials."""
         if contacts.profile != "flat":
             raise MeshError(f"a rigid flat tip presses with profile 'flat', not "
                             f"'{contacts.profile}'; a dead pressure goes with any")  # fmt: skip
@@ -102,6 +102,6 @@ def disc_polynomials(degree: int, profile: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _independent(rows: np.ndarray) -> np.ndarray:
-    """Orthonormal rows that span what the rows (k, t) do, as far as it can be told apart."""
+    """Orthonormal rows that span the rows (k, t), nearly dependent ones dropped."""
     _, size, right = np.linalg.svd(rows, full_matrices=False)
     return right[size > _INDEPENDENT * size.max()]

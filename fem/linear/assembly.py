@@ -11,6 +11,7 @@ by node; nodes of the fixed surfaces (one name or several) are left out.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from fem.errors import MeshError
 from fem.linear import kernels as kernels
@@ -99,7 +100,8 @@ class Stiffness:
     mean_gradients : (e, nodes, 3) 1/m, means of the shape functions' gradients over each cell
     mean_lame : the part of lambda (E = 1) that resists the mean change of volume of each cell, see
         `split_lame`
-    free_cells : (e, nodes) number of each cell's nodes among the free ones, -1 where held
+    free_number : (n,) number of each node among the free ones, -1 where held
+    free_cells : (e, nodes) these numbers of each cell's nodes
     free_nodes : (f,) nodes that may move; degree of freedom 3 i + a is axis a of `free_nodes[i]`.
     """
 
@@ -128,7 +130,8 @@ class Stiffness:
         for name in (fixed_surface,) if isinstance(fixed_surface, str) else fixed_surface:
             free[mesh.surface_nodes(name)] = False
         self.free_nodes = np.flatnonzero(free)
-        self.free_cells = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)[mesh.cells]
+        self.free_number = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
+        self.free_cells = self.free_number[mesh.cells]
         self._build_pattern()
 
     @property
@@ -235,7 +238,7 @@ class Stiffness:
         return whole.T
 
     def close_energies(self, displacement: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return what `energies` does for the samples that some cells have of their own, (j, c, s).
+        """Return `energies` at the own samples of the cells around the tips, (j, c, s).
 
         Without the energy of a cell's mean change of volume.
         """
@@ -245,6 +248,18 @@ class Stiffness:
         kernels.energies(out, by_node, self.mesh.cells[cells], self.gradients[cells],
                          self._close_derivatives, weights, *self._lame)  # fmt: skip
         return by_sample(out.transpose(2, 0, 1))
+
+    def places(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Places of entries (row, column) of the upper triangle among its values."""
+        size = len(self.indptr) - 1
+        rows = np.repeat(np.arange(size, dtype=np.int64), np.diff(self.indptr))
+        keys = rows * size + self.indices
+        return np.searchsorted(keys, row.astype(np.int64) * size + column)
+
+    def product(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Product of the whole matrix, given by its upper triangle's values, with (3 f, r)."""
+        upper = sp.csr_array((values, self.indices, self.indptr), shape=(len(free),) * 2)
+        return upper @ free + upper.T @ free - upper.diagonal()[:, None] * free
 
     def restrict(self, nodal: np.ndarray) -> np.ndarray:
         """Nodal (r, n, 3) -> free degrees of freedom (3 f, r), Fortran order."""

@@ -63,7 +63,7 @@ def fill(data, indptr, chosen, cells, pairs, pair_node, pair_rank, gradients, de
 
 @numba.njit(cache=True, fastmath=True)
 def fill_mean(data, indptr, cells, pairs, pair_node, pair_rank, mean, weights):
-    """Add what resists the mean change of volume of each cell, weights (e,) times lambda."""
+    """Add the resistance to each cell's mean change of volume, weights (e,) times lambda."""
     nodes = cells.shape[1]
     for e in range(cells.shape[0]):
         m = -1

@@ -30,7 +30,7 @@ CLOSE_BASIS = np.linalg.inv(CLOSE_SAMPLES[:, PRODUCTS].prod(axis=2)).T
 CLOSE_RULE = TET_RULES[5]  # exact for a quadratic modulus times quadratic strains, and more
 _AT_RULE = CLOSE_RULE[0][:, PRODUCTS].prod(axis=2) @ CLOSE_BASIS.T  # (points, samples)
 _MEAN = CLOSE_RULE[1] @ _AT_RULE  # (samples,) all positive
-_LEAST = 0.05  # of a cell's smallest sample: what the quadratic may not fall below at the rule
+_LEAST = 0.05  # of a cell's smallest sample: lower bound of the quadratic at the rule
 
 
 def checked_modulus(modulus_pa: np.ndarray | float, count: int) -> np.ndarray:

@@ -37,7 +37,7 @@ _FREE = 1e4
 
 @dataclass(frozen=True)
 class Support:
-    """What holds a body.
+    """Support of a body.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Support:
 
     @property
     def bonded(self) -> bool:
-        """Whether the surface does not move at all."""
+        """True if the surface does not move at all."""
         return self.normal == 0 and self.tangential == 0
 
 
@@ -82,17 +82,15 @@ class Foundation:
         faces = mesh.surface(surface)
         if not len(faces):
             raise MeshError(f"surface '{surface}' has no faces to rest on")
-        number = np.full(len(mesh.nodes), -1)
-        number[stiffness.free_nodes] = np.arange(len(stiffness.free_nodes))
         nodes = np.unique(faces)
-        nodes = nodes[number[nodes] >= 0]
+        nodes = nodes[stiffness.free_number[nodes] >= 0]
         mass, normals, area = _mass_and_normals(mesh, faces)
         self.nodes = nodes
         self.normals = normals[nodes]
         self._mass = mass[nodes][:, nodes].tocsc()
         self._face_size = float(np.sqrt(area / len(faces)))
         self._size = float(np.sqrt(area))
-        self._free = number[nodes]
+        self._free = stiffness.free_number[nodes]
         self._place_springs(stiffness)
 
     def _place_springs(self, stiffness: Stiffness) -> None:
@@ -107,10 +105,7 @@ class Foundation:
         row = np.broadcast_to(3 * self._free[i, None, None] + axis[:, None], along_n.shape)
         column = np.broadcast_to(3 * self._free[j, None, None] + axis, along_n.shape)
         upper = row <= column
-        size = len(stiffness.indptr) - 1
-        rows = np.repeat(np.arange(size, dtype=np.int64), np.diff(stiffness.indptr))
-        keys = rows * size + stiffness.indices
-        self._place = np.searchsorted(keys, row[upper].astype(np.int64) * size + column[upper])
+        self._place = stiffness.places(row[upper], column[upper])
         self._normal_values, self._tangential_values = along_n[upper], along_t[upper]
 
     def effective(

@@ -23,7 +23,7 @@ def run_job(job: str, time_limit_s: float, **given: Any) -> dict[str, np.ndarray
     Raises
     ------
     MeshError
-        The job said what is wrong, crashed, or did not end within the time limit.
+        The job found a fault, crashed, or did not end within the time limit.
     """
     with tempfile.TemporaryDirectory(prefix="palpmap-") as folder:
         source, target = Path(folder, "input.npz"), Path(folder, "output.npz")

@@ -78,7 +78,7 @@ def decimated(
 
 
 def main(job: str, source: str, target: str) -> None:
-    """Run a job on the arrays in one file and write what it makes to another."""
+    """Run a job on the arrays in one file and write its results to another."""
     with np.load(source, allow_pickle=False) as file:
         result = {"read": read, "tetrahedralize": tetrahedralize}[job](dict(file))
     with open(target, "wb") as file:

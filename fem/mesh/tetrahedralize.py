@@ -55,8 +55,8 @@ def tetrahedralize_surface(
 
     Returns
     -------
-    Mesh with the surfaces "base" (what lies within 2 % of the height above the lowest point, and
-    looks down) and "top" (the rest).
+    Mesh with the surfaces "base" (faces within 2 % of the height above the lowest point that look
+    down) and "top" (the rest).
 
     Raises
     ------
@@ -116,7 +116,7 @@ def _check_edge_length(surface: Surface, edge_length_m: float) -> None:
 
 
 def _checked_mesh(nodes: NDArray[np.float64], cells: NDArray[np.int32], surface: Surface) -> Mesh:
-    """Return the four-node mesh with its surfaces, or say what is wrong with it."""
+    """Return the four-node mesh with its surfaces; `MeshError` names its fault."""
     if len(cells) == 0:
         raise MeshError("The mesher made no tetrahedra: the surface encloses nothing.")
     used, number = np.unique(cells, return_inverse=True)

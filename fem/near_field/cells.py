@@ -1,7 +1,7 @@
-"""What near-field functions contribute to a stiffness matrix's rows, cell by cell.
+"""Contributions of near-field functions to the rows of a stiffness matrix, cell by cell.
 
-Compiled forms of sums over the nodes of each cell; see `fem.near_field.enrichment.Enrichment` for
-what they are the parts of. Vectors come in the frame of the contact and leave in that of the body.
+Compiled sums over the nodes of each cell, for `fem.near_field.enrichment.Enrichment`. Vectors
+come in the frame of the contact and leave in that of the body.
 """
 
 from __future__ import annotations

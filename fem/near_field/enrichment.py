@@ -199,7 +199,7 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
     field = np.ascontiguousarray(field)  # (m, c, nodes, 3)
     gradients = stiffness.gradients[cells] @ place.frame.T
     derivatives = linear_derivatives(mesh.order)
-    # What the interpolant takes off, by the stiffness matrix's own quadrature
+    # The interpolant's part, by the stiffness matrix's own quadrature
     lam, mu, _ = split_lame(nu)
     rule = stiffness.rule if degree == 1 else CLOSE_RULE
     volumes = stiffness.volumes[cells, None] * rule[1]
@@ -303,7 +303,7 @@ def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarr
 
 
 def _lie_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
-    """Whether cells (c, nodes) lie so close to the disc that the field varies in them, (c,)."""
+    """Return True for cells (c, nodes) close enough to the disc for a varying field, (c,)."""
     corners = place.local[cells[:, :4]]
     diameter = 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
     points = np.einsum("qv,cvi->cqi", _PLACES, corners)

@@ -1,7 +1,6 @@
 """Strains and energies of a press's near-field functions, integrated over cells.
 
-The functions are those of `fem.near_field.points`; what the integrals are for:
-`fem.near_field.enrichment`.
+The functions are those of `fem.near_field.points`; the integrals serve `fem.near_field.enrichment`.
 """
 
 from __future__ import annotations

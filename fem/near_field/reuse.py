@@ -29,7 +29,7 @@ def shared(
     Parameters
     ----------
     local : for each press (c, nodes, 3) m, the nodes of its cells in its frame
-    alike : for each press all else that its integrals depend on
+    alike : for each press a key of all else that its integrals depend on
     radius_m : (j,) of the tips
     compute : arrays of press j for some of its cells, given by their indices; called by several
         threads

@@ -1,4 +1,4 @@
-"""Sums over the cells of a press's near field: what a modulus field makes of it.
+"""Sums over the cells of a press's near field, weighted with a modulus field.
 
 The integrals of `fem.near_field.enrichment.Enrichment` stand for E = 1 at each modulus sample; here
 they are weighted with E and added up, or with a field and kept apart.
@@ -48,7 +48,7 @@ def couple(by_function, energy, numbers, modulus, parts, part_energy):
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
 def add_energies(samples, cells, nodes, field, amplitude, parts, part_energy):
-    """Add what a press's near field has of its energy at each modulus sample.
+    """Add a press's near-field energy at each modulus sample.
 
     Parameters
     ----------

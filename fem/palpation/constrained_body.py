@@ -15,7 +15,11 @@ from fem.mesh.mesh import Mesh
 from fem.palpation.skin import SkinnedSurface
 from fem.solve.block_matrix import BlockMatrix
 from fem.solve.direct import Pattern, Solver
-from fem.solve.mixed_precision import Preparation, RoughFactors, conjugate_gradients
+from fem.solve.mixed_precision import (
+    PreconditionerFactory,
+    SinglePrecisionFactors,
+    conjugate_gradients,
+)
 from fem.solve.two_grid import NU_LIMIT, TwoGrid
 
 #: Unknowns from which iterations are faster than factors in double precision.
@@ -24,7 +28,7 @@ LARGE = 100_000
 FEW = 0.02
 
 
-class HeldBody:
+class ConstrainedBody:
     """A body with some surfaces held: its matrix, its loads and the springs under its base."""
 
     def __init__(
@@ -50,7 +54,7 @@ class HeldBody:
         return self._solver.analyse(s.indptr, s.indices, loaded=rows)
 
     @cached_property
-    def iterative(self) -> list[Preparation]:
+    def iterative(self) -> list[PreconditionerFactory]:
         """Ways to solve without factors in double precision; none where they gain nothing.
 
         A way that fails is not tried again.
@@ -58,12 +62,14 @@ class HeldBody:
         if len(self.loads) < LARGE:
             return []
         s = self.stiffness
-        ways: list[Preparation] = []
+        ways: list[PreconditionerFactory] = []
         if s.poisson_ratio <= NU_LIMIT:
             ways.append(TwoGrid(s.mesh.nodes[s.free_nodes], self._solver))
         if self._solver.single_precision:
             ways.append(
-                RoughFactors(lambda: self._solver.analyse(s.indptr, s.indices, approximate=True))
+                SinglePrecisionFactors(
+                    lambda: self._solver.analyse(s.indptr, s.indices, approximate=True)
+                )
             )
         return ways
 

@@ -108,12 +108,12 @@ class PlanePart:
 
 
 class FibrePlane:
-    """Everything that fibres of the directions in one plane do to a body.
+    """Effect of fibres on a body, for all directions in one plane.
 
     Parameters
     ----------
     plane : (2, 3) orthonormal t_1, t_2
-    near_field : whether the presses have one
+    near_field : true if the presses have one
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class FibrePlane:
             self.parts = _plane_parts(stiffness, contacts, plane)
 
     def holds(self, direction: np.ndarray) -> bool:
-        """Whether a direction lies in the plane."""
+        """Return True if a direction lies in the plane."""
         return bool(np.linalg.norm(self.plane @ direction) > 1 - 1e-12)
 
     def weights(self, direction: np.ndarray) -> np.ndarray:
@@ -160,7 +160,7 @@ class FibrePlane:
     def near(
         self, j: int, direction: np.ndarray, by_cell: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what fibres of modulus by_cell (e, q) add to k (c, m, nodes, 3) and a (m, m)."""
+        """Parts of k (c, m, nodes, 3) and a (m, m) by fibres of modulus by_cell (e, q)."""
         part = self.parts[j]
         projection = _projection(self.plane @ direction)
         local = by_cell[part.cells]
@@ -210,7 +210,7 @@ def _strain_products(out, strain, u, cells, derivatives, gradients, samples, wei
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
 def _add_near_products(out, strain, cells, amplitude, mixed, products):
-    """Add what a press's near field has of `_strain_products`; see `PlanePart`."""
+    """Add the near field's part of `_strain_products`; see `PlanePart`."""
     count = len(amplitude)
     for k in numba.prange(len(cells)):
         along = np.empty((3, 4))

@@ -1,4 +1,4 @@
-r"""A thin skin on a half-space: what it does to the compliance of a press, by Hankel transforms.
+r"""Change of a press's compliance by a thin skin on a half-space, by Hankel transforms.
 
 A skin is thinner than any affordable cell. Under the tip the body is as good as a half-space, on
 which a skin changes the compliance by D/E,
@@ -26,14 +26,12 @@ from fem.errors import MeshError
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 _REACH = 24.0  # G - 1/f falls like exp(-2 xi t)
 _WAVES = 600.0  # beyond xi a, the pressure's square is replaced by its mean over a wave
-_THINNEST = (
-    1e-4  # of the tip's radius; what a thinner skin does is taken as linear in its thickness
-)
+_THINNEST = 1e-4  # of the tip's radius; a thinner skin acts in proportion to its thickness
 _STEP = 1e-30  # of the complex-step derivative
 
 
 class SkinCompliance(NamedTuple):
-    """What a skin adds to the compliance of each press, for E = 1.
+    """Change of the compliance of each press by a skin, for E = 1.
 
     Attributes
     ----------
@@ -55,7 +53,7 @@ def skin_compliance(
     profile: int = FLAT,
     beyond_membrane: bool = False,
 ) -> SkinCompliance:
-    """Return what a skin on a half-space of E = 1 adds to the compliance of presses.
+    """Return the change of presses' compliance by a skin on a half-space of E = 1.
 
     Parameters
     ----------
@@ -64,7 +62,7 @@ def skin_compliance(
     factor : modulus of the skin over that of the body, > 0; 1 is no skin
     poisson_ratio : of both
     profile : `fem.contact.half_space.FLAT` or `HERTZ`
-    beyond_membrane : leave out what a membrane of the stiffness t (f - 1) E/(1 - nu^2) would do to
+    beyond_membrane : leave out the effect of a membrane of the stiffness t (f - 1) E/(1 - nu^2) on
         waves longer than t; a skin softer than the body (f < 1) does not act as one
     """
     radius = np.atleast_1d(np.asarray(radius_m, float))

@@ -6,7 +6,7 @@ Y = G^-1 k for the four functions of its near field (`fem.near_field.enrichment`
     C = y'y + g'alpha,    (a - Y'Y) alpha = g = l - Y'y,    u = G'^-1 (y - Y alpha),
 
 so that only one right-hand side a press goes through both halves of a solve. The derivatives follow
-from the same fields, see `fem.response`.
+from the same fields, see `fem.palpation.response`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from fem.mesh.mesh import Mesh
 from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field.points import FUNCTIONS
 from fem.near_field.sums import couple, scatter
-from fem.palpation.constrained_body import HeldBody
+from fem.palpation.constrained_body import ConstrainedBody
 from fem.palpation.fibres import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.palpation.response import Response
 from fem.palpation.skin import Skin
@@ -45,7 +45,7 @@ _GROUP = 16  # presses whose near fields are solved together
 
 
 class Material(NamedTuple):
-    """What a body is made of: modulus samples of the stiffness matrix (p,), fibres, skin.
+    """Material of a body: modulus samples of the stiffness matrix (p,), fibres, skin.
 
     `close` has the modulus samples that count in the cells around the tips, `local` (j,) the
     modulus at the contact points.
@@ -87,7 +87,7 @@ class PalpationModel:
     near_field : add the exact near field of each press (see `fem.near_field`); without it the
         result is that of the bare mesh, as in the paper. A nodal contact has none.
     solver : direct solver, default `fem.solve.direct.default_solver()`
-    support : what holds the body, in place of `fixed_surface`
+    support : of the body, in place of `fixed_surface`
     skin_surface : name of the surface that bears a skin, where one is evaluated
     """
 
@@ -141,8 +141,8 @@ class PalpationModel:
             skin_surface=self._skin_surface,
         )
 
-    def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> HeldBody:
-        return HeldBody(
+    def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> ConstrainedBody:
+        return ConstrainedBody(
             self.mesh,
             poisson_ratio,
             held,
@@ -153,7 +153,7 @@ class PalpationModel:
         )
 
     @cached_property
-    def floating(self) -> HeldBody:
+    def floating(self) -> ConstrainedBody:
         """The body whose supported surface can move."""
         return self._hold(self.stiffness.poisson_ratio, self.support.held)
 
@@ -232,7 +232,7 @@ class PalpationModel:
         fibres: Fibres | tuple | None = None,
         skin: Skin | tuple | None = None,
     ) -> Material:
-        """Return what the body is made of, for the arguments of `evaluate`."""
+        """Return the body's material for the arguments of `evaluate`."""
         modulus = checked_modulus(modulus_pa, len(self.points_m))
         split = len(self.stiffness.points_m)
         if fibres is not None:
@@ -244,7 +244,7 @@ class PalpationModel:
         return Material(modulus, fibres, skin, close, local)
 
     def _enriched(
-        self, body: HeldBody, material: Material, values: np.ndarray
+        self, body: ConstrainedBody, material: Material, values: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Compliances (j,), fields (3 f, j) and amplitudes (j, m) with the near fields."""
         factor = body.pattern.factorize(values)
@@ -262,7 +262,7 @@ class PalpationModel:
             half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
         return compliance, factor.backward(half), amplitude
 
-    def values(self, body: HeldBody, material: Material) -> np.ndarray:
+    def values(self, body: ConstrainedBody, material: Material) -> np.ndarray:
         """Values of a body's stiffness matrix, without the support's springs."""
         close = (self.close_cells, material.close.values)
         values = body.stiffness.values(material.modulus, close)
@@ -309,7 +309,7 @@ class PalpationModel:
         return self.plane(plane_of(direction))
 
     def plane(self, plane: np.ndarray) -> FibrePlane:
-        """Return what fibres in a plane (2, 3) do; kept until another one is asked for."""
+        """Return the effect of fibres in a plane (2, 3), kept until another plane is asked for."""
         if self._plane is None or not np.array_equal(self._plane.plane, plane):
             self._plane = FibrePlane(self.stiffness, self.contacts, plane, bool(self.enrichments))
         return self._plane

@@ -1,4 +1,4 @@
-"""What a body answers to unit forces: compliance of every press and its derivatives.
+"""Response of a body to unit forces: compliance of every press and its derivatives.
 
 The problem is self-adjoint, so that the fields that give the compliances give their derivatives:
 
@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem.linear.modulus_samples import CLOSE_SAMPLES
 from fem.near_field.enrichment import sample_basis
@@ -22,13 +21,13 @@ from fem.palpation.fibres import HORIZONTAL
 from fem.palpation.skin import Skin
 
 if TYPE_CHECKING:
-    from fem.palpation.constrained_body import HeldBody
+    from fem.palpation.constrained_body import ConstrainedBody
     from fem.palpation.model import Material, PalpationModel
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the body answers to unit forces, for one modulus field.
+    """Response of the body to unit forces, for one modulus field.
 
     Attributes
     ----------
@@ -39,7 +38,7 @@ class Response:
 
     compliance: np.ndarray
     model: PalpationModel
-    _body: HeldBody
+    _body: ConstrainedBody
     _material: Material
     _free: np.ndarray  # (3 f, j) finite element part of the fields
     amplitude: np.ndarray
@@ -48,7 +47,7 @@ class Response:
     def displacement(self, j: int) -> np.ndarray:
         """Nodal displacement under 1 N at press j, (n, 3) m/N.
 
-        The near-field functions are zero at the nodes: what they add lies in between.
+        The near-field functions are zero at the nodes; their part lies in between.
         """
         return self._body.stiffness.prolong(self._free[:, [j]])[0]
 
@@ -98,10 +97,10 @@ class Response:
 
     @cached_property
     def unevenness(self) -> np.ndarray:
-        """Part of each compliance that hangs on a modulus not linear in the cells around the tip.
+        """Part of each compliance, (j,) >= 0, due to a modulus not linear in cells around the tip.
 
-        (j,) >= 0, to first order and without regard to sign: what samples as elsewhere would miss
-        if all of it added up.
+        To first order and without regard to sign: an upper estimate of the error with samples as
+        elsewhere.
         """
         stiffness, material = self._body.stiffness, self._material
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
@@ -195,20 +194,11 @@ class Response:
             return body.foundation.displacement_squared(base) / np.square(self._springs)
         return body.foundation.traction_squared(self._reactions(body))
 
-    def _reactions(self, floating: HeldBody) -> np.ndarray:
+    def _reactions(self, floating: ConstrainedBody) -> np.ndarray:
         """Nodal forces (j, b, 3) of the bonded surface on the body."""
         stiffness = floating.stiffness
-        size = len(stiffness.indptr) - 1
-        upper = sp.csr_array(
-            (
-                self.model.values(floating, self._material),
-                stiffness.indices,
-                stiffness.indptr,
-            ),
-            shape=(size, size),
-        )
         field = stiffness.restrict(self._body.stiffness.prolong(self._free))
-        force = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
+        force = stiffness.product(self.model.values(floating, self._material), field)
         force -= floating.loads
         for group, near in self.model.near_fields(stiffness, self._material):
             force[:, group] += np.einsum("djm,jm->dj", near.coupling, self.amplitude[group])

@@ -1,20 +1,20 @@
 """Two meshes of one body, extrapolated to the limit of vanishing cell size.
 
-With the near field of each press in the space (`fem.near_field.enrichment`), what is left of the
-error falls like some power p of the cell size, so that two meshes give the limit
+With the near field of each press in the space (`fem.near_field.enrichment`), the remaining error
+falls like some power p of the cell size, so that two meshes give the limit
 
     C = C_fine + (C_fine - C_coarse)/((h_coarse/h_fine)^p - 1).
 
 The power is not the same everywhere. Measured on 8 x 8 x 4 and 12 x 12 x 6 cells of 96 x 96 x 48 mm
 it is 2.5 for tips of 5 mm 7 mm away from the edges or over mild inclusions; 1.4 to 2.1 where the
-rim is 2 mm from an edge, which only the cells' own functions know of; and 1.1 to 1.7 over an
+rim is 2 mm from an edge, which only the cells' own functions represent; and 1.1 to 1.7 over an
 inclusion of 8 mm radius, six times as stiff and 12 mm deep (whose gradient probably bends the near
 field otherwise than x, y and z times it do). With p = 1.75 no press of either kind is more than 1 %
-off. The part that was added is then too large for the first kind and too small for the last: half
-of it is the scale of the error. By accident it can be nothing: small tips over steep inclusions
-feel how the modulus runs between its samples, and the meshes may agree though both are wrong. A
-part of what that modulus makes beyond a linear one (`fem.palpation.response.Response.unevenness`)
-is therefore the least that the scale may be, and 0.1 %, for the quadrature.
+off. The added part is then too large for the first kind and too small for the last: half of it is
+the scale of the error. By accident it can be zero: small tips over steep inclusions feel the course
+of the modulus between its samples, and the meshes may agree though both are wrong. The scale is
+therefore at least a part of `fem.palpation.response.Response.unevenness`, and 0.1 % for the
+quadrature.
 `benchmarks/validate.py` counts how often twice the scale holds the true error.
 """
 
@@ -31,8 +31,8 @@ from fem.palpation.model import PalpationModel, Response
 from fem.palpation.skin import Skin
 
 RATE = 1.75
-LEFT = 0.5  # of what the extrapolation adds may be left as error ...
-BETWEEN = 0.2  # of what the modulus makes between its samples, at least ...
+LEFT = 0.5  # error as a part of the extrapolation's change ...
+BETWEEN = 0.2  # ... at least this part of `unevenness` ...
 LEAST = 1e-3  # ... and at least this
 
 
@@ -53,7 +53,7 @@ class RefinedResponse:
 
     @property
     def error(self) -> np.ndarray:
-        """Scale of the relative error that is left, (j,), with the sign of the added part."""
+        """Scale of the remaining relative error, (j,), with the sign of the added part."""
         added = LEFT * np.abs(self.extrapolated)
         scale = np.maximum(np.maximum(added, BETWEEN * self.fine.unevenness), LEAST)
         return np.copysign(scale, self.extrapolated)
@@ -70,7 +70,7 @@ class RefinedModel:
     fine: PalpationModel
 
     def __post_init__(self) -> None:
-        if not self.coarse.contacts.alike(self.fine.contacts) or self._ratio <= 1.05:
+        if not self.coarse.contacts.same_presses(self.fine.contacts) or self._ratio <= 1.05:
             raise MeshError("extrapolation needs the same presses on two meshes, the second finer")
 
     @property

@@ -36,7 +36,7 @@ _OWN = np.array([0.1, 1 / 12, 1 / 12])  # energies A_kk in units of k/a
 
 
 class _Reading(NamedTuple):
-    """What reads the three A_k off a press's field.
+    """Weights that read the three A_k off a press's field.
 
     Nodes (n,), weights (3, n, 3) of their displacements, weights (3, m) of the near field's
     amplitudes.
@@ -51,7 +51,7 @@ _READINGS: WeakKeyDictionary[PalpationModel, list[_Reading]] = WeakKeyDictionary
 
 
 def shape_gain(response: Response, modulus_pa: np.ndarray) -> np.ndarray:
-    """Compliance that the better pressure takes off, (j,) m/N, not negative.
+    """Decrease of the compliance by the better pressure, (j,) m/N, not negative.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _reading(model: PalpationModel, surface: PressedSurface, j: int) -> _Reading
 def _under(
     model: PalpationModel, surface: PressedSurface, j: int, disc: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what gives the travel at points (p, 2) of the disc.
+    """Return the weights of the travel at points (p, 2) of the disc.
 
     Nodes (n,), weights (p, n) of their travel, weights (p, m) of the near field's amplitudes.
     """

@@ -1,13 +1,13 @@
 r"""A skin as a membrane on a body's surface: the part of its effect that reaches far.
 
 Near the tip a skin acts by its own bending and shear, and the body is as good as a half-space:
-that is `fem.palpation.layered_half_space`. Further off it acts by its stiffness against being
-stretched, where edges, supports and inclusions make the surface stretch. So twice the energy
+that is `fem.palpation.layered_half_space`. Further off it acts by its resistance to stretching,
+where edges, supports and inclusions stretch the surface. So twice the energy
 
     t (f - 1)/(1 - nu^2) int E [e_11^2 + e_22^2 + 2 nu e_11 e_22 + (1 - nu)/2 (2 e_12)^2] dA
 
 (plane stress, e the strain in the surface's plane) is added to the stiffness matrix, and the near
-part, less what a membrane does on a half-space, is added to the compliance,
+part, less the effect of a membrane on a half-space, is added to the compliance,
 
     C = C_membrane + D(a, t, f)/E_loc.
 
@@ -126,19 +126,12 @@ class Membrane:
         return found
 
     def _find_places(self) -> np.ndarray:
-        """Where each entry of the faces' matrices stands in the values; -1 where it does not."""
-        stiffness = self.stiffness
-        number = np.full(len(stiffness.mesh.nodes), -1)
-        number[stiffness.free_nodes] = np.arange(len(stiffness.free_nodes))
-        node = number[self.faces]
+        """Place of each entry of the faces' matrices in the values; -1 where it has none."""
+        node = self.stiffness.free_number[self.faces]
         dof = (3 * node[:, :, None] + np.arange(3)).reshape(len(node), -1)
         dof[np.repeat(node < 0, 3, axis=1)] = -1
         row, column = dof[:, :, None], dof[:, None, :]
-        size = len(stiffness.indptr) - 1
-        rows = np.repeat(np.arange(size, dtype=np.int64), np.diff(stiffness.indptr))
-        keys = rows * size + stiffness.indices
-        place = np.searchsorted(keys, row.astype(np.int64) * size + column)
-        return np.where((row >= 0) & (row <= column), place, -1)
+        return np.where((row >= 0) & (row <= column), self.stiffness.places(row, column), -1)
 
     def _modulus(self, modulus: np.ndarray) -> np.ndarray:
         return modulus[self._samples] @ self._points.T

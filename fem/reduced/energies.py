@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem.linear.modulus_samples import CLOSE_SAMPLES, QuadraticModulus, at_rule
 from fem.palpation.model import Material, PalpationModel, Response
@@ -58,12 +57,8 @@ def by_sample(model: PalpationModel, fields: Fields) -> np.ndarray:
 def forces(model: PalpationModel, material: Material, fields: Fields) -> Fields:
     """Return the forces that hold the fields in a body, (3 f, j) and (j, m)."""
     stiffness = model.stiffness
-    values = model.values(model._bonded, material)
-    upper = sp.csr_array(
-        (values, stiffness.indices, stiffness.indptr), shape=(len(fields.free),) * 2
-    )
     field, amplitude = fields
-    free = upper @ field + upper.T @ field - upper.diagonal()[:, None] * field
+    free = stiffness.product(model.values(model._bonded, material), field)
     near_field = np.zeros_like(amplitude)
     for group, near in model.near_fields(stiffness, material):
         free[:, group] += np.einsum("djm,jm->dj", near.coupling, amplitude[group])

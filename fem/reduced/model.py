@@ -193,7 +193,7 @@ class ReducedModel:
 
 @dataclass(frozen=True)
 class ReducedResponse:
-    """Compliances (j,) m/N of a reduced model, and what their derivatives need.
+    """Compliances (j,) m/N of a reduced model, with their derivatives.
 
     Attributes
     ----------

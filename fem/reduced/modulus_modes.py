@@ -1,4 +1,4 @@
-"""Modulus fields of a region in few modes, told from few of their samples.
+"""Modulus fields of a region in few modes, from few of their samples.
 
 The fields of a training set E_i (p,) are spanned by their leading modes (proper orthogonal
 decomposition), E = sum_q c_q phi_q. The coefficients follow from the field at few points by least

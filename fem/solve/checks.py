@@ -1,4 +1,4 @@
-"""What a sparse solver is given: refused with a sentence where it cannot be right."""
+"""Checks of the input to a sparse solver; each failure names the fault."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Factor(Protocol):
         ...
 
     def backward(self, half: ArrayLike) -> NDArray[np.float64]:
-        """Return x (n, r) of G'x = y for what `forward` returned, or a combination of it."""
+        """Return x (n, r) of G'x = y, y a result of `forward` or a combination of such."""
         ...
 
 
@@ -73,7 +73,7 @@ class Solver(Protocol):
 
     @property
     def single_precision(self) -> bool:
-        """Whether it has approximate factors that cost less than others."""
+        """Return True if approximate factors cost less than others."""
         ...
 
     def analyse(
@@ -100,7 +100,7 @@ def default_solver() -> Solver:
 
 @cache
 def _pardiso_works() -> bool:
-    """Whether MKL can be loaded and solves a small system."""
+    """Return True if MKL can be loaded and solves a small system."""
     try:
         factor = PardisoSolver().analyse([0, 2, 3], [0, 1, 1]).factorize([2.0, 1.0, 2.0])
     except (ImportError, OSError, SolverError):
@@ -174,7 +174,7 @@ def _mkl() -> Any:
 
 
 def _installed_mkl() -> Path | None:
-    """Where the package `mkl` says that it put its library, if it is there."""
+    """Place of the library that the package `mkl` lists, if it is there."""
     try:
         listed = files("mkl") or ()
     except PackageNotFoundError:

@@ -33,8 +33,8 @@ class Preconditioner(Protocol):
         ...
 
 
-class Preparation(Protocol):
-    """What makes the preconditioner of a body for one modulus field after another."""
+class PreconditionerFactory(Protocol):
+    """Maker of preconditioners of one body, for one modulus field after another."""
 
     @property
     def most(self) -> int:
@@ -52,7 +52,7 @@ class Preparation(Protocol):
         ...
 
 
-class RoughFactors:
+class SinglePrecisionFactors:
     """Factors in single precision."""
 
     most = 12
@@ -65,11 +65,11 @@ class RoughFactors:
         """Factorise the values."""
         if self._pattern is None:
             self._pattern = self._analyse()
-        return _RoughFactor(self._pattern.factorize(values))
+        return _SinglePrecisionFactor(self._pattern.factorize(values))
 
 
 @dataclass(frozen=True)
-class _RoughFactor:
+class _SinglePrecisionFactor:
     factor: Factor
 
     def __call__(self, residual: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -39,8 +39,7 @@ class SuperLUSolver:
     ) -> SuperLUPattern:
         """Prepare the full matrix of the upper triangle (SuperLU orders in `factorize`).
 
-        Factors are in double precision, whether or not `approximate` ones would do, and right-hand
-        sides may be loaded anywhere.
+        Factors are always in double precision, and right-hand sides may be loaded anywhere.
         """
         del approximate, loaded
         return SuperLUPattern(*checked_pattern(indptr, indices))

@@ -35,7 +35,7 @@ def solver_for_threads(solver: Solver) -> Solver:
     return replace(solver, threads=1) if isinstance(solver, PardisoSolver) else solver
 
 
-def share_out(
+def map_over_workers(
     workers: Sequence[Worker], task: Callable[[Worker, int], Result], count: int
 ) -> list[Result]:
     """Results of `task(worker, i)` for i < count; no worker is used by two threads at a time."""

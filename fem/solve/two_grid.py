@@ -1,4 +1,4 @@
-"""A preconditioner for large bodies: smoothing on the mesh, and a coarse grid for what is smooth.
+"""A preconditioner for large bodies: smoothing on the mesh, and a coarse grid.
 
 The coarse grid is a box of cubes around the body, about `_COARSER` of the mesh's nodes wide, that
 takes no notice of its cells: displacements that are trilinear in each cube, at the mesh's free
@@ -101,8 +101,7 @@ class TwoGridPreconditioner:
         self, matrix: BlockMatrix, prolong: sp.csr_array, restrict: sp.csr_array, coarse: Factor
     ) -> None:
         self._matrix, self._coarse = matrix, coarse
-        self._up = prolong.indptr, prolong.indices, prolong.data
-        self._down = restrict.indptr, restrict.indices, restrict.data
+        self._prolong, self._restrict = prolong, restrict
         self._inverse = np.linalg.inv(matrix.diagonal)
         self._steps = _chebyshev_steps(_largest_eigenvalue(matrix, self._inverse))
         self._work: tuple[NDArray[np.float32], ...] = ()
@@ -117,12 +116,11 @@ class TwoGridPreconditioner:
         for step in self._steps[1:]:
             _smooth(other, x, change, residual, self._inverse, *self._matrix, *step)
             x, other = other, x
-        _excess(other, residual, x, *self._matrix)
-        rough = np.empty((len(self._down[0]) - 1, 3, k), np.float32)
-        _combine(rough, other, *self._down)
+        self._matrix.products(x, other)
+        other -= residual
+        rough = self._restrict @ other.reshape(f, 3 * k)
         found = self._coarse.solve(rough.reshape(-1, k))
-        found = np.ascontiguousarray(found, np.float32).reshape(rough.shape)
-        _take_combined(x, found, *self._up)
+        x -= (self._prolong @ found.astype(np.float32).reshape(rough.shape)).reshape(x.shape)
         for step in self._steps:
             _smooth(other, x, change, residual, self._inverse, *self._matrix, *step)
             x, other = other, x
@@ -130,7 +128,7 @@ class TwoGridPreconditioner:
 
 
 def _largest_eigenvalue(matrix: BlockMatrix, inverse: NDArray[np.float32]) -> float:
-    """Return that of D^-1 K by power iteration, a little too large."""
+    """Upper estimate of the largest eigenvalue of D^-1 K (power iteration)."""
     x = np.random.default_rng(0).normal(size=(len(inverse), 3, _POWER_VECTORS)).astype(np.float32)
     product, largest = np.empty_like(x), np.ones(_POWER_VECTORS)
     for _ in range(_POWER_STEPS):
@@ -141,7 +139,7 @@ def _largest_eigenvalue(matrix: BlockMatrix, inverse: NDArray[np.float32]) -> fl
 
 
 def _chebyshev_steps(largest: float) -> list[tuple[np.float32, np.float32]]:
-    """Return what each step takes of the residual and of the change before."""
+    """Weights of the residual and of the previous change in each step."""
     middle = largest * (1 + 1 / _DAMPED) / 2
     half = largest * (1 - 1 / _DAMPED) / 2
     rho = half / middle
@@ -179,33 +177,3 @@ def _smooth(new, x, change, b, inverse, starts, columns, blocks, taken, kept):
                 t = kept * change[i, a, c] - taken * t
                 change[i, a, c] = t
                 new[i, a, c] = x[i, a, c] + t
-
-
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def _excess(out, b, x, starts, columns, blocks):
-    for i in numba.prange(len(x)):
-        for a in range(3):
-            for c in range(x.shape[2]):
-                out[i, a, c] = -b[i, a, c]
-        add_row(out[i], x, starts[i], starts[i + 1], columns, blocks)
-
-
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def _combine(out, x, starts, columns, weights):
-    for i in numba.prange(len(out)):
-        out[i] = 0.0
-        for place in range(starts[i], starts[i + 1]):
-            j, w = columns[place], weights[place]
-            for a in range(3):
-                for c in range(x.shape[2]):
-                    out[i, a, c] += w * x[j, a, c]
-
-
-@numba.njit(cache=True, parallel=True, fastmath=True)
-def _take_combined(out, x, starts, columns, weights):
-    for i in numba.prange(len(out)):
-        for place in range(starts[i], starts[i + 1]):
-            j, w = columns[place], weights[place]
-            for a in range(3):
-                for c in range(x.shape[2]):
-                    out[i, a, c] -= w * x[j, a, c]

@@ -18,7 +18,7 @@ import numpy as np
 
 from fem import Contacts, PalpationModel, default_solver, paper_mesh
 from fem.solve.direct import Solver
-from fem.solve.threads import available_cores, share_out, solver_for_threads
+from fem.solve.threads import available_cores, map_over_workers, solver_for_threads
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -166,7 +166,7 @@ def solve_tests(
         solved(result)
         return result
 
-    results = dict(zip(order, share_out(models, solve, len(tests)), strict=True))
+    results = dict(zip(order, map_over_workers(models, solve, len(tests)), strict=True))
     return [results[i] for i in range(len(tests))]
 
 

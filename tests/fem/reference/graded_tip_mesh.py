@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem.contact.contacts import contact_frame
 from fem.contact.half_space import half_space_matrix
@@ -274,9 +273,7 @@ def _reactions(mesh: Mesh, nu: float, fields: np.ndarray, held: np.ndarray) -> n
     layer = Mesh(mesh.nodes[used], cells.reshape(touching.shape), {"none": np.zeros((0, 3))})
     stiffness = Stiffness(layer, nu, "none")
     values = stiffness.values(np.ones(len(stiffness.points_m)))
-    upper = sp.csr_array((values, stiffness.indices, stiffness.indptr))
-    local = fields[:, used].reshape(len(fields), -1).T
-    force = upper @ local + upper.T @ local - upper.diagonal()[:, None] * local
+    force = stiffness.product(values, fields[:, used].reshape(len(fields), -1).T)
     return force.T.reshape(len(fields), -1, 3)[:, np.searchsorted(used, held)]
 
 

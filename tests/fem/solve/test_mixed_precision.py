@@ -14,7 +14,7 @@ from fem.linear.assembly import Stiffness
 from fem.mesh.mesh import Mesh
 from fem.solve.block_matrix import BlockMatrix
 from fem.solve.direct import Solver, SuperLUSolver, default_solver
-from fem.solve.mixed_precision import RTOL, RoughFactors, conjugate_gradients
+from fem.solve.mixed_precision import RTOL, SinglePrecisionFactors, conjugate_gradients
 from fem.solve.two_grid import TwoGrid, trilinear
 
 SIZE_M = (0.06, 0.05, 0.03)
@@ -50,7 +50,7 @@ class Body:
     def rough(self):
         """Factors in single precision."""
         solver = default_solver()
-        factors = RoughFactors(lambda: solver.analyse(*self.pattern, approximate=True))
+        factors = SinglePrecisionFactors(lambda: solver.analyse(*self.pattern, approximate=True))
         return factors.prepare(self.matrix, self.values)
 
     def two_grids(self):
@@ -95,7 +95,7 @@ def check_solution(body: Body, precondition, most: int) -> None:
 @pytest.mark.parametrize("nu", [0.3, 0.45, 0.4999])
 def test_rough_factors_solve_as_exactly_as_promised_in_the_energy_norm(nu, order, contrast):
     body = Body(nu, contrast, order)
-    check_solution(body, body.rough(), RoughFactors.most)
+    check_solution(body, body.rough(), SinglePrecisionFactors.most)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -163,10 +163,10 @@ def test_the_coarse_grid_holds_every_linear_displacement():
 def test_a_factor_that_is_too_rough_and_an_indefinite_matrix_are_told():
     body, other = Body(0.4999, 100.0), Body(0.3, 0.01)
     with pytest.raises(SolverError, match="iterations"):
-        conjugate_gradients(body.matrix, other.rough(), body.loads(), RoughFactors.most)
+        conjugate_gradients(body.matrix, other.rough(), body.loads(), SinglePrecisionFactors.most)
     upside_down = body.matrix._replace(blocks=-body.matrix.blocks)
     with pytest.raises(SolverError, match="positive definite"):
-        conjugate_gradients(upside_down, body.rough(), body.loads(), RoughFactors.most)
+        conjugate_gradients(upside_down, body.rough(), body.loads(), SinglePrecisionFactors.most)
 
 
 def test_what_would_take_too_many_iterations_is_given_up_early():
@@ -195,10 +195,10 @@ def model_of(support: Support | None, nu: float, solver: Solver | None = None) -
     return PalpationModel(mesh, nu, contacts, near_field=False, support=support, solver=solver)
 
 
-@pytest.mark.parametrize(("nu", "way"), [(0.45, TwoGrid), (0.4999, RoughFactors)])
+@pytest.mark.parametrize(("nu", "way"), [(0.45, TwoGrid), (0.4999, SinglePrecisionFactors)])
 @pytest.mark.parametrize("support", [None, Support("base", normal=1e-7, tangential=2e-7)])
 def test_a_large_body_answers_as_a_small_one_does(monkeypatch, support, nu, way):
-    if way is RoughFactors and not default_solver().single_precision:
+    if way is SinglePrecisionFactors and not default_solver().single_precision:
         pytest.skip("the solver here has no single precision")
     small = model_of(support, nu)
     modulus = 5e3 + 2e4 * np.exp(-((small.points_m - [0.03, 0.02, 0.02]) ** 2).sum(1) / 2e-4)

@@ -204,7 +204,7 @@ OTHER_THREADS = """
 import numpy as np
 from fem.linear.assembly import Stiffness
 from fem.mesh.block import block_mesh
-from fem.solve.threads import share_out, solver_for_threads
+from fem.solve.threads import map_over_workers, solver_for_threads
 from fem.solve.direct import PardisoSolver, _mkl
 
 stiffness = Stiffness(block_mesh((0.1, 0.1, 0.05), (8, 8, 4)), 0.45)
@@ -220,7 +220,7 @@ expected = solved(pattern, 1)
 most = _mkl().MKL_Get_Max_Threads()
 one = solver_for_threads(PardisoSolver()).analyse(stiffness.indptr, stiffness.indices)
 for worker in (one, pattern):
-    for found in (solved(worker, 2), *share_out([worker], lambda w, i: solved(w, 3 + i), 2)):
+    for found in (solved(worker, 2), *map_over_workers([worker], lambda w, i: solved(w, 3 + i), 2)):
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 assert _mkl().MKL_Get_Max_Threads() == most
 assert one.threads == 1

@@ -30,7 +30,8 @@ ORDER = {
         "experiment", "fit", "residual", "select", "design",
     ),
     "palpmap": (
-        "study", "result", "figures", "report", "recording", "paper", "commands", "blind", "cli",
+        "study", "importing", "result", "figures", "report", "recording", "paper", "commands",
+        "blind", "cli",
     ),
 }  # fmt: skip
 """Folders and modules of each package: one imports from itself and from those before it."""

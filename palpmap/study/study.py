@@ -6,7 +6,7 @@ import re
 import tomllib
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import (
     Field,
@@ -234,7 +234,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     try:
         study = Study.model_validate(tables)
     except ValidationError as error:
-        raise InputError(_sentence(path, error)) from error
+        raise InputError(fault_sentence(path, error, Study)) from error
     if not study.study.units_checked:
         _check_units(path, study)
     folder = path.resolve().parent
@@ -330,13 +330,13 @@ def _nearest(name: str, known: list[str]) -> str:
     return f"; the nearest right one is '{match[0]}'" if match else ""
 
 
-def _sentence(path: Path, error: ValidationError) -> str:
-    """Turn the first fault into a sentence; the number of further ones is said."""
+def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
+    """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
     # A misspelt key is a missing one too: the misspelling explains more.
     faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
     fault = faults[0]
     key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
-    fields = _fields_of_table(fault["loc"][:-1])
+    fields = _fields_of_table(fault["loc"][:-1], root)
     last = str(fault["loc"][-1])
     found = fault["input"]
     expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
@@ -358,9 +358,10 @@ def _sentence(path: Path, error: ValidationError) -> str:
     return f"{path}, key {key}: {what}{more}"
 
 
-def _fields_of_table(location: tuple[int | str, ...]) -> dict[str, FieldInfo]:
-    table: Any = Study
+def _fields_of_table(location: tuple[int | str, ...], root: type[Table]) -> dict[str, FieldInfo]:
+    table = root
     for part in location:
-        inner = Effect if isinstance(part, int) else table.model_fields[part].annotation
-        table = inner if isinstance(inner, type) and issubclass(inner, Table) else table
+        if field := table.model_fields.get(str(part)):
+            kinds = [field.annotation, *get_args(field.annotation)]
+            table = next((k for k in kinds if isinstance(k, type) and issubclass(k, Table)), table)
     return {field.alias or name: field for name, field in table.model_fields.items()}

@@ -1,0 +1,91 @@
+"""Columns that a mapping names, as arrays in SI units on one clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.errors import InputError
+from palpmap.importing.read_bag import RECEIVED
+from palpmap.importing.recording import PART, Channel, Recording, Table
+from palpmap.importing.rig import Clock, Rig
+from palpmap.importing.units import factor
+
+
+def numbers(recording: Recording, names: tuple[str, ...], unit: str, dimension: str, key: str):
+    """Return columns in SI units, (m, k), and the table that they stand in.
+
+    Raises
+    ------
+    InputError
+        A column is missing, holds text, or stands in another table than the others.
+    """
+    channels = [recording.channel(name, key) for name in names]
+    table = channels[0].table
+    for channel in channels:
+        if channel.table is not table:
+            raise InputError(
+                f"key {key}: '{channels[0].name}' stands in {table.name} and '{channel.name}' in "
+                f"{channel.table.name}, expected columns of one table"
+            )
+    scale = factor(unit, dimension, key) if dimension else 1.0
+    return scale * np.column_stack([channel.numbers() for channel in channels]), table
+
+
+def seconds(recording: Recording, table: Table, clock: Clock | None, key: str) -> np.ndarray | None:
+    """Return the time of a table's rows in s, (m,); None where it has none.
+
+    The clock's column is looked for in the table itself; a topic without it is timed by reception.
+    """
+    if clock is None:
+        return None
+    column = clock.column if clock.column in table.columns else clock.column.rpartition(":")[2]
+    if column not in table.columns:
+        if RECEIVED not in table.columns:
+            recording.channel(clock.column, f"{key}.column")  # says what there is
+            raise InputError(
+                f"key {key}.column: '{clock.column}' does not stand in {table.name}, whose rows it "
+                "is to time; name a column of that table in its own clock"
+            )
+        return table.columns[RECEIVED]
+    time = Channel(column, table, table.columns[column], "").numbers()
+    # the first is taken off before scaling: nanoseconds since 1970 fill all digits
+    scaled = (time - time[0]) * factor(clock.unit, "time", f"{key}.unit")
+    start = time[0] * factor(clock.unit, "time", f"{key}.unit")
+    return _with_pauses(table, scaled, clock, key) + start
+
+
+def _with_pauses(table: Table, time: np.ndarray, clock: Clock, key: str) -> np.ndarray:
+    """Run on the clock of parts that each begin anew."""
+    parts = table.columns.get(PART)
+    if parts is None:
+        return time
+    time = time.copy()
+    for first in np.flatnonzero(np.diff(parts)) + 1:
+        if time[first] > time[first - 1]:
+            continue
+        if clock.pause_s is None:
+            raise InputError(
+                f"{table.where(int(first))}, {clock.column}: the clock starts anew in this part; "
+                f"give {key}.pause_s, the rest between two parts in s (leave the clock out if it "
+                "is unknown)"
+            )
+        time[first:] += time[first - 1] + clock.pause_s - time[first]
+    return time
+
+
+def on_clock_of(
+    values: np.ndarray, time: np.ndarray, wanted: np.ndarray, held: bool = False
+) -> np.ndarray:
+    """Return values (m, k) at other times: between two readings, or the last one if `held`."""
+    if held:
+        return values[np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, None)]
+    return np.column_stack([np.interp(wanted, time, column) for column in values.T])
+
+
+def rotated(rig: Rig, vectors: np.ndarray, place: bool) -> np.ndarray:
+    """Turn vectors (m, 3) from the recording's base frame to the scan's; places are moved too."""
+    from palpmap.importing.rotation import matrices
+
+    turn = matrices(np.array([rig.frame.rotation_wxyz]))[0]
+    moved = vectors @ turn.T
+    return moved + np.array(rig.frame.position_m) if place else moved

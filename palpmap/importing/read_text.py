@@ -1,0 +1,228 @@
+"""Text tables of any dialect: separator, decimal mark, comment lines and header are found."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import InputError
+from palpmap.importing.recording import Table
+from palpmap.importing.units import NO_UNIT, name_and_unit, spelled
+
+COMMENTS = ("#", "%", "//")
+SEPARATORS = (",", ";", "\t", "|", " ")
+SAMPLE_LINES = 200
+MOSTLY = 0.9
+_EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
+_NUMBER = re.compile(r"[+-]?(\d+[.]?\d*|[.]\d+)([eEdD][+-]?\d+)?|[+-]?inf(inity)?", re.ASCII)
+
+Line = tuple[int, str]
+
+
+def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
+    """Read a text table.
+
+    Returns
+    -------
+    tables : one
+    notes : sentences about what was found
+
+    Raises
+    ------
+    InputError
+        No table in the text, or a row with more or fewer cells than the others.
+    """
+    text = _decoded(path, data)
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith(COMMENTS)
+    ]
+    if len(lines) < 2:
+        raise InputError(f"{path}: found {len(lines)} lines of text, expected a table of readings")
+    separator, comma = _dialect(path, lines)
+    rows = [(number, _cells(path, number, line, separator)) for number, line in lines]
+    header, units, body = _parts(path, rows, comma)
+    names = once_each(header)
+    _refuse_ragged(path, len(names), body)
+    numbers = [number for number, _ in body]
+    columns = {
+        name: _column([cells[i] for _, cells in body], comma) for i, name in enumerate(names)
+    }
+    kept = {name: values for name, values in columns.items() if not _is_blank(name, values)}
+    table = Table(
+        path.stem,
+        kept,
+        {name: unit for name, unit in zip(names, units, strict=True) if unit},
+        lambda row: f"{path}, line {numbers[row]}",
+        stacks_by="file",
+    )
+    mark = {"\t": "tabs", " ": "spaces"}.get(separator, f"'{separator}'")
+    decimal = " and decimal commas" if comma else ""
+    return [table], [f"{path.name}: {len(body)} rows of text, {mark} between cells{decimal}."]
+
+
+def once_each(names: list[str]) -> list[str]:
+    """Return the names, a repeated one with a number behind it.
+
+    >>> once_each(["t", "F", "F"])
+    ['t', 'F', 'F.1']
+    """
+    return [
+        f"{name}.{names[:i].count(name)}" if name in names[:i] else name
+        for i, name in enumerate(names)
+    ]
+
+
+def header_units(names: list[str], below: list[str] | None) -> tuple[list[str], list[str]]:
+    """Return column names and units, from the headers and from a row of units below them."""
+    if below is not None:
+        return [name.strip() for name in names], [spelled(bare(cell)) or "" for cell in below]
+    return [name.strip() for name in names], [name_and_unit(name)[1] for name in names]
+
+
+def is_units_row(cells: list[str]) -> bool:
+    """Whether a row holds units and nothing else."""
+    units = [bare(cell) for cell in cells]
+    known = [spelled(unit) is not None for unit in units]
+    return any(known) and all(k or unit in NO_UNIT for k, unit in zip(known, units, strict=True))
+
+
+def bare(cell: str) -> str:
+    """Return a cell without brackets.
+
+    >>> bare(" [mm] ")
+    'mm'
+    """
+    return cell.strip().strip("[](){}").strip()
+
+
+def _decoded(path: Path, data: bytes) -> str:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encodings = ["utf-16"]
+    elif b"\0" in data[:4096]:
+        raise InputError(
+            f"{path}: found a binary file, expected text (.csv, .txt), Excel, MATLAB, HDF5, NumPy, "
+            "MCAP or a ROS bag, each under its usual ending"
+        )
+    else:
+        encodings = ["utf-8-sig", "cp1252", "latin-1"]
+    for encoding in encodings:
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise InputError(f"{path}: found text in an unknown encoding, expected UTF-8")
+
+
+def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    try:
+        cells = next(csv.reader(io.StringIO(line), delimiter=separator, skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(f"{path}, line {number}: found text that is no table ({error})") from error
+    return [cell.strip() for cell in cells]
+
+
+def _dialect(path: Path, lines: list[Line]) -> tuple[str, bool]:
+    """Separator of the cells, and whether the decimal mark is a comma.
+
+    The pair that splits most lines of the lower half into equally many cells, most of them
+    numbers, is taken.
+    """
+    sample = lines[len(lines) // 2 :][:SAMPLE_LINES]
+    best, chosen = (0.0, 0.0), None
+    for separator in SEPARATORS:
+        rows = [_cells(path, number, line, separator) for number, line in sample]
+        widths = [len(row) for row in rows]
+        width = max(set(widths), key=widths.count)
+        same = widths.count(width) / len(widths)
+        if width < 2 or same < MOSTLY:
+            continue
+        for comma in (False, True):
+            if comma and separator == ",":
+                continue
+            cells = [cell for row in rows for cell in row]
+            numbers = np.mean([_is_number(cell, comma) for cell in cells])
+            if (score := (float(numbers), same)) > best:
+                best, chosen = score, (separator, comma)
+    if chosen is None:
+        raise InputError(
+            f"{path}: found text that does not split into columns, expected cells separated by a "
+            "comma, semicolon, tab, bar or spaces"
+        )
+    return chosen
+
+
+def _is_number(cell: str, comma: bool) -> bool:
+    if comma:
+        cell = cell.replace(",", ".") if "." not in cell else "text"
+    return cell.lower() in _EMPTY or _NUMBER.fullmatch(cell) is not None
+
+
+def _parts(
+    path: Path, rows: list[tuple[int, list[str]]], comma: bool
+) -> tuple[list[str], list[str], list[tuple[int, list[str]]]]:
+    """Header, units and body: the header is the last row before the readings."""
+    widths = [len(cells) for _, cells in rows[len(rows) // 2 :]]
+    width = max(set(widths), key=widths.count)
+    bottom = [sum(_is_number(c, comma) for c in cells) for _, cells in rows[len(rows) // 2 :]]
+    least = max(1, int(np.median(bottom)) // 2)
+    first = next(
+        (
+            i
+            for i, (_, cells) in enumerate(rows)
+            if len(cells) >= width
+            and sum(_is_number(c, comma) and c != "" for c in cells) >= least
+            and not is_units_row(cells)
+        ),
+        None,
+    )
+    if first is None:
+        raise InputError(f"{path}: found no row of numbers, expected a table of readings")
+    above = [cells for _, cells in rows[:first] if width <= len(cells) <= width + 1]
+    below = above.pop() if len(above) > 1 and is_units_row(above[-1]) else None
+    if not above:
+        names = [f"column_{i + 1}" for i in range(width)]
+        return names, [""] * width, rows[first:]
+    names = above[-1]
+    body = rows[first:]
+    if len(names) == width + 1 and not names[-1]:
+        names = names[:-1]
+    names = [name or f"column_{i + 1}" for i, name in enumerate(names)]
+    below = None if below is None else (below + [""] * len(names))[: len(names)]
+    return *header_units(names, below), body
+
+
+def _refuse_ragged(path: Path, width: int, body: list[tuple[int, list[str]]]) -> None:
+    for number, cells in body:
+        if len(cells) == width + 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) != width:
+            raise InputError(
+                f"{path}, line {number}: found {len(cells)} cells, expected {width} as in the "
+                "header; complete or remove the line"
+            )
+
+
+def _column(cells: list[str], comma: bool) -> np.ndarray:
+    if comma:
+        cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        return np.array(cells, dtype=float)
+    except ValueError:
+        pass
+    if all(cell.lower() in _EMPTY or _NUMBER.fullmatch(cell) for cell in cells):
+        texts = ("nan" if c.lower() in _EMPTY else re.sub("[dD]", "e", c) for c in cells)
+        return np.array([float(text) for text in texts])
+    return np.array(cells)
+
+
+def _is_blank(name: str, values: np.ndarray) -> bool:
+    nothing = np.isnan(values).all() if values.dtype.kind == "f" else not np.any(values != "")
+    return bool(nothing) and name.startswith("column_")

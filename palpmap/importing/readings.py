@@ -1,0 +1,184 @@
+"""Tables whose rows are readings of numbered presses, as a scan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+from models.scan_checks import PHASES, nearest
+from palpmap.importing.columns import numbers, on_clock_of, rotated, seconds
+from palpmap.importing.recording import Recording, Table
+from palpmap.importing.rig import Rig
+
+LONGEST_TIME_S = 1e8  # beyond it the clock counts from 1970
+PLATEAU = 0.97  # of the largest travel or force: above it the tip holds
+
+
+def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
+    """Return the scan of a recording whose rows are numbered presses, and what was assumed.
+
+    All columns are brought to the clock of the force; one of another table is interpolated, and
+    of press and phase the last value counts.
+    """
+    names = rig.force.columns or (str(rig.force.column),)
+    force, table = numbers(recording, names, rig.force.unit, "force", "force.columns")
+    clock = rig.force.clock or rig.time
+    time = seconds(recording, table, clock, "time")
+    m = len(force)
+
+    def column(names: tuple[str, ...], unit: str, dimension: str, key: str) -> np.ndarray:
+        values, home = numbers(recording, names, unit, dimension, key)
+        return _on_rows(recording, rig, values, home, table, time, key, held=dimension == "")
+
+    # `Rig.needed` has asked for these
+    assert rig.press.number
+    assert rig.travel
+    assert rig.point
+    assert rig.probe
+    press = column((rig.press.number,), "", "", "press.number")[:, 0]
+    direction = _directions(rig, m, column)
+    said = []
+    if rig.force.columns:
+        vectors = rotated(rig, rig.force.sign * force, place=False)
+        along = np.einsum("mi,mi->m", vectors, direction)
+    else:
+        vectors, along = None, rig.force.sign * force[:, 0]
+    travel = rig.travel.sign * column((rig.travel.column,), rig.travel.unit, "length", "travel")
+    travel = travel[:, 0]
+    points = rotated(rig, column(rig.point.columns, rig.point.unit, "length", "point"), place=True)
+    if rig.radius:
+        radius = rig.radius.sign * column((rig.radius.column,), rig.radius.unit, "length", "radius")
+        radius = radius[:, 0]
+    else:
+        radius = np.full(m, rig.probe.radius_m)
+    order = np.argsort(press, kind="stable") if np.any(np.diff(press) < 0) else np.arange(m)
+    if np.any(np.diff(press) < 0):
+        said.append("The rows were sorted by press.")
+    press, travel, along = press[order], travel[order], along[order]
+    if rig.press.phase:
+        phase = _phases(recording, rig, table, time)[order]
+    else:
+        phase = phases(press, travel, along)
+        said.append(
+            f"No column of the phase: readings above {PLATEAU:.0%} of a press's largest travel or "
+            "force are its hold, those before it load, those after it unload."
+        )
+    if time is None:
+        said.append("No column of the time: creep, drift and other effects in time are not seen.")
+    elif abs(time[0]) > LONGEST_TIME_S:
+        said.append(f"Times are counted from the first reading, at {time[0]:.3f} s.")
+        time = time - time[0]
+    scan = Scan(
+        press=_whole(press, table),
+        time_s=np.full(m, np.nan) if time is None else time[order],
+        phase=phase,
+        point_m=points[order],
+        direction=direction[order],
+        force_n=along,
+        displacement_m=travel,
+        probe_radius_m=radius[order],
+        force_vector_n=None if vectors is None else vectors[order],
+    )
+    return scan, said
+
+
+def phases(press: np.ndarray, travel: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the phase of each reading (m,), from travel and force of its press."""
+    found = np.full(len(press), "load", dtype="U6")
+    for rows in np.split(np.arange(len(press)), np.flatnonzero(np.diff(press)) + 1):
+        held = hold_of(travel[rows], force[rows], PLATEAU)
+        found[rows[held.start : held.stop]] = "hold"
+        found[rows[held.stop :]] = "unload"
+    return found
+
+
+def hold_of(travel: np.ndarray, force: np.ndarray, plateau: float) -> slice:
+    """Return the readings of a press's hold, a slice; with fewer than two it is empty.
+
+    Travel stays up while the force relaxes, or the force while the tip creeps: the hold begins
+    where the first of them reaches its plateau and ends where the last one leaves it.
+    """
+    high = [np.flatnonzero(values >= plateau * values.max()) for values in (travel, force)]
+    first, last = min(rows[0] for rows in high), max(rows[-1] for rows in high)
+    return (
+        slice(int(first), int(last) + 1) if last > first else slice(int(first) + 1, int(first) + 1)
+    )
+
+
+def _on_rows(
+    recording: Recording,
+    rig: Rig,
+    values: np.ndarray,
+    home: Table,
+    table: Table,
+    time: np.ndarray | None,
+    key: str,
+    held: bool,
+) -> np.ndarray:
+    if home is table:
+        return values
+    of_home = seconds(recording, home, rig.time, "time")
+    if time is None or of_home is None:
+        raise InputError(
+            f"key {key}: stands in {home.name} and the force in {table.name}, expected a clock "
+            "that both share; give time.column"
+        )
+    back = np.flatnonzero(np.diff(of_home) < 0)
+    if len(back):
+        raise InputError(
+            f"{home.where(int(back[0]) + 1)}: the time falls, expected rows in the order of time"
+        )
+    return on_clock_of(values, of_home, time, held)
+
+
+def _directions(rig: Rig, m: int, column) -> np.ndarray:
+    stated = rig.press.direction
+    if isinstance(stated, str):
+        raise InputError(
+            f"key press.direction: found '{stated}', expected three numbers or three columns: "
+            "readings hold no path of the tip"
+        )
+    if isinstance(stated[0], str):
+        found = column(stated, "", "", "press.direction")
+    else:
+        found = np.tile(np.array(stated, float), (m, 1))
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    if np.any(length == 0):
+        raise InputError("key press.direction: found a direction of length 0, expected a unit one")
+    # what rounding has spoilt is made a unit vector; a column that is none is refused later
+    unit = np.where(np.abs(length - 1) < 1e-2, found / length, found)
+    return rotated(rig, unit if isinstance(stated[0], str) else found / length, place=False)
+
+
+def _phases(recording: Recording, rig: Rig, table: Table, time: np.ndarray | None) -> np.ndarray:
+    channel = recording.channel(str(rig.press.phase), "press.phase")
+    names = dict(rig.press.phases)
+    texts = channel.values
+    if channel.is_number:
+        texts = np.array([f"{value:g}" for value in channel.values])
+    known = {text: names.get(text, text.strip().lower()) for text in np.unique(texts).tolist()}
+    for text, phase in known.items():
+        if phase not in PHASES:
+            row = int(np.flatnonzero(texts == text)[0])
+            raise InputError(
+                f"{channel.table.where(row)}, {channel.name}: found the phase '{text}', which is "
+                f"none of {', '.join(PHASES)}{nearest(text, PHASES)}; say what it is under "
+                f'press.phases, as in phases = {{"{text}" = "load"}}'
+            )
+    found = np.array([known[text] for text in texts.tolist()])
+    rows = _on_rows(
+        recording, rig, np.arange(len(found), dtype=float)[:, None], channel.table, table, time,
+        "press.phase", held=True,
+    )  # fmt: skip
+    return found[rows[:, 0].astype(int)]
+
+
+def _whole(press: np.ndarray, table: Table) -> np.ndarray:
+    bad = np.flatnonzero((press != np.round(press)) | (np.abs(press) > 1e9) | (press < 0))
+    if len(bad):
+        raise InputError(
+            f"{table.where(int(bad[0]))}, key press.number: found {press[bad[0]]:g}, expected "
+            "whole numbers 0, 1, 2, ..."
+        )
+    return press.astype(np.int64)

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.design.assessment import Assessment, assess
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.next_presses import Proposal
 from identify.effects.base import Effect
@@ -42,7 +43,8 @@ from models.catalogue import Catalogue
 from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.experiment import Experiment
-from palpmap.run_folder import RunFolder, read_record
+from palpmap.result.records import ExplainRecord
+from palpmap.run_folder import RunFolder
 from palpmap.study.open_study import Problem, catalogue_with, own_effects, pose
 from palpmap.study.study import Noise, load_study
 
@@ -271,7 +273,7 @@ class Diagnosis:
         """Return the diagnosis as plain data, as diagnosis.json holds it."""
         from palpmap.commands.diagnose import diagnosis_record
 
-        return diagnosis_record(self.step, self.problem)
+        return diagnosis_record(self.step, self.problem).to_dict()
 
     def summary(self) -> str:
         """Return the effects, best first, as text."""
@@ -289,6 +291,7 @@ class Explanation:
     experiment : what was explained
     record : the selection (`identify.select.forward_selection.Explanation`)
     problem : models of the body and the measurement model
+    assessment : doubts, detection limits and next presses
     without_suspects : the result without outlying presses, None where there are none
     seed : of the simulated null distributions
     """
@@ -296,6 +299,7 @@ class Explanation:
     experiment: Experiment
     record: Selection = field(repr=False)
     problem: Problem = field(repr=False)
+    assessment: Assessment = field(repr=False)
     without_suspects: WithoutSuspects | None = field(default=None, repr=False)
     seed: int = 0
 
@@ -321,14 +325,10 @@ class Explanation:
 
     @cached_property
     def _plain(self) -> dict[str, Any]:
-        from palpmap.commands.limits import hiding
         from palpmap.result.explain_record import explain_record
-        from palpmap.result.next_scan import proposal_records
 
-        found = explain_record(self.record, self.problem, self.without_suspects)
-        with TemporaryDirectory() as folder:
-            asked = proposal_records(self.next_presses, self.problem, Path(folder))
-        return {**found, "next_presses": asked, **hiding(self.record, self.problem)}
+        found = explain_record(self.record, self.problem, self.assessment, self.without_suspects)
+        return found.to_dict()
 
     @property
     def candidates(self) -> list[dict[str, Any]]:
@@ -340,12 +340,10 @@ class Explanation:
         """Detection limit of each effect, as result.json holds them."""
         return self._plain["limits"]
 
-    @cached_property
+    @property
     def next_presses(self) -> tuple[Proposal, ...]:
         """Scans that tell an ambiguous group apart, the most telling one first."""
-        from palpmap.result.next_scan import propose
-
-        return propose(self.record, self.problem)
+        return self.assessment.next_presses
 
     @cached_property
     def fit(self) -> FitResult:
@@ -379,7 +377,12 @@ class Explanation:
         with RunFolder("explain", Path(folder), seed=self.seed, inputs=known.inputs) as run:
             kept = keep_inputs(known.study, known.scan, run.path)
             write_explanation(
-                run.path, self.problem, self.record, kept, without=self.without_suspects
+                run.path,
+                self.problem,
+                self.record,
+                self.assessment,
+                kept,
+                without=self.without_suspects,
             )
             return run.path
 
@@ -402,12 +405,12 @@ class Run:
     folder: Path
     experiment: Experiment
     fit: FitResult
-    result: Mapping[str, Any] | None = field(default=None, repr=False)
+    result: ExplainRecord | None = field(default=None, repr=False)
 
     @property
     def verdict(self) -> str | None:
         """The explanation's verdict, None of a run without one."""
-        return None if self.result is None else self.result["verdict"]
+        return None if self.result is None else self.result.verdict
 
 
 def fit(
@@ -511,7 +514,9 @@ def explain(
 
     problem = _posed(experiment, effects, progress)
     explained, without = outlying_presses.explain(problem, seed, on_step)
-    return Explanation(experiment, explained, problem, without, seed)
+    left = outlying_presses.suspects_left(explained, without)
+    assessment = assess(explained, problem.catalogue, left, progress)
+    return Explanation(experiment, explained, problem, assessment, without, seed)
 
 
 def limits(
@@ -603,7 +608,7 @@ def read_run(folder: str | Path) -> Run:
     measured = read_scan(study.scan, study.study.units_checked)
     experiment = Experiment.of(measured, study, folder / "study.toml")
     result = folder / "result.json"
-    found = read_record(result) if result.is_file() else None
+    found = ExplainRecord.read(result) if result.is_file() else None
     return Run(folder, experiment, FitResult(experiment, read_fit(folder / "fit.json")), found)
 
 

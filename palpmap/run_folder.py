@@ -5,7 +5,6 @@ the inputs, start, end and outcome. It is written first, so that a killed run ca
 """
 
 import hashlib
-import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -14,13 +13,13 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from filelock import FileLock, Timeout
+from pydantic import Field, JsonValue
 
 from models.errors import InputError
+from palpmap.record import FileRecord, Record
 
-SCHEMA = 1
 LOCK = ".lock"
 PACKAGES = (
     "palpmap",
@@ -37,6 +36,33 @@ PACKAGES = (
     "pydantic",
     "matplotlib",
 )
+
+
+class RunRecord(Record):
+    """How one command of a run folder ran; what an older palpmap did not write is empty."""
+
+    command: str = Field(default="?", description="name of the command")
+    started: str = Field(default="?", description="date and time in UTC, ISO 8601")
+    ended: str | None = Field(default=None, description="date and time in UTC, null while it runs")
+    outcome: str = Field(
+        default="running", description="running, done, interrupted, or failed and why"
+    )
+    seed: int | None = Field(default=None, description="seed of all random numbers")
+    settings: Mapping[str, JsonValue] = Field(
+        default={}, description="whatever else decides the outcome"
+    )
+    inputs: Mapping[str, str] = Field(
+        default={}, description="SHA-256 of each file read, by its path"
+    )
+    versions: Mapping[str, str] = Field(
+        default={}, description="of Python and the packages that matter"
+    )
+
+
+class RunsRecord(FileRecord):
+    """run.json: the commands that wrote into the folder, in order."""
+
+    runs: tuple[RunRecord, ...]
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -76,7 +102,7 @@ class RunFolder:
         out: str | os.PathLike[str] | None = None,
         *,
         seed: int | None = None,
-        settings: Mapping[str, Any] | None = None,
+        settings: Mapping[str, JsonValue] | None = None,
         inputs: Sequence[str | os.PathLike[str]] = (),
     ):
         self.path = _default_folder(command) if out is None else Path(out)
@@ -91,17 +117,15 @@ class RunFolder:
                 "choose another with --out"
             ) from error
         self._lock = _locked(self.path)
-        self._entry: dict[str, Any] = {
-            "command": command,
-            "started": _now(),
-            "ended": None,
-            "outcome": "running",
-            "seed": seed,
-            "settings": dict(settings or {}),
-            "inputs": hashes,
-            "versions": versions(),
-        }
-        self._entries = [*_earlier_runs(self.path), self._entry]
+        self._earlier = _earlier_runs(self.path)
+        self._run = RunRecord(
+            command=command,
+            started=_now(),
+            seed=seed,
+            settings=settings or {},
+            inputs=hashes,
+            versions=versions(),
+        )
         try:
             self._save()
         except OSError as error:
@@ -135,65 +159,15 @@ class RunFolder:
 
     def finish(self, outcome: str) -> None:
         """Record the outcome, unless one was recorded before."""
-        if self._entry["outcome"] == "running":
-            self._entry |= {"outcome": outcome, "ended": _now()}
+        if self._run.outcome == "running":
+            self._run = self._run.changed(outcome=outcome, ended=_now())
             self._save()
             with suppress(OSError):  # Windows removes it when it is released
                 (self.path / LOCK).unlink()
             self._lock.release()
 
     def _save(self) -> None:
-        write_record(self.path / "run.json", {"runs": self._entries}, SCHEMA)
-
-
-def write_record(
-    path: str | os.PathLike[str], record: Mapping[str, Any], schema: int = SCHEMA
-) -> None:
-    """Write a record as JSON with its schema version; the file is replaced in one step.
-
-    Raises
-    ------
-    ValueError
-        If the record holds NaN or infinity, which JSON does not know.
-    """
-    path = Path(path)
-    beside = path.with_name(path.name + ".part")
-    text = json.dumps({"schema": schema, **record}, indent=1, allow_nan=False)
-    beside.write_text(text + "\n", encoding="utf-8")
-    beside.replace(path)
-
-
-def read_record(path: str | os.PathLike[str], schema: int = SCHEMA) -> dict[str, Any]:
-    """Read a record that `write_record` wrote, with schema at most `schema`.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, is not JSON, or comes from a newer palpmap.
-    """
-    path = Path(path)
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}), expected a file of a run folder; "
-            "check the path or run the command that writes it"
-        ) from error
-    except ValueError as error:
-        raise InputError(
-            f"{path}: found text that is not JSON ({error}), expected a record of palpmap; "
-            "run the command that writes it again"
-        ) from error
-    found = record.get("schema") if isinstance(record, dict) else None
-    if not isinstance(found, int):
-        raise InputError(
-            f"{path}, key schema: found {found!r}, expected a number; this is no record of palpmap"
-        )
-    if found > schema:
-        raise InputError(
-            f"{path}, key schema: found {found}, expected at most {schema}; update palpmap"
-        )
-    return record
+        RunsRecord(runs=(*self._earlier, self._run)).write(self.path / "run.json")
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
@@ -222,17 +196,17 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _earlier_runs(path: Path) -> list[dict[str, Any]]:
+def _earlier_runs(path: Path) -> tuple[RunRecord, ...]:
     if path.is_file():
         raise InputError(f"{path}: found a file, expected a folder; choose another with --out")
     if (path / "run.json").is_file():
-        return list(read_record(path / "run.json")["runs"])
+        return RunsRecord.read(path / "run.json").runs
     if path.is_dir() and any(file.name != LOCK for file in path.iterdir()):
         raise InputError(
             f"{path}: found a folder with other things in it, expected a new, empty or earlier "
             "run folder; choose another with --out"
         )
-    return []
+    return ()
 
 
 def _locked(path: Path) -> FileLock:
@@ -264,17 +238,19 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def how_made(runs: list[dict[str, Any]]) -> dict[str, str]:
+def how_made(folder: Path) -> dict[str, str]:
     """Return commands, seeds, settings, input hashes and versions of a run folder as text."""
+    path = folder / "run.json"
+    runs = RunsRecord.read(path).runs if path.is_file() else ()
     how: dict[str, str] = {}
     for number, run in enumerate(runs, start=1):
-        settings = ", ".join(f"{k} = {v}" for k, v in run.get("settings", {}).items())
-        seed = "" if run.get("seed") is None else f", seed {run['seed']}"
-        how[f"{number}. palpmap {run.get('command', '?')}"] = (
-            f"{run.get('started', '?')}{seed}{'; ' + settings if settings else ''}"
+        settings = ", ".join(f"{k} = {v}" for k, v in run.settings.items())
+        seed = "" if run.seed is None else f", seed {run.seed}"
+        how[f"{number}. palpmap {run.command}"] = (
+            f"{run.started}{seed}{'; ' + settings if settings else ''}"
         )
-        for name, digest in run.get("inputs", {}).items():
+        for name, digest in run.inputs.items():
             how[Path(name).name] = f"SHA-256 {digest}"
     if runs:
-        how["Versions"] = ", ".join(f"{k} {v}" for k, v in runs[-1].get("versions", {}).items())
+        how["Versions"] = ", ".join(f"{k} {v}" for k, v in runs[-1].versions.items())
     return how

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
 from identify.catalogue.catalogue import CATALOGUE
+from identify.design.assessment import Assessment, assess
 from identify.experiment import BodyModel, Experiment, contacts_of
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -24,7 +25,7 @@ from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.commands.write_explain_run import write_explain_files
 from palpmap.result.explain_record import explain_record
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.run_folder import RunFolder
 from palpmap.study.open_study import Problem
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
@@ -136,6 +137,7 @@ class Explained:
     folder: Path
     problem: Problem
     explained: Explanation
+    assessment: Assessment
     record: dict
 
 
@@ -180,8 +182,9 @@ def explained_case(tmp_path_factory) -> Explained:
         study=study,
     )
     explained = forward_selection(problem.model, problem.start, problem.scan, problem.catalogue)
-    record = explain_record(explained, problem)
+    assessment = assess(explained, problem.catalogue)
+    record = explain_record(explained, problem, assessment)
     with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:
-        write_record(run / "result.json", record)
-        write_explain_files(run.path, problem, explained, record)
-    return Explained(folder / "run", problem, explained, record)
+        record.write(run / "result.json")
+        write_explain_files(run.path, problem, explained, record.to_dict())
+    return Explained(folder / "run", problem, explained, assessment, record.to_dict())

@@ -39,6 +39,7 @@ GROUND = {
     "fem.errors",
     "identify.json_record",
     "palpmap.console",
+    "palpmap.record",
     "palpmap.run_folder",
     "palpmap.units",
     "palpmap.version",
@@ -49,6 +50,8 @@ ENGINE = ("identify.fit", "identify.residual", "identify.select")
 SHOWING = ("palpmap.result", "palpmap.figures", "palpmap.report", "palpmap.recording")
 SOLVING = {"fit_jointly", "PalpationModel", "linearise"}
 """Calls of the engine that folders which only show what was found never make."""
+DECIDING = ("fem", "identify.fit", "identify.select", "identify.design", "identify.optimize")
+"""Packages of which those folders take types and constants alone, no function."""
 MOST_MODULES = 20
 LONG_FOLDERS = {"identify/catalogue"}
 
@@ -187,9 +190,25 @@ def decisions(root: Path) -> list[str]:
         if isinstance(node, ast.Call)
         and (
             ast.unparse(node.func).rpartition(".")[2] in SOLVING
-            or any(keyword.arg == "verdict" for keyword in node.keywords)
+            or any(_decides(node, keyword) for keyword in node.keywords)
         )
+    ] + [
+        f"{name}, line {node.lineno}: {alias.name}"
+        for name, tree in modules(root).items()
+        if f"{name}.".startswith(tuple(f"{folder}." for folder in SHOWING))
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        and f"{node.module}.".startswith(tuple(f"{package}." for package in DECIDING))
+        for alias in node.names
+        if alias.name.islower()
     ]
+
+
+def _decides(call: ast.Call, keyword: ast.keyword) -> bool:
+    """Whether a call sets a verdict, and does not copy one into the record of a file."""
+    copied = isinstance(keyword.value, ast.Attribute) and keyword.value.attr == "verdict"
+    record = ast.unparse(call.func).endswith("Record")
+    return keyword.arg == "verdict" and not (record and copied)
 
 
 def test_each_package_imports_only_what_it_may():
@@ -342,6 +361,11 @@ def test_a_print_is_found(path, source, count, tmp_path):
         ("palpmap/report/a.py", "def f():\n    return model.linearise(u)", 1),
         ("palpmap/recording/a.py", "replace(explained, verdict='explained')", 1),
         ("palpmap/figures/a.py", "draw(explained.verdict)", 0),
+        ("palpmap/result/a.py", "ExplainRecord(verdict=explained.verdict)", 0),
+        ("palpmap/result/a.py", "ExplainRecord(verdict='explained')", 1),
+        ("palpmap/result/a.py", "from identify.design.detection_limits import Limit, SHARE", 0),
+        ("palpmap/report/a.py", "def f():\n    from identify.fit.joint_fit import try_fit", 1),
+        ("palpmap/result/a.py", "import fem\nfrom identify.residual.statement import length", 0),
         ("palpmap/commands/a.py", "fit = fit_jointly(model, start)", 0),
     ],
 )

@@ -21,6 +21,31 @@ CandidateVerdict = Literal["supported", "helps", "indistinguishable", "not_seen"
 
 
 @dataclass(frozen=True)
+class EffectVerdict:
+    """The verdict on one effect, with the numbers of the step that decided it.
+
+    Attributes
+    ----------
+    verdict : CandidateVerdict
+        See there; never "supported" without a place among what is offered by name.
+    confused_with : tuple of str
+        Effects that the scan cannot tell from it.
+    score : Score
+        Linear score at the deciding step.
+    statistic, p_value, explained_fraction : float
+        Decrease of chi-square, its p-value, and its share of the unexplained chi-square: of the
+        score, or of the refit for an effect that no score shows.
+    """
+
+    verdict: CandidateVerdict
+    confused_with: tuple[str, ...]
+    score: Score
+    statistic: float
+    p_value: float
+    explained_fraction: float
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """Scores of all effects that the model does not have yet.
 
@@ -59,6 +84,18 @@ class Diagnosis:
             return "not_seen"
         candidates = set(self.confused_with(name)) & self.significant
         return "indistinguishable" if candidates else "supported"
+
+    def effect_verdict(self, name: str) -> EffectVerdict:
+        """Return the verdict on an effect by its score alone, with its numbers."""
+        score = self[name]
+        return EffectVerdict(
+            self.verdict(name),
+            self.confused_with(name),
+            score,
+            score.statistic,
+            score.p_value,
+            self.explained_fraction(name),
+        )
 
     def explained_fraction(self, name: str) -> float:
         """Share of the unexplained chi-square that an effect would take away, 0 to 1."""

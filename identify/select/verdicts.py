@@ -2,56 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 from identify.effects.base import Effect
 from identify.select.candidates import refit_chance
-from identify.select.diagnosis import CandidateVerdict
+from identify.select.diagnosis import CandidateVerdict, EffectVerdict
 from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
-from identify.select.score_test import Score
 from identify.select.step import Step
-
-
-@dataclass(frozen=True)
-class EffectVerdict:
-    """The verdict on one effect, with the numbers of the step that decided it.
-
-    Attributes
-    ----------
-    verdict : CandidateVerdict
-        See there; never "supported" without a place among what is offered by name.
-    confused_with : tuple of str
-        Effects that the scan cannot tell from it.
-    score : Score
-        Linear score at the deciding step.
-    statistic, p_value, explained_fraction : float
-        Decrease of chi-square, its p-value, and its share of the unexplained chi-square: of the
-        score, or of the refit for an effect that no score shows.
-    """
-
-    verdict: CandidateVerdict
-    confused_with: tuple[str, ...]
-    score: Score
-    statistic: float
-    p_value: float
-    explained_fraction: float
 
 
 def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
     """Return the verdict on an effect, at the step that decided it."""
     name = effect.name
     step, group = _decided_at(name, explained)
-    score, diagnosis = step.diagnosis[name], step.diagnosis
-    verdict, confused = diagnosis.verdict(name), diagnosis.confused_with(name)
+    found = step.diagnosis.effect_verdict(name)
     if group is not None:
         verdict, confused = _in_group(name, group, explained)
-    elif verdict == "supported":
+        found = replace(found, verdict=verdict, confused_with=confused)
+    elif found.verdict == "supported":
         # It scores while something else is missing, but does not win: no support of its own
-        verdict = "helps" if explained.verdict == "unexplained" else "not_seen"
-    numbers = score.statistic, score.p_value, diagnosis.explained_fraction(name)
-    if effect.refitted_from:
-        numbers = refit_numbers(name, explained) or numbers
-    return EffectVerdict(verdict, confused, score, *numbers)
+        helps = explained.verdict == "unexplained"
+        found = replace(found, verdict="helps" if helps else "not_seen")
+    if effect.refitted_from and (numbers := refit_numbers(name, explained)):
+        statistic, p_value, share = numbers
+        found = replace(found, statistic=statistic, p_value=p_value, explained_fraction=share)
+    return found
 
 
 def refit_numbers(name: str, explained: Explanation) -> tuple[float, float, float] | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from models.press_program import PressProgram, read_program
 from models.scan_file import read_scan, write_scan
 from models.scan_join import stack_scans
+from palpmap.blind.records import TrialTruthRecord
 from palpmap.blind.seal import seal, unseal
 from palpmap.console import Output, to_type
 from palpmap.study.study import load_study, write_study
@@ -38,13 +39,14 @@ def press_further(trial: Path, program: PressProgram) -> Path:
 
     before = newest_study(trial)
     study = load_study(before)
-    further, answer = further_scan(unseal(trial), program)
+    further, answer = further_scan(unseal(trial).to_dict(), program)
     number = number_of(before) + 1
     scan = trial / f"scan_{number}.csv"
     write_scan(stack_scans([read_scan(study.scan), further]), scan)
     about = study.study.model_copy(update={"scan": scan.resolve()})
     path = trial / f"study_{number}.toml"
-    seal(trial, answer)  # before the study: killed in between, these presses are made but lost
+    # Before the study: killed in between, these presses are made but lost
+    seal(trial, TrialTruthRecord.model_validate(answer))
     write_study(study.model_copy(update={"study": about}), path)
     return path
 

@@ -10,79 +10,50 @@ smaller than the detection limit that was printed |
 | an outsider | the verdict is not `explained` |
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from palpmap.blind.records import AnswerRecord, MapErrorRecord, Outcome, ScoreRecord
+from palpmap.result.truth import HiddenEffectRecord, TruthRecord
 
 LARGEST_GROUP = 3
 
-Outcome = Literal["right", "honest", "missed", "wrong"]
+Hidden = tuple[HiddenEffectRecord, ...]
 
 
-@dataclass(frozen=True)
-class BlindScore:
-    """How good an answer is.
-
-    Attributes
-    ----------
-    category : none, structured, compliance, pair or outsider
-    outcome : `right`; `honest` where it does not know and says so; `missed` where it sees nothing;
-        `wrong` where it is sure of what is not so
-    passed : by the table of this module
-    reason : one sentence
-    """
-
-    category: str
-    outcome: Outcome
-    passed: bool
-    reason: str
-
-
-def category_of(answer: Mapping[str, Any]) -> str:
+def category_of(hidden: Hidden) -> str:
     """Return the category of what is hidden: none, structured, compliance, pair or outsider."""
-    effects = answer["effects"]
-    if any(effect["category"] == "outsider" for effect in effects):
+    if any(effect.category == "outsider" for effect in hidden):
         return "outsider"
-    if len(effects) > 1:
+    if len(hidden) > 1:
         return "pair"
-    return effects[0]["category"] if effects else "none"
+    return hidden[0].category if hidden else "none"
 
 
-def score_blind(result: Mapping[str, Any], answer: Mapping[str, Any]) -> BlindScore:
-    """Judge the result of an explanation.
-
-    Parameters
-    ----------
-    result : with `verdict`, `added`, `ambiguous`, and where the loop gives them
-        `detection_limits`, share of the signal by effect, and `never_seen`, names
-    answer : with `effects`, each with `name`, `category`, `size` and optionally `kin`, names that
-        come as near as the catalogue has it
-    """
-    category = category_of(answer)
+def score_blind(result: AnswerRecord, hidden: Hidden) -> ScoreRecord:
+    """Judge the result of an explanation."""
+    category = category_of(hidden)
     judge = {"none": _none, "outsider": _outsider, "pair": _pair}.get(category, _single)
-    outcome, passed, reason = judge(result, answer["effects"])
-    return BlindScore(category, outcome, passed, reason)
+    outcome, passed, reason = judge(result, hidden)
+    return ScoreRecord(category=category, outcome=outcome, passed=passed, reason=reason)
 
 
 Judged = tuple[Outcome, bool, str]
 
 
-def _none(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
+def _none(result: AnswerRecord, effects: Hidden) -> Judged:
     del effects
-    if result["verdict"] == "nothing_missing" and not result["added"]:
+    if result.verdict == "nothing_missing" and not result.added:
         return "right", True, "Nothing is hidden, and nothing was found missing."
-    if result["verdict"] == "unexplained" and not result["added"]:
+    if result.verdict == "unexplained" and not result.added:
         return "honest", False, "Nothing is hidden; it blamed no effect but saw structure."
     return "wrong", False, f"Nothing is hidden; it found {_named(result)}."
 
 
-def _outsider(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
-    name = " and ".join(effect["name"] for effect in effects)
-    allowed = {n for effect in effects for n in (effect["name"], *effect.get("kin", ()))}
-    verdict = result["verdict"]
+def _outsider(result: AnswerRecord, effects: Hidden) -> Judged:
+    name = " and ".join(effect.name for effect in effects)
+    allowed = {n for effect in effects for n in (effect.name, *effect.kin)}
+    verdict = result.verdict
     if verdict == "unexplained":
         return "right", True, f"{name} is in no catalogue, and it says that it cannot explain it."
-    sure = set(result["added"]) - allowed
+    sure = set(result.added) - allowed
     if verdict == "ambiguous" and not sure:
         return "honest", True, f"{name} is in no catalogue; it does not commit itself."
     if verdict == "nothing_missing":
@@ -92,43 +63,43 @@ def _outsider(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judge
     return "wrong", False, f"{name} is in no catalogue, but it is sure of {_named(result)}."
 
 
-def _pair(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
-    names = [effect["name"] for effect in effects]
+def _pair(result: AnswerRecord, effects: Hidden) -> Judged:
+    names = [effect.name for effect in effects]
     both = " and ".join(names)
-    found = [name for name in names if name in result["added"]]
-    other = [name for name in result["added"] if name not in names]
+    found = [name for name in names if name in result.added]
+    other = [name for name in result.added if name not in names]
     if len(found) == len(names):
-        outcome: Outcome = "wrong" if other and result["verdict"] == "explained" else "right"
+        outcome: Outcome = "wrong" if other and result.verdict == "explained" else "right"
         also = f", and {', '.join(other)} besides" if other else ""
         return outcome, True, f"Both of {both} were named{also}."
-    if result["verdict"] == "nothing_missing":
+    if result.verdict == "nothing_missing":
         return "missed", False, f"It saw nothing of {both}."
-    if result["verdict"] in ("ambiguous", "unexplained") and not other:
+    if result.verdict in ("ambiguous", "unexplained") and not other:
         return "honest", False, f"Of {both} it named {_named(result)}, and says more is missing."
     return "wrong", False, f"It named {_named(result)}, not both of {both}."
 
 
-def _single(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
+def _single(result: AnswerRecord, effects: Hidden) -> Judged:
     (effect,) = effects
-    name, verdict, added = effect["name"], result["verdict"], result["added"]
-    compliance = effect["category"] == "compliance"
+    name, verdict, added = effect.name, result.verdict, result.added
+    compliance = effect.category == "compliance"
     if added and added[0] == name:
         if len(added) == 1 or verdict != "explained":
             return "right", True, f"{name} was named first."
         return "wrong", True, f"{name} was named first, and {', '.join(added[1:])} besides."
-    groups = [group for group in result["ambiguous"] if name in group]
+    groups = [group for group in result.ambiguous if name in group]
     if groups and not added:
         few = min(map(len, groups)) <= LARGEST_GROUP
         says = f"{name} is in an ambiguous group of {min(map(len, groups))}"
         if compliance and few:
             return "right", True, f"{says}, which is all that such an effect lets one say."
         return "honest", False, f"{says}."
-    limit = result.get("detection_limits", {}).get(name)
+    limit = result.detection_limits.get(name)
     if verdict == "nothing_missing":
-        if limit is not None and effect["size"] < limit:
-            size = f"{100 * effect['size']:.2g} % of the signal, below {100 * limit:.2g} %"
+        if limit is not None and effect.size < limit:
+            size = f"{100 * effect.size:.2g} % of the signal, below {100 * limit:.2g} %"
             return "honest", compliance, f"{name} has {size}, which it says it cannot see."
-        if name in result.get("never_seen", ()):
+        if name in result.never_seen:
             return "honest", compliance, f"It says that it cannot see {name} at any size."
         return "missed", False, f"It saw nothing of {name}."
     if verdict in ("unexplained", "ambiguous") and not added:
@@ -138,32 +109,37 @@ def _single(result: Mapping[str, Any], effects: list[dict[str, Any]]) -> Judged:
     return "wrong", False, f"It named {_named(result)} instead of {name}."
 
 
-def _named(result: Mapping[str, Any]) -> str:
-    if result["added"]:
-        return ", ".join(result["added"])
-    if result["ambiguous"]:
-        return " or ".join(result["ambiguous"][0])
+def _named(result: AnswerRecord) -> str:
+    if result.added:
+        return ", ".join(result.added)
+    if result.ambiguous:
+        return " or ".join(result.ambiguous[0])
     return "none"
 
 
-def map_errors(result: Mapping[str, Any], answer: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return found and true values of the map: name, found, std, true, inside (the interval).
+def map_errors(result: AnswerRecord, truth: TruthRecord) -> tuple[MapErrorRecord, ...]:
+    """Return found and true values of the map, with intervals and undetected bias if stated.
 
-    `unseen_shift` is how far the result says that an unseen effect may have moved it. The map's
-    first inclusion is compared with the first of the truth, and so on.
+    The map's first inclusion is compared with the first of the truth, and so on.
     """
-    body = answer["body"]
-    true = {"background_pa": body["background_pa"]}
-    for number, inclusion in enumerate(body["inclusions"], start=1):
-        true |= {f"inclusion_{number}.{name}": value for name, value in inclusion.items()}
-    rows = []
-    for name, value in true.items():
-        found = result.get("parameters", {}).get(name)
-        if found:
-            row = {"name": name, "found": found["value"], "std": found.get("std"), "true": value}
-            if "lower95" in found:
-                row["inside"] = found["lower95"] <= value <= found["upper95"]
-            if shift := result.get("unseen_shifts", {}).get(name):
-                row["unseen_shift"] = shift["shift"]
-            rows.append(row)
-    return rows
+    true = truth.body.map
+    return tuple(
+        _map_error(name, value, result)
+        for name, value in zip(true.names, true.values.tolist(), strict=True)
+        if name in result.parameters
+    )
+
+
+def _map_error(name: str, true: float, result: AnswerRecord) -> MapErrorRecord:
+    found, shift = result.parameters[name], result.unseen_shifts.get(name)
+    inside = None
+    if found.lower95 is not None and found.upper95 is not None:
+        inside = found.lower95 <= true <= found.upper95
+    return MapErrorRecord(
+        name=name,
+        found=found.value,
+        std=found.std,
+        true=true,
+        inside=inside,
+        unseen_shift=None if shift is None else shift.shift,
+    )

@@ -4,30 +4,25 @@ import base64
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 from models.errors import InputError
-from palpmap.run_folder import read_record, write_record
+from palpmap.blind.records import SealRecord, TrialTruthRecord
 
 FOLDER = "sealed"
 FILE = "answer.json"
 
 
-def seal(trial: Path, answer: dict[str, Any]) -> None:
+def seal(trial: Path, answer: TrialTruthRecord) -> None:
     """Write a trial's answer, base64 with its SHA-256, under `sealed/`."""
-    text = json.dumps(answer, allow_nan=False).encode()
+    text = json.dumps(answer.to_dict(), allow_nan=False).encode()
     (trial / FOLDER).mkdir(exist_ok=True)
-    write_record(
-        trial / FOLDER / FILE,
-        {
-            "note": "open with: palpmap reveal",
-            "answer_base64": base64.b64encode(text).decode(),
-            "sha256": hashlib.sha256(text).hexdigest(),
-        },
+    sealed = SealRecord(
+        answer_base64=base64.b64encode(text).decode(), sha256=hashlib.sha256(text).hexdigest()
     )
+    sealed.write(trial / FOLDER / FILE)
 
 
-def unseal(trial: Path) -> dict[str, Any]:
+def unseal(trial: Path) -> TrialTruthRecord:
     """Read a trial's answer.
 
     Raises
@@ -40,12 +35,12 @@ def unseal(trial: Path) -> dict[str, Any]:
         raise InputError(
             f"{trial}: found no {FOLDER}/{FILE}, expected a folder that `palpmap blind` has made"
         )
-    record = read_record(path)
+    record = SealRecord.read(path)
     try:
-        text = base64.b64decode(record["answer_base64"], validate=True)
-        intact = hashlib.sha256(text).hexdigest() == record["sha256"]
-    except (KeyError, TypeError, ValueError):
+        text = base64.b64decode(record.answer_base64, validate=True)
+        intact = hashlib.sha256(text).hexdigest() == record.sha256
+    except ValueError:
         intact, text = False, b""
     if not intact:
         raise InputError(f"{path}: the answer does not fit its SHA-256: it was changed or cut off")
-    return json.loads(text)
+    return TrialTruthRecord.model_validate_json(text)

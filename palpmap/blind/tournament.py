@@ -8,32 +8,34 @@ what was found, the judgement. A tournament that was stopped goes on from there 
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread
-from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
 from models.errors import InputError
 from models.press_program import read_program
 from palpmap.blind.further_presses import press_further
+from palpmap.blind.records import AnswerRecord, AtFirstRecord, TrialLine
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import unseal
 from palpmap.blind.statistics import tally, tournament_record, tournament_screen
 from palpmap.blind.trial import PRESSES_PER_SIDE, Trial, draw_trial, make_trial
 from palpmap.console import Output
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.result.next_scan import REPEAT
+from palpmap.run_folder import RunFolder
 
 FILE = "trials.jsonl"
 NONE_SHARE = 0.1
 PAIR_SHARE = 0.1
 
-Explain = Callable[[Path, Path, int], dict[str, Any]]
+Explain = Callable[[Path, Path, int], AnswerRecord]
 """From a study, a new folder and a seed to the result of result.json."""
 
 
@@ -91,15 +93,15 @@ def run_tournament(
             players = workers or os.cpu_count() or 1
             played = play_dask(games, dask) if dask else play_here(games, players)
             for line in played:
-                done[line["number"]] = line
-                file.write(json.dumps(line, allow_nan=False) + "\n")
+                done[line.number] = line
+                file.write(line.to_json() + "\n")
                 file.flush()
                 progress.update(task, advance=1, description=tally(list(done.values())))
         lines = [done[number] for number in sorted(done) if number < count]
         record = tournament_record(lines)
-        write_record(run / "tournament.json", record)
-        output.result({"schema": 1, **record, "run": str(run.path)}, *tournament_screen(record))
-    return record["wrong"] == 0 and record["failed"] == 0
+        record.write(run / "tournament.json")
+        output.result({**record.to_dict(), "run": str(run.path)}, *tournament_screen(record))
+    return record.wrong == 0 and record.failed == 0
 
 
 def draw_games(
@@ -135,7 +137,7 @@ def draw_games(
     ]
 
 
-def earlier_games(run: Path, settings: dict[str, Any]) -> dict[int, dict[str, Any]]:
+def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, TrialLine]:
     """Lines of the trials that were played before, by number; a line cut off is dropped.
 
     Raises
@@ -160,23 +162,24 @@ def earlier_games(run: Path, settings: dict[str, Any]) -> dict[int, dict[str, An
             )
     else:
         head.write_text(json.dumps(settings) + "\n", encoding="utf-8")
-    done: dict[int, dict[str, Any]] = {}
     if not path.is_file():
-        return done
+        return {}
+    done: dict[int, TrialLine] = {}
+    kept: dict[int, str] = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         try:
-            game = json.loads(line)
+            game = TrialLine.model_validate_json(line)
         except ValueError:
             continue
-        done[game["number"]] = game
-    whole = "".join(json.dumps(game) + "\n" for game in done.values())
+        done[game.number], kept[game.number] = game, line
+    whole = "".join(f"{line}\n" for line in kept.values())
     beside = path.with_name(path.name + ".part")
     beside.write_text(whole, encoding="utf-8")
     beside.replace(path)
     return done
 
 
-def play_here(games: Sequence[Game], players: int) -> Iterator[dict[str, Any]]:
+def play_here(games: Sequence[Game], players: int) -> Iterator[TrialLine]:
     """Play on this machine's cores; yields each line as its trial ends.
 
     Workers start anew (no fork: the parent has threads), one thread each, and end with their
@@ -231,7 +234,7 @@ def _end_with_parent() -> None:
     Thread(target=wait, daemon=True).start()
 
 
-def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
+def play_dask(games: Sequence[Game], address: str) -> Iterator[TrialLine]:
     """Play on a dask cluster whose workers have palpmap and see the run folder."""
     try:
         from dask.distributed import Client, as_completed  # pyright: ignore[reportMissingImports]
@@ -250,24 +253,18 @@ def play_dask(games: Sequence[Game], address: str) -> Iterator[dict[str, Any]]:
         playing = {client.submit(play, game, pure=False): game for game in games}
         for future in as_completed(playing):
             error = future.exception()  # a worker was lost, or the folder cannot be made
-            yield _failed(playing[future], error) if error else future.result()
+            yield _failed(_begun(playing[future]), error) if error else future.result()
 
 
-def _begun(game: Game) -> dict[str, Any]:
-    return {
-        "number": game.number,
-        "trial": asdict(game.trial),
-        "hidden": list(game.trial.effects),
-    }
+def _begun(game: Game) -> TrialLine:
+    return TrialLine(number=game.number, trial=asdict(game.trial), hidden=game.trial.effects)
 
 
-def _failed(game: Game, error: BaseException) -> dict[str, Any]:
-    return {**_begun(game), "error": f"{type(error).__name__}: {error}"}
+def _failed(line: TrialLine, error: BaseException) -> TrialLine:
+    return line.changed(error=f"{type(error).__name__}: {error}")
 
 
-def play(
-    game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER_SIDE
-) -> dict[str, Any]:
+def play(game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER_SIDE) -> TrialLine:
     """Make, explain and judge one trial; a fault of the loop is a line too, not an end of it all.
 
     Parameters
@@ -291,40 +288,37 @@ def play(
         explain = explain or explain_trial
         result = explain(folder / "study.toml", folder, game.trial.seed)
         for _ in range(game.further):
-            if result["verdict"] != "ambiguous" or not result["next_presses"]:
+            asked = [p.program for p in result.next_presses if p.program != REPEAT]
+            if result.verdict != "ambiguous" or not asked:
                 break
-            line.setdefault("at_first", {k: result[k] for k in ("verdict", "added", "ambiguous")})
-            presses = read_program(folder / result["next_presses"][0]["program"])
-            line["further_presses"] = line.get("further_presses", 0) + len(presses)
+            presses = read_program(folder / asked[0])
+            line = line.changed(
+                at_first=line.at_first or AtFirstRecord.of(result),
+                further_presses=(line.further_presses or 0) + len(presses),
+            )
             result = explain(press_further(folder, presses), folder, game.trial.seed)
         truth = unseal(folder)
-        score = score_blind(result, truth)
-        line |= {
-            "sizes": [effect["size"] for effect in truth["effects"]],
-            "verdict": result["verdict"],
-            "added": result["added"],
-            "ambiguous": result["ambiguous"],
-            **asdict(score),
-            "map": map_errors(result, truth),
-            "made_s": made - started,
-            "explained_s": time.perf_counter() - made,
-        }
+        return line.changed(
+            sizes=tuple(effect.size for effect in truth.effects),
+            map=map_errors(result, truth),
+            made_s=made - started,
+            explained_s=time.perf_counter() - made,
+            **dict(AtFirstRecord.of(result)),
+            **dict(score_blind(result, truth.effects)),
+        )
     except Exception as error:  # a trial that fails is counted, the others go on
-        line |= _failed(game, error)
-    return line
+        return _failed(line, error)
 
 
-def explain_trial(study: Path, out: Path, seed: int) -> dict[str, Any]:
+def explain_trial(study: Path, out: Path, seed: int) -> AnswerRecord:
     """Run the loop of `palpmap explain` on a study, without report and recording."""
     from palpmap.commands.explain import explain_study
-    from palpmap.commands.limits import hiding
     from palpmap.result.explain_record import explain_record
-    from palpmap.result.next_scan import proposal_records, propose
+    from palpmap.result.next_scan import write_programs
     from palpmap.study.study import load_study
 
     found = explain_study(load_study(study), (), seed, Output(quiet=True))
-    explained, problem, without = found
-    record = {**explain_record(explained, problem, without), **hiding(explained, problem)}
-    record["next_presses"] = proposal_records(propose(explained, problem), problem, out)
-    write_record(out / "result.json", record)
-    return record
+    explained, problem, assessment, without = found
+    write_programs(assessment, problem.experiment.origin_m, out)
+    explain_record(explained, problem, assessment, without).write(out / "result.json")
+    return AnswerRecord.read(out / "result.json")

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models.errors import InputError
 from models.scan_file import write_scan
+from palpmap.blind.records import TrialTruthRecord
 from palpmap.blind.seal import FOLDER, seal
 from palpmap.console import Output, to_type
 from palpmap.run_folder import RunFolder
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
 PRESSES_PER_SIDE = 9
-MIXED: dict[str, Any] = {"shuffled": True, "force_shares": (0.5, 1.5)}
+MIXED = {"shuffled": True, "force_shares": (0.5, 1.5)}
 """What a mixed scan has beside the plain one's places, see `models.press_program.grid_program`."""
 SIZES = (0.01, 0.10)
 SMALLEST_OUTSIDER = 0.03  # below it, to call noise what is left can be the right answer
@@ -173,14 +174,15 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
         trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
     )
     for effect in truth["effects"]:
-        effect["kin"] = list(hidden_effect(effect["name"]).kin)
+        effect["kin"] = hidden_effect(effect["name"]).kin
+    answer = TrialTruthRecord.model_validate(truth)
     write_scan(scan, folder / "scan.csv")
-    write_study(_study(folder, trial, truth), folder / "study.toml")
-    seal(folder, {"schema": 1, **truth})
+    write_study(_study(folder, trial, answer.noise), folder / "study.toml")
+    seal(folder, answer)
     return len(scan.press_ids)
 
 
-def _study(folder: Path, trial: Trial, truth: dict[str, Any]) -> Study:
+def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
     """Return what the experimenter knows: block, tip, noise, one inclusion."""
     from sim.body.true_body import HiddenBody
 
@@ -189,6 +191,6 @@ def _study(folder: Path, trial: Trial, truth: dict[str, Any]) -> Study:
         study=About(name=f"blind trial {trial.seed}", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
         body=Body(shape="block", size_m=known.size_m, poisson_ratio=known.poisson_ratio),  # pyright: ignore[reportCallIssue]
         probe=Probe(tip="flat", radius_m=RADII_M[trial.radii][0]),
-        noise=Noise(**truth["noise"]),
+        noise=noise,
         map=Map(inclusions=1),
     )

@@ -17,16 +17,12 @@ from palpmap.commands.diagnose import judged
 from palpmap.console import Output, to_type
 from palpmap.result.explain_record import parameters_of, step_record
 from palpmap.result.explain_words import interval, readable
+from palpmap.result.history import VersionRecord, read_history, write_history
 from palpmap.result.presses_words import counted, left_out_sentences
+from palpmap.result.records import ParameterRecord
 from palpmap.study.open_study import Problem, catalogue_with, own_effects, pose
 from palpmap.study.study import Study, load_study
-from palpmap.study.versions import (
-    history_file,
-    next_version,
-    read_history,
-    version_of,
-    write_history,
-)
+from palpmap.study.versions import history_file, next_version, version_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -74,12 +70,12 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     version_of(known, fit, target, files)
     earns = fit.bic < before.fit.bic
     _record(study, target, name, before, after, problem)
-    found = parameters_of(after, problem, bent=True)
+    found = parameters_of(after, problem, after.fit.parameters)
     record = {
         "study": str(target),
-        "before": step_record(before),
-        "after": step_record(after),
-        "parameters": found,
+        "before": step_record(before).to_dict(),
+        "after": step_record(after).to_dict(),
+        "parameters": {name: p.to_dict() for name, p in found.items()},
         "earns_its_place": earns,
         **counted(problem),
     }
@@ -122,12 +118,12 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
             raise InputError(
                 f"{study}: there is no version to step back from; `palpmap add` makes one"
             )
-        last = versions.pop()
-        file = history_file(study).with_name(last["study"])
+        versions, last = versions[:-1], versions[-1]
+        file = history_file(study).with_name(last.study)
         if file.is_file():
             file.replace(_unused(file.with_name(file.name + ".undone")))
         write_history(study, versions)
-    output.result({"versions": versions}, _history_table(versions))
+    output.result({"versions": [v.to_dict() for v in versions]}, _history_table(versions))
     return True
 
 
@@ -143,13 +139,16 @@ def _after(fit: Any, diagnosis: Any, problem: Problem) -> Step:
 def _record(
     study: Path, target: Path, name: str, before: Step, after: Step, problem: Problem
 ) -> None:
-    versions = read_history(study)
-    if not versions:
-        versions = [{"study": study.name, "added": None, **step_record(before),
-                     "parameters": parameters_of(before, problem)}]  # fmt: skip
-    own = {"study": target.name, "added": name, "from": study.name}
-    versions.append({**own, **step_record(after), "parameters": parameters_of(after, problem)})
-    write_history(study, versions)
+    versions = read_history(study) or (_version(before, problem, study.name),)
+    new = _version(after, problem, target.name, added=name, origin=study.name)
+    write_history(study, (*versions, new))
+
+
+def _version(
+    step: Step, problem: Problem, study: str, added: str | None = None, origin: str | None = None
+) -> VersionRecord:
+    known = {**dict(step_record(step)), "parameters": parameters_of(step, problem)}
+    return VersionRecord(study=study, added=added, origin=origin, **known)
 
 
 def _unused(path: Path) -> Path:
@@ -161,7 +160,7 @@ def _unused(path: Path) -> Path:
 
 
 def _change_table(
-    before: Step, after: Step, problem: Problem, new: Mapping[str, Any]
+    before: Step, after: Step, problem: Problem, new: Mapping[str, ParameterRecord]
 ) -> tuple["RenderableType", ...]:
     from rich import box
     from rich.table import Table
@@ -182,14 +181,14 @@ def _change_table(
         found.add_column(column, justify="left" if column == "parameter" else "right")
     old = parameters_of(before, problem)
     for name, p in new.items():
-        scale, unit = readable(p["unit"])
-        earlier = f"{scale * old[name]['value']:.4g}{unit}" if name in old else "absent"
-        now = f"{scale * p['value']:.4g}{unit}"
-        found.add_row(name, earlier, now, interval(p))
+        scale, unit = readable(p.unit)
+        earlier = f"{scale * old[name].value:.4g}{unit}" if name in old else "absent"
+        now = f"{scale * p.value:.4g}{unit}"
+        found.add_row(name, earlier, now, interval(p.to_dict()))
     return error, found
 
 
-def _history_table(versions: list[dict[str, Any]]) -> "RenderableType":
+def _history_table(versions: Sequence[VersionRecord]) -> "RenderableType":
     from rich import box
     from rich.table import Table
 
@@ -199,11 +198,11 @@ def _history_table(versions: list[dict[str, Any]]) -> "RenderableType":
     for column in ("version", "added", "rms", "cross-validation", "chi2/dof"):
         table.add_column(column, justify="left" if column in ("version", "added") else "right")
     for number, v in enumerate(versions):
-        added = v["added"] or ", ".join(v["effects"]) or "map alone"
-        if number and v["from"] != versions[number - 1]["study"]:
-            added += f" (to {v['from']})"
+        added = v.added or ", ".join(v.effects) or "map alone"
+        if number and v.origin != versions[number - 1].study:
+            added += f" (to {v.origin})"
         table.add_row(
-            v["study"], added, length(v["rms_m"], signed=False),
-            length(v["held_out_rms_m"], signed=False), f"{v['chi2_per_dof']:.3g}",
+            v.study, added, length(v.rms_m, signed=False),
+            length(v.held_out_rms_m, signed=False), f"{v.chi2_per_dof:.3g}",
         )  # fmt: skip
     return table

@@ -22,7 +22,8 @@ from palpmap.commands.scan import (
 from palpmap.console import Output, to_type
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
-from palpmap.result.finding import Finding, matched
+from palpmap.result.finding import Finding
+from palpmap.result.truth import matched
 from palpmap.run_folder import RunFolder
 from palpmap.study.open_study import open_study
 

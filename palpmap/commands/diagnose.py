@@ -9,9 +9,10 @@ from identify.residual.statement import length
 from identify.select.diagnosis import Diagnosis
 from identify.select.step import Step, step_of
 from palpmap.console import Output
-from palpmap.result.explain_record import evidence, parameters_of, score_record, step_record
+from palpmap.result.explain_record import candidate_record, parameters_of, step_record
 from palpmap.result.presses_words import counted, left_out_sentences
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.result.records import DiagnosisRecord
+from palpmap.run_folder import RunFolder
 from palpmap.study.open_study import Problem, own_effects, pose
 from palpmap.study.study import load_study
 
@@ -47,8 +48,9 @@ def run_diagnose(
             problem = pose(known, own, say)
             rung = judged(problem, seed, say)
             progress.update(task, description="done", total=1, completed=1)
-        record = diagnosis_record(rung, problem)
-        write_record(run / "diagnosis.json", record)
+        found = diagnosis_record(rung, problem)
+        found.write(run / "diagnosis.json")
+        record = found.to_dict()
         output.result(
             {**record, "run": str(run.path)},
             *diagnosis_table(record, rung),
@@ -63,21 +65,19 @@ def judged(problem: Problem, seed: int, say: Any) -> Step:
     return step_of(fit, problem.scan, problem.catalogue, seed, say)
 
 
-def diagnosis_record(rung: Step, problem: Problem) -> dict[str, Any]:
-    """Return fit, residual and candidates as plain data."""
-    diagnosis = rung.diagnosis
-    return {
-        **step_record(rung),
-        **counted(problem),
-        "parameters": parameters_of(rung, problem),
-        "candidates": [
-            {
-                **score_record(score, diagnosis),
-                "evidence": evidence(problem.catalogue[score.name], score, problem),
-            }
-            for score in diagnosis.scores
-        ],
-    }
+def diagnosis_record(rung: Step, problem: Problem) -> DiagnosisRecord:
+    """Return fit, residual and candidates as the record of diagnosis.json."""
+    return DiagnosisRecord(
+        **{
+            **dict(step_record(rung)),
+            **counted(problem),
+            "parameters": parameters_of(rung, problem),
+            "candidates": tuple(
+                candidate_record(rung.diagnosis.effect_verdict(score.name), problem)
+                for score in rung.diagnosis.scores
+            ),
+        }
+    )
 
 
 def diagnosis_table(record: dict[str, Any], rung: Step) -> tuple["RenderableType", ...]:

@@ -2,20 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+from identify.design.assessment import Assessment, assess
 from identify.effects.base import Effect
 from identify.select.forward_selection import Explanation
-from identify.select.outlying_presses import WithoutSuspects, explain
+from identify.select.outlying_presses import WithoutSuspects, explain, suspects_left
 from identify.select.step import Step
 from models.scan import Scan
 from models.scan_file import read_scan
-from palpmap.commands.limits import hiding
 from palpmap.console import Output, to_type
 from palpmap.report.explain_console import explain_summary, step_line
 from palpmap.result.explain_record import explain_record
-from palpmap.result.next_scan import REPEAT, next_lines, proposal_records, propose, repeat_record
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.result.next_scan import next_lines, write_programs
+from palpmap.result.records import ExplainRecord
+from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
 from palpmap.study.open_study import Problem, own_effects, pose
 from palpmap.study.study import Study, load_study
@@ -52,9 +52,11 @@ def run_explain(
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         scan = read_scan(known.scan, known.study.units_checked)
         kept = keep_inputs(known, scan, run.path)
-        explained, problem, without = explain_study(known, own, seed, output, scan)
+        explained, problem, assessment, without = explain_study(known, own, seed, output, scan)
         files = {effect.name: path for effect, path in zip(own, effects, strict=False)}
-        record = write_explanation(run.path, problem, explained, kept, files, without)
+        record = write_explanation(
+            run.path, problem, explained, assessment, kept, files, without
+        ).to_dict()
         output.result(
             {**record, "run": str(run.path)},
             *explain_summary(record, explained, problem),
@@ -71,12 +73,12 @@ def explain_study(
     seed: int,
     output: Output,
     measured: Scan | None = None,
-) -> tuple[Explanation, Problem, WithoutSuspects | None]:
+) -> tuple[Explanation, Problem, Assessment, WithoutSuspects | None]:
     """Run the loop on a study with progress shown.
 
     Returns
     -------
-    what it found, what it worked on, and what it finds without presses that stand out, if any do
+    explanation, problem, assessment, and the result without outlying presses if there are any
     """
     with output.progress() as progress:
         task = progress.add_task("reading", total=None)
@@ -90,18 +92,21 @@ def explain_study(
 
         problem = pose(study, own, say, lambda step: progress.advance(task), measured=measured)
         explained, without = explain(problem, seed, on_step)
+        left = suspects_left(explained, without)
+        assessment = assess(explained, problem.catalogue, left, say)
         progress.update(task, description="done", total=1, completed=1)
-    return explained, problem, without
+    return explained, problem, assessment, without
 
 
 def write_explanation(
     run: Path,
     problem: Problem,
     explained: Explanation,
+    assessment: Assessment,
     kept: Study,
     files: Mapping[str, Path] | None = None,
     without: WithoutSuspects | None = None,
-) -> dict[str, Any]:
+) -> ExplainRecord:
     """Write result.json, next scans, the explained study, report and recording into a run folder.
 
     `kept` is the study that names the run folder's own copies, `files` are those of the user's own
@@ -109,15 +114,9 @@ def write_explanation(
     """
     from palpmap.commands.write_explain_run import write_explain_files
 
-    for stale in (*run.glob("next_scan_*.csv"), run / REPEAT):  # of an earlier command there
-        stale.unlink(missing_ok=True)
-    record = explain_record(explained, problem, without)
-    proposals = propose(explained, problem)
-    record["next_presses"] = proposal_records(proposals, problem, run)
-    if record["suspects_left"]:
-        record["next_presses"].append(repeat_record(record["suspects_left"], problem, run))
-    record |= hiding(explained, problem)
-    write_record(run / "result.json", record)
+    record = explain_record(explained, problem, assessment, without)
+    write_programs(assessment, problem.experiment.origin_m, run)
+    record.write(run / "result.json")
     version_of(kept, explained.final.fit, run / "study.toml", files)
-    write_explain_files(run, problem, explained, record)
+    write_explain_files(run, problem, explained, record.to_dict())
     return record

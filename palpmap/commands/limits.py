@@ -1,7 +1,7 @@
 """`palpmap limits`: what a scan can see of each effect, and the scan that would see more."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,16 +10,16 @@ import numpy as np
 from identify.design.detection_limits import SHARE, Limit, detection_limits
 from identify.design.predicted_limits import Improvement, designs_on_body, improvements
 from identify.design.scan_variants import mixed, presses_of, variations
-from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.experiment import Progress
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
-from identify.select.forward_selection import Explanation
 from palpmap.commands.diagnose import untestable_lines
 from palpmap.console import Output
+from palpmap.result.explain_record import limit_record
 from palpmap.result.next_scan import write_presses
 from palpmap.result.presses_words import counted, left_out_sentences
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.result.records import BetterScanRecord, LimitsRecord, PlannedScanRecord
+from palpmap.run_folder import RunFolder
 from palpmap.study.open_study import Problem, own_effects, pose
 from palpmap.study.study import load_study
 
@@ -36,13 +36,13 @@ class Better:
 
     Attributes
     ----------
-    by_effect : for each effect the cheapest change that helps, as plain data
-    mixed : what the scan that changes most at once is, as plain data; None if it helps nothing
+    by_effect : for each effect the cheapest change that helps
+    mixed : the scan that changes most at once; None if it helps nothing
     in_mixed : smallest share that it sees, by effect
     """
 
-    by_effect: Mapping[str, dict[str, Any]] = field(default_factory=dict)
-    mixed: dict[str, Any] | None = None
+    by_effect: Mapping[str, BetterScanRecord] = field(default_factory=dict)
+    mixed: PlannedScanRecord | None = None
     in_mixed: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -70,12 +70,18 @@ def run_limits(
             limits = detection_limits(fit, problem.catalogue)
             better = planned_limits(fit, problem, run.path, say, limits) if plan else Better()
             progress.update(task, description="done", total=1, completed=1)
-        record = {
-            "limits": [limit_record(limit, better) for limit in limits],
-            "mixed_scan": better.mixed,
+        found = LimitsRecord(
+            limits=tuple(
+                limit_record(
+                    limit, better.by_effect.get(limit.name), better.in_mixed.get(limit.name)
+                )
+                for limit in limits
+            ),
+            mixed_scan=better.mixed,
             **counted(problem),
-        }
-        write_record(run / "limits.json", record)
+        )
+        found.write(run / "limits.json")
+        record = found.to_dict()
         output.result(
             {**record, "run": str(run.path)},
             *limits_table(record, fit),
@@ -111,16 +117,17 @@ def planned_limits(
         share = limit.smallest_share
         return share is not None and share < _BETTER * present.get(limit.name, np.inf)
 
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, BetterScanRecord] = {}
     single = [p for p in plans if p is not same and p.design.name != all_at_once.name]
     for plan in sorted(single, key=lambda p: p.design.presses.duration_s):
         for limit in plan.limits:
-            if limit.name not in found and helps(limit):
-                found[limit.name] = {
-                    **_planned(plan, problem, run),
-                    "smallest_share": limit.smallest_share,
-                    "confused_with": list(limit.confused_with),
-                }
+            share = limit.smallest_share
+            if share is not None and limit.name not in found and helps(limit):
+                found[limit.name] = BetterScanRecord(
+                    **dict(_planned(plan, problem, run)),
+                    smallest_share=share,
+                    confused_with=limit.confused_with,
+                )
     # A tip that fits nowhere has no scan
     whole = next((p for p in plans if p.design.name == all_at_once.name), None)
     if whole is None or not any(helps(limit) for limit in whole.limits):
@@ -129,63 +136,11 @@ def planned_limits(
     return Better(found, _planned(whole, problem, run), shares)
 
 
-def _planned(plan: Improvement, problem: Problem, run: Path) -> dict[str, Any]:
-    """Return a planned scan as plain data, its program in the run folder."""
+def _planned(plan: Improvement, problem: Problem, run: Path) -> PlannedScanRecord:
+    """Return a planned scan; its program is written into the run folder."""
     program = f"scan_{plan.design.name}.csv"
     write_presses(plan.design.presses, problem.experiment.origin_m, run / program)
-    return {"change": plan.design.change, "program": program}
-
-
-def hiding(explained: Explanation, problem: Problem) -> dict[str, Any]:
-    """Return what could hide in a scan that was explained, as plain data.
-
-    Returns
-    -------
-    `limits` of what the search started from, `detection_limits` (shares of the signal) by effect,
-    `never_seen`, the effects that the scan would not show at any size, `unseen_shifts`: how
-    far what the last model lacks unseen may have moved its parameters, and `not_counted`, effects
-    of which the scan cannot say so; nothing of both where something is seen to be missing
-    """
-    first, last = explained.ladder[0].fit, explained.final.fit
-    limits = detection_limits(first, problem.catalogue)
-    shifts: Mapping[str, UndetectedBias] = {}
-    blind: list[str] = []
-    if explained.verdict != "unexplained":
-        own = limits if last is first else detection_limits(last, problem.catalogue)
-        shifts = undetected_biases(own)
-        chain = last.model.chain
-        blind = [
-            limit.name
-            for limit in own
-            if not (limit.smallest_share or limit.largest_share)
-            and problem.catalogue[limit.name].redundant(chain.profile, chain.nonlinear) is None
-        ]
-    return {
-        "limits": [limit_record(limit) for limit in limits],
-        "detection_limits": {one.name: one.smallest_share for one in limits if one.smallest_share},
-        "never_seen": [one.name for one in limits if not one.smallest_share],
-        "unseen_shifts": {name: asdict(shift) for name, shift in shifts.items()},
-        "not_counted": blind,
-    }
-
-
-def limit_record(limit: Limit, better: Better | None = None) -> dict[str, Any]:
-    """Return a limit as plain data."""
-    better = better or Better()
-    return {
-        "name": limit.name,
-        "smallest_share": limit.smallest_share,
-        "largest_share": limit.largest_share,
-        "shape": dict(limit.shape),
-        "sizes": dict(limit.sizes),
-        "visible": limit.visible,
-        "confused_with": list(limit.confused_with),
-        "map_bias": dict(limit.map_bias),
-        "bias_at_share": SHARE,
-        "untestable": limit.untestable,
-        "better_scan": better.by_effect.get(limit.name),
-        "in_mixed_scan": better.in_mixed.get(limit.name),
-    }
+    return PlannedScanRecord(change=plan.design.change, program=program)
 
 
 def limits_table(record: dict[str, Any], fit: FitResult) -> tuple["RenderableType", ...]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpmap.run_folder import write_record
+from palpmap.result.truth import FILE, TruthRecord
 
 if TYPE_CHECKING:
     from sim.body.true_body import HiddenBody
@@ -39,8 +39,8 @@ def true_parameters(truth: "TruthMap") -> dict[str, float]:
 
 def write_truth(run: Path, body: "HiddenBody", effects: Sequence[dict[str, Any]]) -> None:
     """Write truth.json: the body with what is hidden in it, and what is hidden."""
-    beyond = {"gradient": body.gradient, "poisson_ratio": body.poisson_ratio}
-    said = {"body": body.truth.record()}
-    if effects:
-        said = {"body": said["body"] | beyond, "effects": list(effects)}
-    write_record(run / "truth.json", said)
+    beyond = {"gradient": body.gradient, "poisson_ratio": body.poisson_ratio} if effects else {}
+    said = TruthRecord.model_validate(
+        {"body": body.truth.record() | beyond, "effects": effects or None}
+    )
+    said.write(run / FILE)

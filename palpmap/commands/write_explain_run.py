@@ -16,8 +16,7 @@ from palpmap.figures.style import STYLE, png
 from palpmap.recording.explain import record_explanation
 from palpmap.report.explain_report import Told, write_explain_report
 from palpmap.result.evidence import evidences
-from palpmap.result.explain_finding import final_finding
-from palpmap.result.finding import Finding
+from palpmap.result.finding import Finding, step_finding
 from palpmap.study.open_study import Problem
 
 _RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion")
@@ -33,7 +32,7 @@ def write_explain_files(
     run : run folder
     record : what result.json says; the report says no more than that
     """
-    finding = final_finding(run, problem, explained)
+    finding = step_finding(run, problem, explained.final)
     write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained, record)

@@ -16,7 +16,8 @@ from palpmap.figures.style import (
     panel_grid,
     plain_log_ticks,
 )
-from palpmap.result.finding import Finding, matched
+from palpmap.result.finding import Finding
+from palpmap.result.truth import matched
 from palpmap.study.frame import frame_shift_m
 from palpmap.units import plain_name, scale, unit_of
 

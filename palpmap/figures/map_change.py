@@ -23,7 +23,8 @@ from palpmap.figures.style import (
     new_figure,
     panel_grid,
 )
-from palpmap.result.finding import Finding, matched
+from palpmap.result.finding import Finding
+from palpmap.result.truth import matched
 from palpmap.study.frame import frame_shift_m
 from palpmap.units import plain_name, scale, unit_of
 

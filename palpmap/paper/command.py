@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from pydantic import Field
 
 from identify.optimize.optimizers import OPTIMIZERS
 from models.errors import InputError
@@ -16,6 +18,7 @@ from palpmap.paper.identical_twin import (
     solve_tests,
     symbol,
 )
+from palpmap.record import FileRecord, Record
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,7 +37,7 @@ def run_paper(
 
     Returns whether every parameter was found within `LARGEST_RELATIVE_ERROR`.
     """
-    from palpmap.run_folder import RunFolder, write_record
+    from palpmap.run_folder import RunFolder
 
     chosen = _chosen(paper_tests(), tests)
     settings = {"optimizer": optimizer, "tests": [test.name for test in chosen]}
@@ -43,7 +46,7 @@ def run_paper(
             task = progress.add_task("the paper's tests", total=len(chosen))
             results = solve_tests(chosen, OPTIMIZERS[optimizer], lambda _: progress.advance(task))
         record = paper_record(results, optimizer)
-        write_record(run / "paper.json", record)
+        record.write(run / "paper.json")
         # Only now: drawing beside the solvers would hold up the interpreter that they share
         from palpmap.paper.figures import draw_figures
 
@@ -51,7 +54,7 @@ def run_paper(
         passed = all(result.passed for result in results)
         verdict = "every" if passed else "NOT every"
         output.result(
-            record,
+            record.to_dict(),
             paper_table(results, optimizer),
             f"\n{verdict} parameter within {LARGEST_RELATIVE_ERROR:g} of the correct one; an "
             "identical twin proves the optimiser, not the physics\n"
@@ -61,8 +64,34 @@ def run_paper(
     return passed
 
 
-def paper_record(results: Sequence[PaperResult], optimizer: str) -> dict[str, Any]:
-    """Return the numbers as one JSON object."""
+class SoughtRecord(Record):
+    """A parameter that a test sought."""
+
+    unit: str
+    initial: float
+    correct: float
+    found: float
+    relative_error: float = Field(description="|found / correct - 1|")
+
+
+class PaperTestRecord(Record):
+    """How one of the paper's tests ended."""
+
+    parameters: Mapping[str, SoughtRecord] = Field(description="by the paper's names")
+    evaluations: int = Field(description="of misfit and gradient")
+    seconds: float = Field(description="time of the search, s")
+    passed: bool
+
+
+class PaperRecord(FileRecord):
+    """paper.json: the paper's tests by one optimiser."""
+
+    optimizer: str
+    tests: Mapping[str, PaperTestRecord] = Field(description="by name")
+
+
+def paper_record(results: Sequence[PaperResult], optimizer: str) -> PaperRecord:
+    """Return the numbers of the tests."""
     tests = {}
     for result in results:
         columns = zip(
@@ -73,23 +102,22 @@ def paper_record(results: Sequence[PaperResult], optimizer: str) -> dict[str, An
             result.relative_error,
             strict=True,
         )
-        parameters = {
-            theta: {
-                "unit": symbol(theta).unit,
-                "initial": float(initial),
-                "correct": float(correct),
-                "found": float(found),
-                "relative_error": float(error),
-            }
-            for theta, initial, correct, found, error in columns
-        }
-        tests[result.test.name] = {
-            "parameters": parameters,
-            "evaluations": result.evaluations,
-            "seconds": round(result.seconds, 3),
-            "passed": result.passed,
-        }
-    return {"optimizer": optimizer, "tests": tests}
+        tests[result.test.name] = PaperTestRecord(
+            parameters={
+                theta: SoughtRecord(
+                    unit=symbol(theta).unit,
+                    initial=initial,
+                    correct=correct,
+                    found=found,
+                    relative_error=error,
+                )
+                for theta, initial, correct, found, error in columns
+            },
+            evaluations=result.evaluations,
+            seconds=round(result.seconds, 3),
+            passed=result.passed,
+        )
+    return PaperRecord(optimizer=optimizer, tests=tests)
 
 
 def paper_table(results: Sequence[PaperResult], optimizer: str) -> Table:

@@ -42,7 +42,8 @@ from palpmap.recording.maps import (
 from palpmap.recording.scene import lifted, vertex_normals
 from palpmap.recording.stream import Log, RecordingFile
 from palpmap.result.explain_words import headline, rung_labels, step_evidence, verdict_detail
-from palpmap.result.finding import Finding, matched
+from palpmap.result.finding import Finding
+from palpmap.result.truth import matched
 from palpmap.study.open_study import Problem
 from palpmap.version import __version__
 

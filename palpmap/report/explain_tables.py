@@ -12,7 +12,8 @@ from identify.select.accepted_effect import AcceptedEffect
 from identify.select.forward_selection import Explanation
 from palpmap.report.html import table
 from palpmap.result.explain_words import CANDIDATES, interval, rung_labels, unseen_shift
-from palpmap.result.finding import Finding, matched
+from palpmap.result.finding import Finding
+from palpmap.result.truth import matched
 from palpmap.study.frame import frame_shift_m
 from palpmap.units import plain_name, quantity, shift, unit_of
 

@@ -1,7 +1,7 @@
 """All that figures and report show of one run: fit, scan, comparison, truth, body, its making."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,21 @@ from identify.body.state import BodyState, ChangedMap
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import BodyEffect
 from identify.fit.result import FitResult
-from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.map.gaussian_map import GaussianMap
 from identify.residual.comparison import Comparison
-from models.errors import InputError
+from identify.select.step import Step
 from models.scan import Scan
-from palpmap.run_folder import read_record
+from palpmap.result.caveats import limits_of
+from palpmap.result.truth import FILE as TRUTH
+from palpmap.result.truth import read_truth
+from palpmap.run_folder import how_made
+from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
+
+_BALL = (
+    "The tip is a ball. Its near travel follows Hertz's law; for what lies further off, its "
+    "contact is held at the size that it has at half of the press's depth."
+)
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,35 @@ class Finding:
     how: Mapping[str, str] = field(default_factory=dict)
     limits: tuple[str, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        study: Study,
+        fit: FitResult,
+        scan: Scan,
+        origin_m: np.ndarray,
+        comparison: Comparison,
+        note: str = "",
+    ) -> "Finding":
+        """Return the finding of a fit to a placed scan, without truth and making.
+
+        Parameters
+        ----------
+        note : what the reader must know of the body's model, or nothing
+        """
+        outline, used = study_outline(study), scan.used()
+        height_m = float(outline.upper_m[2] - outline.lower_m[2])
+        limits = limits_of(fit, study, used.displacement_m, height_m)
+        return cls(
+            name=study.name,
+            fit=fit,
+            scan=used,
+            comparison=comparison,
+            outline=outline,
+            origin_m=origin_m,
+            limits=(*limits, note) if note else limits,
+        )
+
     @cached_property
     def map(self) -> ChangedMap:
         """The found map with what the fitted effects of the catalogue make of it."""
@@ -104,41 +142,12 @@ def study_outline(study: Study) -> Outline:
     return Outline(lower, upper, inside)
 
 
-def read_truth(path: Path) -> GaussianMap:
-    """Read the true map of a virtual laboratory: `body` with background and inclusions.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is no JSON, or holds no such map.
-    """
-    body = read_record(path).get("body")
-    try:
-        inclusions = tuple(Inclusion(**i) for i in body["inclusions"])  # type: ignore[index]
-        return GaussianMap(float(body["background_pa"]), inclusions)  # type: ignore[index]
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path}, key body: expected background_pa and inclusions with weight_pa, x_m, y_m, "
-            f"z_m, radius_m ({error}); remove the file or write the run anew"
-        ) from error
-
-
-def matched(found: GaussianMap, truth: GaussianMap) -> dict[str, float]:
-    """Return the truth's parameters under the names of the found inclusions nearest to them.
-
-    Inclusions have no order of their own: each true one goes to the nearest found one that is
-    still free.
-    """
-    values = {"background_pa": truth.background_pa}
-    free = dict(enumerate(found.inclusions, start=1))
-    for inclusion in truth.inclusions:
-        if not free:
-            break
-        centre = np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
-        nearest = min(
-            free, key=lambda i: np.linalg.norm(centre - (free[i].x_m, free[i].y_m, free[i].z_m))
-        )
-        del free[nearest]
-        for name, value in vars(inclusion).items():
-            values[f"inclusion_{nearest}.{name}"] = value
-    return values
+def step_finding(run: Path, problem: Problem, step: Step) -> Finding:
+    """Return a step of an explanation as a finding; its map is fitted jointly with the effects."""
+    note = _BALL if problem.body.coarse.contacts.profile == "hertz" else problem.body.note
+    # Steps of refits are no convergence of a search
+    fit = replace(step.fit, history=())
+    origin_m = problem.experiment.origin_m
+    found = Finding.of(problem.study, fit, problem.scan, origin_m, step.comparison, note)
+    truth = read_truth(problem.study.scan.with_name(TRUTH), foreign=True)
+    return replace(found, truth=truth, how=how_made(run))

@@ -1,68 +1,64 @@
 """Scans that the diagnosis proposes, as press programs (docs/files.md)."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.body.discretization_error import MODEL_ERROR
-from identify.design.next_presses import Proposal, next_presses
-from identify.design.predicted_limits import designs_on_body
-from identify.design.scan_variants import Presses, presses_of, variations
-from identify.experiment import Progress, silent
-from identify.select.forward_selection import Explanation
+from identify.design.assessment import Assessment
+from identify.design.next_presses import Proposal
+from identify.design.scan_variants import Presses
+from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
-from palpmap.study.open_study import Problem
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
+PROGRAM = "next_scan_{}.csv"
 REPEAT = "repeat_presses.csv"
 FINER = 2 / 3
 _MOST = 3
 _HOLD_S, _UNLOAD_S = 0.1, 1.0
-_IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
 
 
-def propose(
-    explained: Explanation, problem: Problem, say: Progress = silent
-) -> tuple[Proposal, ...]:
-    """Return the scans that tell the last ambiguous group apart; the first is to be made."""
-    ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1]
-    if not ambiguous:
-        return ()
-    group = ambiguous[-1]
-    candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equivalents]
-    readings = problem.model.readings
-    in_time = any("time" in problem.catalogue[n].needs or n in _IN_ORDER for n, _ in candidates)
-    timed = in_time and readings.time_s is not None
-    designs = designs_on_body(candidates[0][1], variations(presses_of(readings), timed))
-    return next_presses(candidates, designs, say)
-
-
-def proposal_records(
-    proposals: tuple[Proposal, ...], problem: Problem, run: Path
-) -> list[dict[str, Any]]:
-    """Write the best proposals as programs into a run folder; return their records."""
-    records = []
-    for number, proposal in enumerate(proposals[:_MOST], start=1):
-        name = f"next_scan_{number}.csv"
-        write_presses(proposal.design.presses, problem.experiment.origin_m, run / name)
-        records.append(
-            {
-                "change": _asked(proposal, len(problem.scan.used().press_ids)),
-                "why": _why(proposal),
-                "discrimination": proposal.discrimination,
-                "presses": len(proposal.design.presses),
-                "duration_s": proposal.design.presses.duration_s,
-                "program": name,
-            }
+def next_presses_records(assessment: Assessment, presses: int) -> tuple[NextPressesRecord, ...]:
+    """Return the best proposals for a scan of some presses, and the presses to be repeated."""
+    records = [
+        NextPressesRecord(
+            change=_asked(proposal, presses),
+            why=_why(proposal),
+            discrimination=proposal.discrimination,
+            presses=len(proposal.design.presses),
+            duration_s=proposal.design.presses.duration_s,
+            program=PROGRAM.format(number),
         )
-    return records
+        for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1)
+    ]
+    if assessment.outlying:
+        repeat = NextPressesRecord(
+            change=f"Repeat presses {', '.join(map(str, assessment.outlying))}",
+            why="they stand out by themselves: if they come out otherwise, they had gone wrong",
+            discrimination=None,
+            presses=len(assessment.repeat),
+            duration_s=assessment.repeat.duration_s,
+            program=REPEAT,
+        )
+        records.append(repeat)
+    return tuple(records)
+
+
+def write_programs(assessment: Assessment, origin_m: np.ndarray, run: Path) -> None:
+    """Write the programs of the next presses into a run folder, in place of earlier ones."""
+    for stale in (*run.glob(PROGRAM.format("*")), run / REPEAT):
+        stale.unlink(missing_ok=True)
+    for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1):
+        write_presses(proposal.design.presses, origin_m, run / PROGRAM.format(number))
+    if assessment.outlying:
+        write_presses(assessment.repeat, origin_m, run / REPEAT)
 
 
 def _why(proposal: Proposal) -> str:
@@ -88,26 +84,8 @@ def _asked(proposal: Proposal, present: int) -> str:
     return f"Make the {count} most telling presses of the scan {change}"
 
 
-def repeat_record(presses: Sequence[int], problem: Problem, run: Path) -> dict[str, Any]:
-    """Write a program that repeats some presses (ids) into a run folder; return its record."""
-    ids = problem.scan.used().press_ids
-    again = presses_of(problem.model.readings).taken(np.flatnonzero(np.isin(ids, presses)))
-    write_presses(again, problem.experiment.origin_m, run / REPEAT)
-    return {
-        "change": f"Repeat presses {', '.join(map(str, presses))}",
-        "why": "they stand out by themselves: if they come out otherwise, they had gone wrong",
-        "discrimination": None,
-        "presses": len(again),
-        "duration_s": again.duration_s,
-        "program": REPEAT,
-    }
-
-
-def finer_cells(explained: Explanation, body: Body) -> str | None:
-    """Say how an error of the mesh is told from the effects that it looks like, if it is asked."""
-    names = {*explained.added, *(name for group in explained.ambiguous for name in group)}
-    if MODEL_ERROR not in names or explained.verdict == "unexplained":
-        return None
+def finer_cells(body: Body) -> str | None:
+    """Say how a finer mesh tells the mesh's error from an effect; None where none is possible."""
     present = cell_size_m(body)
     finer = FINER * present
     if finer < smallest_cell_m(body):

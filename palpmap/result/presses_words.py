@@ -5,39 +5,40 @@ from typing import Any
 
 from identify.effects.units import force, percent
 from identify.fit.free_compliance import FreeComplianceFit
+from palpmap.result.records import PressesAloneRecord, PressesFitRecord
 from palpmap.study.open_study import Problem
 
 
-def presses_record(problem: Problem) -> dict[str, Any] | None:
+def presses_record(problem: Problem) -> PressesAloneRecord | None:
     """Return what the presses show alone, None where that was not asked."""
     law = problem.law
     if law is None:
         return None
     largest = problem.model.readings.largest_force_n
-    return {
-        "effects": list(law.names),
-        "values": {name: dict(law.found.values[name]) for name in law.names},
-        "as_good": {name: [other for other, _ in law.candidates(name)] for name in law.names},
-        "largest_force_n": largest,
-        "before": _record(law.plain, largest),
-        "after": _record(law.found, largest),
-        "share_taken": law.share,
-        "map_error": problem.model.press_error,
-    }
+    return PressesAloneRecord(
+        effects=law.names,
+        values={name: law.found.values[name] for name in law.names},
+        as_good={name: tuple(other for other, _ in law.candidates(name)) for name in law.names},
+        largest_force_n=largest,
+        before=_record(law.plain, largest),
+        after=_record(law.found, largest),
+        share_taken=law.share,
+        map_error=problem.model.press_error,
+    )
 
 
-def _record(fit: FreeComplianceFit, largest_n: float) -> dict[str, float]:
-    return {
-        "rms_n": fit.rms_n,
-        "typical_n": fit.typical_n,
-        "share_of_largest_force": fit.rms_n / largest_n,
-        "chi2_per_dof": fit.chi2_per_dof,
-        "noise_share": fit.noise_share,
-    }
+def _record(fit: FreeComplianceFit, largest_n: float) -> PressesFitRecord:
+    return PressesFitRecord(
+        rms_n=fit.rms_n,
+        typical_n=fit.typical_n,
+        share_of_largest_force=fit.rms_n / largest_n,
+        chi2_per_dof=fit.chi2_per_dof,
+        noise_share=fit.noise_share,
+    )
 
 
 def counted(problem: Problem) -> dict[str, int]:
-    """Return how many presses were used and how many were too many, as plain data."""
+    """Return how many presses were used and how many were too many, see `CountRecord`."""
     return {
         "presses_used": problem.model.readings.presses,
         "presses_left_out": problem.experiment.left_out,

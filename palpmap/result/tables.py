@@ -11,7 +11,7 @@ from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.select.step import Step
 from palpmap import units
-from palpmap.result.finding import matched
+from palpmap.result.truth import matched
 from palpmap.study.frame import frame_shift_m
 
 Tone = Literal["", "good", "bad", "dim"]

@@ -7,11 +7,9 @@ An added effect makes the next version, which names the effect with the values t
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from identify.fit.result import FitResult
 from models.errors import InputError
-from palpmap.run_folder import read_record, write_record
 from palpmap.study.study import Effect, Study, write_study
 
 _VERSION = re.compile(r"^(?P<stem>.+?)(?:\.v(?P<number>\d+))?\.toml$")
@@ -62,19 +60,3 @@ def history_file(path: Path) -> Path:
     if match is None:
         raise InputError(f"{path}: expected a study file (.toml)")
     return path.with_name(f"{match['stem']}.history.json")
-
-
-def read_history(path: Path) -> list[dict[str, Any]]:
-    """Return the versions of a study, oldest first; empty where none were added."""
-    file = history_file(path)
-    if not file.is_file():
-        return []
-    versions = read_record(file).get("versions")
-    if not isinstance(versions, list):
-        raise InputError(f"{file}, key versions: expected a list; remove the file to start anew")
-    return versions
-
-
-def write_history(path: Path, versions: list[dict[str, Any]]) -> None:
-    """Write the versions of a study."""
-    write_record(history_file(path), {"versions": versions})

@@ -109,7 +109,7 @@ def test_a_written_explanation_reads_back(why, tmp_path):
     run = pm.read_run(folder)
     assert run.verdict == why.verdict
     assert run.result is not None
-    assert run.result["parameters"] == json.loads(json.dumps(why.to_dict()["parameters"]))
+    assert run.result.to_dict()["parameters"] == json.loads(json.dumps(why.to_dict()["parameters"]))
     assert [e.name for e in run.experiment.study.effects] == ["contact_offset"]
     assert run.fit.parameters == why.fit.parameters
 

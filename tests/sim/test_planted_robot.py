@@ -19,7 +19,7 @@ from palpmap.commands.scan import build_laboratory, default_study, grid_plan_of
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters
 from palpmap.recording.maps import map_views
-from palpmap.result.finding import read_truth
+from palpmap.result.truth import read_truth
 from sim.body.soft_body import SoftBody
 from sim.body.true_body import HiddenBody
 from sim.motion.scan_plan import program_plan

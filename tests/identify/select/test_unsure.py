@@ -9,6 +9,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.viscoelasticity import Viscoelasticity
+from identify.design.assessment import assess
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
@@ -18,8 +19,9 @@ from identify.select.forward_selection import SUSPECT_PRESSES
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
+from identify.select.verdicts import effect_verdict
 from models.errors import InputError
-from palpmap.result.explain_record import candidate_record, explain_record
+from palpmap.result.explain_record import explain_record
 from palpmap.result.explain_words import (
     _name_notes,
     _way_out,
@@ -39,9 +41,9 @@ def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_th
     found = weighed(explained, WithoutSuspects.of((3, 8), tied))
     assert found.verdict == "ambiguous"
     assert found.ambiguous == ((name, SUSPECT_PRESSES),)
-    record = candidate_record(CATALOGUE[name], found, explained_case.problem)
-    assert record["verdict"] == "indistinguishable"
-    assert record["confused_with"] == [SUSPECT_PRESSES]
+    record = effect_verdict(CATALOGUE[name], found)
+    assert record.verdict == "indistinguishable"
+    assert record.confused_with == (SUSPECT_PRESSES,)
     (note,) = _name_notes(found, name)
     assert "presses that stand out" in note
 
@@ -68,7 +70,9 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     assert weighed(suspected, found) is suspected
     # Nobody has looked: the press that still stands out is said to do so
     assert suspects_left(suspected, None) == (two,)
-    record = explain_record(suspected, explained_case.problem, None)
+    problem = explained_case.problem
+    assessment = assess(suspected, problem.catalogue, suspects_left(suspected, None))
+    record = explain_record(suspected, problem, assessment).to_dict()
     told = " ".join(doubts(record, suspected))
     assert f"stand out by themselves: {two}." in told
     assert "not for the last model" not in told
@@ -89,8 +93,8 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     assert "implausible values" in verdict_detail(found)
     assert "structure" not in headline(found) + verdict_detail(found).split("The residual")[0]
     assert why in " ".join(_name_notes(found, name))
-    record = candidate_record(CATALOGUE[name], found, explained_case.problem)
-    assert record["verdict"] == "not_seen"
+    record = effect_verdict(CATALOGUE[name], found)
+    assert record.verdict == "not_seen"
     # Nor is it a candidate of anything else
     tried = candidates.compare_candidates(
         explained.ladder[0], {name: CATALOGUE[name]}, lambda text: None, [name]

@@ -75,7 +75,7 @@ def test_a_trial_that_was_stopped_after_further_presses_is_begun_anew(tmp_path):
     first = tournament.play(game, explain, 3)
     again = tournament.play(game, explain, 3)
     assert seen == [9, 13, 9, 13]
-    assert first["outcome"] == again["outcome"] == "honest"
+    assert first.outcome == again.outcome == "honest"
 
 
 def test_a_tournament_of_plain_scans_that_does_not_say_so_goes_on(tmp_path):
@@ -183,7 +183,7 @@ def test_programs_of_planned_scans_are_those_of_the_latest_limits(study, tmp_pat
             presses=replace(presses, force_n=force * presses.force_n),
         )
         plan: Any = SimpleNamespace(design=design)
-        problem: Any = SimpleNamespace(placement=SimpleNamespace(origin_m=np.zeros(3)))
+        problem: Any = SimpleNamespace(experiment=SimpleNamespace(origin_m=np.zeros(3)))
         detection._planned(plan, problem, tmp_path)
     written = read_program(tmp_path / "scan_two_forces.csv")
     assert_allclose(written.force_n, 2 * presses.force_n, rtol=1e-5)

@@ -10,7 +10,8 @@ import typer
 from fem.errors import MeshError, SolverError
 from models.errors import InputError
 from palpmap.console import Output, answers
-from palpmap.run_folder import RunFolder, read_record, sha256, write_record
+from palpmap.record import SCHEMA, FileRecord
+from palpmap.run_folder import RunFolder, RunsRecord, sha256
 
 
 def exit_code(command) -> int:
@@ -21,14 +22,18 @@ def exit_code(command) -> int:
     return 0
 
 
+def runs_of(folder) -> list[dict]:
+    return json.loads((folder / "run.json").read_text())["runs"]
+
+
 def test_a_run_says_how_it_was_made(tmp_path):
     study = tmp_path / "study.toml"
     study.write_bytes(b"palpmap")
     out = tmp_path / "my run"
     with RunFolder("fit", out, seed=7, settings={"inclusions": 2}, inputs=[study]) as run:
-        assert read_record(out / "run.json")["runs"][0]["outcome"] == "running"
+        assert runs_of(out)[0]["outcome"] == "running"
         (run / "fit.json").touch()
-    (entry,) = read_record(out / "run.json")["runs"]
+    (entry,) = runs_of(out)
     assert (entry["command"], entry["seed"], entry["outcome"]) == ("fit", 7, "done")
     assert entry["settings"] == {"inclusions": 2}
     # SHA-256 of the seven letters, from coreutils' sha256sum.
@@ -43,7 +48,7 @@ def test_a_second_command_adds_to_the_run(tmp_path):
         pass
     with RunFolder("fit", tmp_path / "run"):
         pass
-    runs = read_record(tmp_path / "run" / "run.json")["runs"]
+    runs = runs_of(tmp_path / "run")
     assert [entry["command"] for entry in runs] == ["scan", "fit"]
 
 
@@ -83,7 +88,7 @@ def test_two_commands_do_not_write_into_one_folder_at_a_time(tmp_path):
         with pytest.raises(InputError, match="another command"):
             RunFolder("fit", folder)
     assert [path.name for path in folder.iterdir()] == ["run.json"]
-    runs = read_record(folder / "run.json")["runs"]
+    runs = runs_of(folder)
     assert [(entry["command"], entry["outcome"]) for entry in runs] == [
         ("fit", "running"),
         ("compare", "done"),
@@ -98,7 +103,7 @@ def test_ctrl_c_leaves_a_readable_run_folder(tmp_path, capsys):
 
     assert exit_code(command) == 130
     assert f"interrupted, run folder is readable: {tmp_path / 'run'}\n" in capsys.readouterr().err
-    (entry,) = read_record(tmp_path / "run" / "run.json")["runs"]
+    (entry,) = runs_of(tmp_path / "run")
     assert entry["outcome"] == "interrupted"
     assert (tmp_path / "run" / "scan.csv").read_text() == "so far"
 
@@ -106,7 +111,7 @@ def test_ctrl_c_leaves_a_readable_run_folder(tmp_path, capsys):
 def test_a_failed_run_records_its_error(tmp_path):
     with pytest.raises(InputError), RunFolder("fit", tmp_path / "run"):
         raise InputError("scan.csv: the file is empty")
-    (entry,) = read_record(tmp_path / "run" / "run.json")["runs"]
+    (entry,) = runs_of(tmp_path / "run")
     assert entry["outcome"] == "failed: scan.csv: the file is empty"
 
 
@@ -141,11 +146,27 @@ def test_a_fault_of_the_program_is_not_dressed_up():
         answers(raising(ValueError("could not broadcast")))()
 
 
+class Misfit(FileRecord):
+    """A record for these tests alone."""
+
+    rms_m: float
+    unit: str = "m"
+
+
 def test_a_record_is_read_back_with_its_schema(tmp_path):
-    write_record(tmp_path / "fit.json", {"rms_m": 1e-5}, schema=3)
-    assert read_record(tmp_path / "fit.json", schema=3) == {"schema": 3, "rms_m": 1e-5}
-    with pytest.raises(InputError, match="key schema: found 3, expected at most 2; update palpmap"):
-        read_record(tmp_path / "fit.json", schema=2)
+    Misfit(rms_m=1e-5).write(tmp_path / "fit.json")
+    written = json.loads((tmp_path / "fit.json").read_text())
+    assert written == {"schema": SCHEMA, "rms_m": 1e-5, "unit": "m"}
+    assert Misfit.read(tmp_path / "fit.json") == Misfit(rms_m=1e-5)
+    newer = {**written, "schema": SCHEMA + 1}
+    (tmp_path / "fit.json").write_text(json.dumps(newer))
+    with pytest.raises(InputError, match="key schema: found 2, expected at most 1; update palpmap"):
+        Misfit.read(tmp_path / "fit.json")
+
+
+def test_an_older_record_lacks_what_has_a_default_and_may_hold_more(tmp_path):
+    (tmp_path / "fit.json").write_text('{"schema": 1, "rms_m": 1, "of_old": true}')
+    assert Misfit.read(tmp_path / "fit.json") == Misfit(rms_m=1)
 
 
 @pytest.mark.parametrize(
@@ -155,18 +176,20 @@ def test_a_record_is_read_back_with_its_schema(tmp_path):
         ('{"schema": 1, "runs": [', "not JSON"),
         ("[1, 2]", "key schema: found None"),
         ('{"runs": []}', "key schema: found None"),
+        ('{"schema": 1, "runs": 3}', "key runs: Input should be a valid"),
+        ('{"schema": 1}', "key runs: Field required; run the command that writes it again"),
     ],
 )
 def test_a_broken_record_is_refused(text, sentence, tmp_path):
     if text is not None:
         (tmp_path / "run.json").write_text(text)
     with pytest.raises(InputError, match=rf"run.json.*{sentence}"):
-        read_record(tmp_path / "run.json")
+        RunsRecord.read(tmp_path / "run.json")
 
 
 def test_nan_never_gets_into_a_record(tmp_path):
-    with pytest.raises(ValueError, match="JSON"):
-        write_record(tmp_path / "fit.json", {"rms_m": float("nan")})
+    with pytest.raises(ValueError, match="finite number"):
+        Misfit(rms_m=float("nan")).write(tmp_path / "fit.json")
     assert not (tmp_path / "fit.json").exists()
 
 

@@ -86,9 +86,12 @@ def test_an_effect_that_rests_on_suspect_presses_is_not_offered_by_name(explaine
     assert weighed_down.added == ()
     assert weighed_down.ambiguous == ((name, SUSPECT_PRESSES),)
     record = explain_record(
-        weighed_down, explained_case.problem, WithoutSuspects.of((3, 8), nothing)
+        weighed_down,
+        explained_case.problem,
+        explained_case.assessment,
+        WithoutSuspects.of((3, 8), nothing),
     )
-    assert record["without_suspects"]["verdict"] == "nothing_missing"
+    assert record.without_suspects.verdict == "nothing_missing"
     assert f"{name} or suspect_presses" in verdict_detail(weighed_down)
 
 
@@ -126,8 +129,11 @@ def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_ca
     assert suspects_left(explained, WithoutSuspects.of((3, 8), explained)) == ()
     assert suspects_left(explained, WithoutSuspects.of((3, 8), nothing)) == (3, 8)
     record = explain_record(
-        explained, explained_case.problem, WithoutSuspects.of((3, 8), explained)
-    )
+        explained,
+        explained_case.problem,
+        explained_case.assessment,
+        WithoutSuspects.of((3, 8), explained),
+    ).to_dict()
     told = " ".join(doubts({**record, "suspect_presses": [3, 8]}, explained))
     assert "Presses 3, 8 are outliers for the map alone, but not for the last model" in told
     assert "Without them the answer is the same" in told

@@ -19,12 +19,18 @@ from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.blind import tournament
+from palpmap.blind.records import (
+    AnswerRecord,
+    CoverageRecord,
+    MapErrorRecord,
+    TrialLine,
+    TrialTruthRecord,
+)
 from palpmap.blind.reveal import stated
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import seal, unseal
 from palpmap.blind.statistics import tournament_record, tournament_screen
 from palpmap.blind.trial import Trial, draw_map, draw_trial, make_trial
-from palpmap.run_folder import write_record
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
 from tests.paths import ROOT
@@ -35,12 +41,15 @@ RUN = CliRunner()
 def answer(*effects):
     """Answer with effects given as (name, category, size)."""
     keys = ("name", "category", "size")
-    body = {"background_pa": 5000.0, "inclusions": [{"weight_pa": 9000.0, "x_m": 0.04}]}
-    return {"effects": [dict(zip(keys, e, strict=True)) for e in effects], "body": body}
+    spot = {"weight_pa": 9000.0, "x_m": 0.04, "y_m": 0.05, "z_m": 0.03, "radius_m": 0.01}
+    body = {"background_pa": 5000.0, "inclusions": [spot]}
+    hidden = [dict(zip(keys, e, strict=True)) for e in effects]
+    return TrialTruthRecord.model_validate({"effects": hidden, "body": body})
 
 
 def result(verdict, added=(), ambiguous=(), **more):
-    return {"verdict": verdict, "added": list(added), "ambiguous": list(ambiguous), **more}
+    found = {"verdict": verdict, "added": added, "ambiguous": ambiguous, **more}
+    return AnswerRecord.model_validate(found)
 
 
 CREEP = ("viscoelasticity", "structured", 0.03)
@@ -93,27 +102,28 @@ JUDGED = [
 
 @pytest.mark.parametrize(("hidden", "found", "category", "outcome", "passed"), JUDGED)
 def test_an_answer_is_judged_as_the_table_says(hidden, found, category, outcome, passed):
-    score = score_blind(found, hidden)
+    score = score_blind(found, hidden.effects)
     assert (score.category, score.outcome, score.passed) == (category, outcome, passed)
     assert score.reason.endswith(".")
 
 
 def test_the_nearest_of_the_catalogue_is_honest_for_its_own_outsider_only():
-    hidden = answer(("outside_two_creep_times", "outsider", 0.05))
-    hidden["effects"][0]["kin"] = ["viscoelasticity"]
-    assert score_blind(result("explained", ["viscoelasticity"]), hidden).outcome == "honest"
-    assert score_blind(result("explained", ["viscoelasticity", "force_bias"]), hidden).outcome == (
-        "wrong"
-    )
+    (effect,) = answer(("outside_two_creep_times", "outsider", 0.05)).effects
+    hidden = (effect.changed(kin=("viscoelasticity",)),)
+    near = result("explained", ["viscoelasticity"])
+    assert score_blind(near, hidden).outcome == "honest"
+    both = result("explained", ["viscoelasticity", "force_bias"])
+    assert score_blind(both, hidden).outcome == "wrong"
 
 
 def test_map_errors_pair_found_with_true_values():
-    found = result("explained", parameters={"inclusion_1.x_m": {"value": 0.041, "std": 2e-4}})
-    (row,) = map_errors(found, answer())
-    assert row == {"name": "inclusion_1.x_m", "found": 0.041, "std": 2e-4, "true": 0.04}
-    found["unseen_shifts"] = {"inclusion_1.x_m": {"shift": 2e-3, "effect": "skin_layer"}}
-    (row,) = map_errors(found, answer())
-    assert row["unseen_shift"] == 2e-3
+    parameters = {"inclusion_1.x_m": {"value": 0.041, "std": 2e-4}}
+    (row,) = map_errors(result("explained", parameters=parameters), answer())
+    assert (row.name, row.found, row.std, row.true) == ("inclusion_1.x_m", 0.041, 2e-4, 0.04)
+    assert row.inside is row.unseen_shift is None
+    shifts = {"inclusion_1.x_m": {"shift": 2e-3, "effect": "skin_layer", "share": 0.02}}
+    (row,) = map_errors(result("explained", parameters=parameters, unseen_shifts=shifts), answer())
+    assert row.unseen_shift == 2e-3
 
 
 def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
@@ -157,7 +167,7 @@ def test_a_trial_is_a_study_that_places_and_its_answer_is_not_in_plain_text(tria
     radii, counts = np.unique(scan.contact_radii, return_counts=True)
     assert radii == pytest.approx([0.003, 0.010])
     assert counts.tolist() == [5, 4]
-    assert [e["name"] for e in unseal(trial)["effects"]] == ["force_bias", "breathing"]
+    assert [e.name for e in unseal(trial).effects] == ["force_bias", "breathing"]
     for path in trial.rglob("*"):
         if path.is_file():
             assert "force_bias" not in path.read_text()
@@ -231,7 +241,7 @@ def test_further_presses_join_the_trial_and_its_answer_stays_sealed(trial, tmp_p
         earlier = read_scan(folder / ("scan.csv" if number == 2 else f"scan_{number - 1}.csv"))
         assert (scan.force_n[: len(earlier)] == earlier.force_n).all()
     assert (folder / "scan.csv").read_bytes() == (trial / "scan.csv").read_bytes()
-    assert unseal(folder)["effects"] == before["effects"]
+    assert unseal(folder).effects == before.effects
     assert load_study(folder / "study_3.toml").noise == load_study(folder / "study.toml").noise
 
 
@@ -261,11 +271,11 @@ def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
 
     played = tournament.play(game, explain, 3)
     assert seen == [9, 11]
-    assert (played["outcome"], played["further_presses"]) == ("right", 2)
-    assert played["at_first"]["verdict"] == "ambiguous"
+    assert (played.outcome, played.further_presses) == ("right", 2)
+    assert played.at_first.verdict == "ambiguous"
     once = tournament.Game(1, str(tmp_path / "1"), game.trial)
     shutil.copytree(tmp_path / "0", tmp_path / "1", ignore=lambda *_: ["study_2.toml"])
-    assert tournament.play(once, explain, 3)["outcome"] == "honest"
+    assert tournament.play(once, explain, 3).outcome == "honest"
 
 
 @pytest.mark.slow
@@ -292,9 +302,8 @@ def test_presses_that_explain_proposes_decide_what_was_ambiguous(tmp_path):
 
 
 def test_reveal_shows_hidden_beside_found_and_judges(trial):
-    write_record(
-        trial / "explained.json", result("explained", ["force_bias"])
-    )  # not a result.json: is not looked at
+    # Not a result.json: is not looked at
+    result("explained", ["force_bias"]).write(trial / "explained.json")
     missing = RUN.invoke(app, ["reveal", str(trial)])
     assert missing.exit_code == 2
     assert "found no result.json" in missing.stderr
@@ -304,7 +313,7 @@ def test_reveal_shows_hidden_beside_found_and_judges(trial):
         parameters={"background_pa": {"value": 6000.0, "std": 50.0}},
     )
     (trial / "explained").mkdir()
-    write_record(trial / "explained" / "result.json", found)
+    found.write(trial / "explained" / "result.json")
     done = RUN.invoke(app, ["reveal", str(trial), "--json"])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
@@ -319,16 +328,16 @@ def test_reveal_shows_hidden_beside_found_and_judges(trial):
 
 
 def test_an_answer_by_hand_is_checked():
-    assert stated("unexplained")["verdict"] == "unexplained"
+    assert stated("unexplained").verdict == "unexplained"
     with pytest.raises(InputError, match="found 'gravity', expected none, unexplained"):
         stated("gravity")
 
 
 def line(number, hidden, added, category, outcome, verdict="explained"):
-    return {
-        "number": number, "hidden": hidden, "added": added, "ambiguous": [], "verdict": verdict,
-        "category": category, "outcome": outcome, "passed": outcome == "right",
-    }  # fmt: skip
+    return TrialLine(
+        number=number, hidden=tuple(hidden), added=tuple(added), verdict=verdict,
+        category=category, outcome=outcome, passed=outcome == "right",
+    )  # fmt: skip
 
 
 def test_a_tournament_counts_by_category_and_by_what_was_named_for_what():
@@ -336,9 +345,9 @@ def test_a_tournament_counts_by_category_and_by_what_was_named_for_what():
         line(0, ["force_bias"], ["force_bias"], "structured", "right"),
         line(1, ["force_bias"], ["breathing"], "structured", "wrong"),
         line(2, [], [], "none", "right", "nothing_missing"),
-        {"number": 3, "hidden": [], "error": "ValueError: no"},
+        TrialLine(number=3, hidden=(), error="ValueError: no"),
     ]
-    record = tournament_record(lines)
+    record = tournament_record(lines).to_dict()
     assert record["categories"]["structured"] == {
         "trials": 2, "passed": 1, "right": 1, "honest": 0, "missed": 0, "wrong": 1,
     }  # fmt: skip
@@ -349,15 +358,18 @@ def test_a_tournament_counts_by_category_and_by_what_was_named_for_what():
 
 
 def test_a_tournament_counts_how_often_intervals_held_where_the_answer_was_right():
-    held, missed = ({"name": "background_pa", "inside": inside} for inside in (True, False))
+    held, missed, bare = (
+        MapErrorRecord(name="background_pa", found=1.0, true=1.0, inside=inside)
+        for inside in (True, False, None)
+    )
     right = line(0, ["force_bias"], ["force_bias"], "structured", "right")
     nothing = line(1, [], [], "none", "right", "nothing_missing")
     group = line(2, ["breathing"], [], "structured", "right", "ambiguous")
     wrong = line(3, ["force_bias"], ["breathing"], "structured", "wrong")
-    lines = [right | {"map": [held]}, nothing | {"map": [missed, {"name": "x"}]}]
-    lines += [group | {"map": [missed]}, wrong | {"map": [missed]}]
+    lines = [right.changed(map=(held,)), nothing.changed(map=(missed, bare))]
+    lines += [group.changed(map=(missed,)), wrong.changed(map=(missed,))]
     record = tournament_record(lines)
-    assert record["coverage"] == {"background_pa": {"intervals": 2, "held": 1}}
+    assert record.coverage == {"background_pa": CoverageRecord(intervals=2, held=1)}
     assert "held the truth 1 of 2 times" in tournament_screen(record)[-1]
 
 
@@ -376,9 +388,9 @@ def test_a_stopped_tournament_goes_on_and_refuses_other_settings(tmp_path):
     settings = {"effects": [], "seed": 1}
     assert tournament.earlier_games(tmp_path, settings) == {}
     whole = line(4, [], [], "none", "right", "nothing_missing")
-    (tmp_path / "trials.jsonl").write_text(json.dumps(whole) + '\n{"number": 5, "hid')
+    (tmp_path / "trials.jsonl").write_text(whole.to_json() + '\n{"number": 5, "hid')
     assert tournament.earlier_games(tmp_path, settings) == {4: whole}
-    assert (tmp_path / "trials.jsonl").read_text() == json.dumps(whole) + "\n"
+    assert (tmp_path / "trials.jsonl").read_text() == whole.to_json() + "\n"
     with pytest.raises(InputError, match="was begun with"):
         tournament.earlier_games(tmp_path, {**settings, "seed": 2})
 
@@ -391,14 +403,14 @@ def test_a_game_is_made_explained_and_judged_and_a_fault_is_a_line(tmp_path):
         return result("explained", ["force_bias"])
 
     played = tournament.play(game, explain, 3)
-    assert (played["outcome"], played["passed"]) == ("right", True)
-    assert played["sizes"] == pytest.approx([0.05], rel=0.011)
-    json.dumps(played, allow_nan=False)
+    assert (played.outcome, played.passed) == ("right", True)
+    assert played.sizes == pytest.approx([0.05], rel=0.011)
+    assert json.loads(played.to_json())["trial"]["seed"] == 3
 
     def fails(study, out, seed):
         raise ValueError("no")
 
-    assert tournament.play(game, fails, 3)["error"] == "ValueError: no"
+    assert tournament.play(game, fails, 3).error == "ValueError: no"
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")

@@ -103,6 +103,6 @@ def test_a_test_that_does_not_exist_lists_those_that_do(tmp_path):
 
 def test_the_record_says_how_it_was_made(model):
     result = solve_test(TESTS["III"], model, OPTIMIZERS["gauss-newton"])
-    record = paper_record([result], "gauss-newton")
+    record = paper_record([result], "gauss-newton").to_dict()
     assert record["optimizer"] == "gauss-newton"
     assert record["tests"]["III"]["passed"] is True

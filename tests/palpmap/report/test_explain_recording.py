@@ -17,7 +17,7 @@ from palpmap.recording.explain import BEFORE, CANDIDATES, ERROR, record_explanat
 from palpmap.recording.explain_layout import PRESSES
 from palpmap.recording.maps import map_views, residual_colors
 from palpmap.recording.reader import read_summary, scalar_series
-from palpmap.result.explain_finding import final_finding
+from palpmap.result.finding import step_finding
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_on_opening_no_view_is_empty_and_the_presses_have_their_tab(
 
 def test_the_maps_are_coloured_on_the_scale_of_the_last_and_the_true_one(explained_case, tmp_path):
     case = explained_case
-    finding = final_finding(case.folder, case.problem, case.explained)
+    finding = step_finding(case.folder, case.problem, case.explained.final)
     first, last = case.explained.ladder
     wild = {name: 30 * value for name, value in first.fit.values.items() if "weight" in name}
     other = first.fit.map.changed(wild)

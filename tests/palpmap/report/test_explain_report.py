@@ -12,10 +12,13 @@ from numpy.testing import assert_allclose
 from rich.console import Console
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.design.assessment import assess
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
+from identify.select.verdicts import effect_verdict
+from models.errors import InputError
 from palpmap.commands.write_explain_run import explain_pictures
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
@@ -23,8 +26,6 @@ from palpmap.report.explain_console import explain_summary
 from palpmap.report.explain_report import Told, write_explain_report
 from palpmap.report.explain_tables import candidate_table
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
-from palpmap.result.explain_finding import final_finding, truth_beside
-from palpmap.result.explain_record import candidate_record
 from palpmap.result.explain_words import (
     CANDIDATES,
     _name_notes,
@@ -32,7 +33,9 @@ from palpmap.result.explain_words import (
     unseen_inclusions,
     verdict_detail,
 )
-from palpmap.result.next_scan import finer_cells, propose
+from palpmap.result.finding import step_finding
+from palpmap.result.next_scan import finer_cells
+from palpmap.result.truth import read_truth
 from palpmap.study.body_model import smallest_cell_m
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -69,7 +72,7 @@ def page(explained_case):
 @pytest.fixture(scope="module")
 def told(explained_case):
     c = explained_case
-    finding = final_finding(c.folder, c.problem, c.explained)
+    finding = step_finding(c.folder, c.problem, c.explained.final)
     pictures = {name: PIXEL for name in ("ladder", "residuals", "maps", "evidence_1")}
     return Told(finding, c.explained, c.record, c.problem, pictures)
 
@@ -110,16 +113,18 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     explained = replace(told.explained, accepted=(alone,))
     assert explained.added == ()
     assert explained.ambiguous == (("tool_compliance", "mesh_error"),)
-    assert propose(explained, told.problem) == ()
+    assessment = assess(explained, told.problem.catalogue)
+    assert assessment.next_presses == ()
+    assert assessment.finer_mesh
+    assert not assess(told.explained, told.problem.catalogue).finer_mesh
     text = " ".join(_name_notes(explained, "tool_compliance"))
     assert "tool_compliance and mesh_error cannot be told apart" in text
     assert "looks the same as tool_compliance" in text
     assert "scan with tips of two radii" in text
     body = told.problem.study.body
-    assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(explained, body))
+    assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(body))
     finest = body.model_copy(update={"cell_size_m": smallest_cell_m(body)})
-    assert finer_cells(explained, finest) is None
-    assert finer_cells(told.explained, body) is None
+    assert finer_cells(finest) is None
 
 
 def test_the_loop_explains_the_case(explained_case):
@@ -205,8 +210,8 @@ def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_ca
     assert unexplained.added == ()
     assert "a help, not the answer" in verdict_detail(unexplained)
     for explained, verdict in ((case.explained, "supported"), (unexplained, "helps")):
-        creep = candidate_record(CATALOGUE["viscoelasticity"], explained, case.problem)
-        assert creep["verdict"] == verdict
+        creep = effect_verdict(CATALOGUE["viscoelasticity"], explained)
+        assert creep.verdict == verdict
 
 
 def test_the_page_says_of_every_effect_what_result_json_says(told):
@@ -281,14 +286,15 @@ def test_intervals_of_the_map_hold_the_estimate_and_fixed_values_have_none(expla
 
 def test_a_foreign_truth_file_is_no_truth(explained_case, tmp_path):
     problem = explained_case.problem
-    truth = truth_beside(problem)
+    truth = read_truth(problem.study.scan.with_name("truth.json"), foreign=True)
     assert truth is not None
     assert truth.background_pa == 5000
-    about = problem.study.study.model_copy(update={"scan": tmp_path / "scan.csv"})
-    moved = replace(problem, study=problem.study.model_copy(update={"study": about}))
-    assert truth_beside(moved) is None
-    (tmp_path / "truth.json").write_text(json.dumps({"answer": 42}))
-    assert truth_beside(moved) is None
+    there = tmp_path / "truth.json"
+    assert read_truth(there, foreign=True) is None
+    there.write_text(json.dumps({"answer": 42}))
+    assert read_truth(there, foreign=True) is None
+    with pytest.raises(InputError, match="key schema"):
+        read_truth(there)
 
 
 @pytest.mark.slow
@@ -324,13 +330,20 @@ def with_unseen_effects(told):
     return {**told.record, "unseen_shifts": shifts}
 
 
+def without_unseen_effects(told):
+    return {**told.record, "unseen_shifts": {}}
+
+
 def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, tmp_path):
     record = with_unseen_effects(told)
     std = record["parameters"]["inclusion_1.weight_pa"]["std"]
     page = written(replace(told, record=record), tmp_path)
     assert f"± {4e-3 * std:.2g} kPa (rigid_tip)" in page.text
     assert "No interval counts what is too small to be seen" in page.text
-    assert "No interval counts" not in written(told, tmp_path).text
+    assert (
+        "No interval counts"
+        not in written(replace(told, record=without_unseen_effects(told)), tmp_path).text
+    )
     console = Console(width=80, file=StringIO())
     for line in explain_summary(record, told.explained, told.problem):
         console.print(line)
@@ -351,7 +364,7 @@ def test_the_pale_bar_is_the_interval_and_what_an_unseen_effect_may_add(told):
     ends = [p["lower95"] - 4 * p["std"], p["upper95"] + 4 * p["std"]]
     assert_allclose(pale.get_ydata(), 1e-3 * np.array(ends))
     one = replace(told.explained, ladder=told.explained.ladder[1:], accepted=())
-    assert draw_parameters(told.finding, one, told.record) is None
+    assert draw_parameters(told.finding, one, without_unseen_effects(told)) is None
     assert draw_parameters(told.finding, one, record) is not None
 
 

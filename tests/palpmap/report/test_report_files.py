@@ -32,9 +32,10 @@ from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
 from palpmap.report.fit_report import write_report
-from palpmap.result.finding import Finding, Outline, matched, read_truth, study_outline
+from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.tables import parameter_rows, parameter_table
-from palpmap.run_folder import RunFolder, write_record
+from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
+from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -105,8 +106,8 @@ def make_run(folder, *, truth=True, origin=(0.0, 0.0, 0.0), **scan_options):
         )
         write_fit(small_fit(scan), run / "fit.json")
         if truth:
-            body = {"background_pa": 5000.0, "inclusions": [vars(TRUE.inclusions[0])]}
-            write_record(run / "truth.json", {"body": body})
+            body = TrueBodyRecord(background_pa=5000.0, inclusions=TRUE.inclusions[:1])
+            TruthRecord(body=body).write(run / "truth.json")
     return folder
 
 
@@ -326,7 +327,8 @@ def test_what_cannot_be_compared_is_said(tmp_path):
     write_scan(small_scan(offset_n=0.01), run / "scan.csv")
     with pytest.raises(InputError, match="the fit was made on another scan"):
         run_compare(source=run, out=None, output=Output(quiet=True))
-    write_record(tmp_path / "truth.json", {"body": {"background_pa": 1.0}})
+    broken = {"schema": 1, "body": {"background_pa": 1.0}}
+    (tmp_path / "truth.json").write_text(json.dumps(broken))
     with pytest.raises(InputError, match="key body"):
         read_truth(tmp_path / "truth.json")
 

@@ -1,0 +1,142 @@
+"""What follows from an explanation: doubts about it, its limits, and the presses to make next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.body.discretization_error import MODEL_ERROR
+from identify.design.detection_limits import Limit, detection_limits
+from identify.design.geometry_confounders import GeometryConfounder, geometry_confounders
+from identify.design.next_presses import Proposal, next_presses
+from identify.design.predicted_limits import designs_on_body
+from identify.design.redundant_inclusions import redundant_inclusions
+from identify.design.scan_variants import Presses, presses_of, variations
+from identify.design.undetected_bias import UndetectedBias, undetected_biases
+from identify.effects.base import Effect
+from identify.fit.result import Estimate
+from identify.select.diagnosis import EffectVerdict
+from identify.select.forward_selection import Explanation
+from identify.select.verdicts import effect_verdict
+
+Say = Callable[[str], None]
+_IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What follows from an explanation.
+
+    Attributes
+    ----------
+    parameters : estimates of the last step, with intervals that follow the misfit's valley
+    confounders : lengths of the study whose error would look like an effect that is offered
+    redundant_inclusions : numbers, from one, of the inclusions that the readings do not ask for
+    limits : detection limits of the first step
+    undetected_biases : largest shift of each parameter of the last step by an undetected effect
+    not_counted : effects whose shift of the parameters the scan cannot bound
+    verdicts : on each effect that the model did not have from the start
+    next_presses : scans that tell the last ambiguous group apart, the one to make first
+    outlying : presses (ids) that the answer does not account for
+    repeat : these presses once more
+    finer_mesh : the error of the mesh is among the effects offered, so that a finer mesh decides
+    """
+
+    parameters: Mapping[str, Estimate]
+    confounders: tuple[GeometryConfounder, ...]
+    redundant_inclusions: tuple[int, ...]
+    limits: tuple[Limit, ...]
+    undetected_biases: Mapping[str, UndetectedBias]
+    not_counted: tuple[str, ...]
+    verdicts: tuple[EffectVerdict, ...]
+    next_presses: tuple[Proposal, ...]
+    outlying: tuple[int, ...]
+    repeat: Presses
+    finer_mesh: bool
+
+
+def assess(
+    explained: Explanation,
+    catalogue: Sequence[Effect],
+    outlying: Sequence[int] = (),
+    say: Say = lambda text: None,
+) -> Assessment:
+    """Return what follows from an explanation by the effects of a catalogue.
+
+    Redundant inclusions and undetected effects are not sought in an unexplained scan: the missing
+    effect may hide any of them.
+
+    Parameters
+    ----------
+    outlying : presses (ids) that the answer does not account for
+    say : called with what is being done
+    """
+    first, last = explained.ladder[0].fit, explained.final.fit
+    offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
+    known = explained.verdict != "unexplained"
+    say("computing detection limits")
+    limits = detection_limits(first, catalogue)
+    unseen: tuple[Limit, ...] = ()
+    if known:
+        unseen = limits if last is first else detection_limits(last, catalogue)
+    say("looking for what may pass for the effects found")
+    return Assessment(
+        parameters=last.parameters,
+        confounders=tuple(c for c in geometry_confounders(explained) if c.effect in offered),
+        redundant_inclusions=redundant_inclusions(last) if known else (),
+        limits=limits,
+        undetected_biases=undetected_biases(unseen),
+        not_counted=_not_counted(explained, unseen, catalogue),
+        verdicts=tuple(
+            effect_verdict(effect, explained)
+            for effect in catalogue
+            if effect.name not in first.effect_names
+        ),
+        next_presses=_next_presses(explained, catalogue, say),
+        outlying=tuple(outlying),
+        repeat=_again(explained, outlying),
+        finer_mesh=known and MODEL_ERROR in offered,
+    )
+
+
+def _not_counted(
+    explained: Explanation, limits: Sequence[Limit], catalogue: Sequence[Effect]
+) -> tuple[str, ...]:
+    """Name the effects without any limit, but for those that the model makes redundant."""
+    chain = explained.final.fit.model.chain
+    effects = {effect.name: effect for effect in catalogue}
+    return tuple(
+        limit.name
+        for limit in limits
+        if not (limit.smallest_share or limit.largest_share)
+        and effects[limit.name].redundant(chain.profile, chain.nonlinear) is None
+    )
+
+
+def _again(explained: Explanation, outlying: Sequence[int]) -> Presses:
+    ids = [press.press for press in explained.ladder[0].comparison.presses]
+    made = presses_of(explained.ladder[0].fit.model.readings)
+    return made.taken(np.flatnonzero(np.isin(ids, outlying)))
+
+
+def _next_presses(
+    explained: Explanation, catalogue: Sequence[Effect], say: Say
+) -> tuple[Proposal, ...]:
+    """Return the scans that tell the last ambiguous group apart."""
+    ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1]
+    if not ambiguous:
+        return ()
+    group = ambiguous[-1]
+    candidates = [(r.name, r.fit) for r in group.candidates if r.name in group.equivalents]
+    names = [name for name, _ in candidates]
+    in_time = any(
+        "time" in effect.needs or effect.name in _IN_ORDER
+        for effect in catalogue
+        if effect.name in names
+    )
+    readings = explained.final.fit.model.readings
+    timed = in_time and readings.time_s is not None
+    designs = designs_on_body(candidates[0][1], variations(presses_of(readings), timed))
+    return next_presses(candidates, designs, say)

@@ -1,0 +1,100 @@
+"""truth.json: the true map of a virtual laboratory, and what is hidden in its scan."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, JsonValue
+
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from palpmap.record import FileRecord, Record
+
+FILE = "truth.json"
+
+
+class HiddenEffectRecord(Record):
+    """An effect that is hidden in a scan."""
+
+    name: str
+    category: str = Field(description="structured, compliance or outsider")
+    law: str = Field(default="", description="what is done, in one line")
+    values: Mapping[str, float] = Field(default={}, description="its parameters, SI units")
+    wanted_size: float | None = Field(
+        default=None, description="size asked for, of the signal's rms"
+    )
+    size: float = Field(default=0.0, description="size reached, of the signal's rms")
+    kin: tuple[str, ...] = Field(default=(), description="nearest effects of the catalogue")
+
+
+class TrueBodyRecord(Record):
+    """The true map."""
+
+    background_pa: float = Field(description="Young's modulus of the background, Pa")
+    inclusions: tuple[Inclusion, ...] = Field(description="in the body's frame, m and Pa")
+    gradient: float | None = Field(
+        default=None, description="hidden exponent of the modulus over z"
+    )
+    poisson_ratio: float | None = Field(default=None, description="hidden Poisson's ratio")
+
+    @property
+    def map(self) -> GaussianMap:
+        """The map as a fit finds it."""
+        return GaussianMap(self.background_pa, self.inclusions)
+
+
+class TruthRecord(FileRecord):
+    """truth.json of `palpmap scan`."""
+
+    body: TrueBodyRecord
+    effects: tuple[HiddenEffectRecord, ...] | None = Field(
+        default=None, description="what is hidden"
+    )
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Return what the JSON file holds: of what is not hidden, nothing."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def read_truth(path: Path, *, foreign: bool = False) -> GaussianMap | None:
+    """Read the true map of a virtual laboratory.
+
+    Parameters
+    ----------
+    foreign : the file may be another laboratory's own, whose lack of a map is no fault
+
+    Raises
+    ------
+    InputError
+        The file is no JSON or holds no such map, and is not foreign.
+    """
+    if not path.is_file():
+        return None
+    if not foreign:
+        return TruthRecord.read(path).body.map
+    try:
+        body = json.loads(path.read_text(encoding="utf-8"))["body"]
+        return TrueBodyRecord.model_validate(body).map
+    except (OSError, KeyError, TypeError, ValueError):
+        return None
+
+
+def matched(found: GaussianMap, truth: GaussianMap) -> dict[str, float]:
+    """Return the truth's parameters under the names of the found inclusions nearest to them.
+
+    Inclusions have no order of their own: each true one goes to the nearest found one that is
+    still free.
+    """
+    values = {"background_pa": truth.background_pa}
+    free = dict(enumerate(found.inclusions, start=1))
+    for inclusion in truth.inclusions:
+        if not free:
+            break
+        centre = np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
+        nearest = min(
+            free, key=lambda i: np.linalg.norm(centre - (free[i].x_m, free[i].y_m, free[i].z_m))
+        )
+        del free[nearest]
+        for name, value in vars(inclusion).items():
+            values[f"inclusion_{nearest}.{name}"] = value
+    return values

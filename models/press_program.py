@@ -47,6 +47,13 @@ class PressProgram:
     force_n : peak force
     ramp_s, hold_s, unload_s : duration of the parts of a press
     pause_s : rest before each press
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> program = pm.grid_program(per_side=3)
+    >>> len(program), program.x_m[:3].tolist()
+    (9, [0.012, 0.048, 0.084])
     """
 
     x_m: np.ndarray
@@ -132,6 +139,12 @@ def grid_program(
     shuffled : whether the order is random, in place of row by row
     force_shares : of the peak force; they take turns too, each for as many points as there are
         radii, so that every radius gets every force
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.grid_program(per_side=2, repeats=2).y_m.tolist()
+    [0.012, 0.012, 0.084, 0.084, 0.012, 0.012, 0.084, 0.084]
     """
     if per_side < 2 or repeats < 1 or not radii_m or not force_shares:
         raise InputError("A grid needs two points a side, one repeat, radius and force or more.")

@@ -44,6 +44,13 @@ class Scan:
     ------
     ValueError
         If the arrays' lengths differ, a phase is unknown or the press ids fall.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> scan = pm.read_scan("tests/data/twelve_presses/scan.csv")
+    >>> len(scan), len(scan.press_ids), float(scan.probe_radius_m[0])
+    (264, 12, 0.004)
     """
 
     press: np.ndarray
@@ -156,6 +163,13 @@ class Scan:
         near = self.near_largest_force
         count = np.bincount(self.press_index, near)
         return np.bincount(self.press_index, near * values) / np.maximum(count, 1.0)
+
+    def moved(self, by_m: np.ndarray) -> "Scan":
+        """Return the table in another frame: positions plus (3,) m."""
+        pose = self.tip_pose
+        if pose is not None:
+            pose = np.column_stack([pose[:, :3] + by_m, pose[:, 3:]])
+        return self.replace(point_m=self.point_m + by_m, tip_pose=pose)
 
     def replace(self, **changes) -> "Scan":
         """Return a copy with some arrays replaced."""

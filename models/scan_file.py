@@ -50,6 +50,12 @@ def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan
     ------
     InputError
         Naming file, row, column, what was found, what is expected and what to do.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.read_scan("tests/data/twelve_presses/scan.csv").press_ids[:3].tolist()
+    [0, 2, 4]
     """
     path = Path(path)
     forms = {".csv": _read_csv, ".parquet": _read_parquet}
@@ -74,6 +80,15 @@ def write_scan(scan: Scan, path: str | os.PathLike[str]) -> None:
     ------
     InputError
         If the ending is neither .csv nor .parquet.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> scan = pm.read_scan("tests/data/twelve_presses/scan.csv")
+    >>> path = getfixture("tmp_path") / "copy.parquet"
+    >>> pm.write_scan(scan, path)
+    >>> len(pm.read_scan(path))
+    264
     """
     path = Path(path)
     write = _by_ending(path, {".csv": _write_csv, ".parquet": _write_parquet})

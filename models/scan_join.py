@@ -43,6 +43,15 @@ def join_scans(
     InputError
         Some scans know the time and others do not, a clock goes back and no pause is given, or a
         press stands twice.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> scan = pm.read_scan("tests/data/twelve_presses/scan.csv")
+    >>> few, many = scan.rows(scan.press < 5), scan.rows(scan.press > 5)
+    >>> both, left_out = pm.join_scans([few, many], ["first", "second"], pause_s=60.0)
+    >>> len(both.press_ids), left_out
+    (12, ())
     """
     timed = [scan.has_time for scan in scans]
     if any(timed) and not all(timed):

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
     from palpmap.study.body import Body
     from palpmap.study.study import Study
+    from sim.motion.settings import ScanSettings
 
 _HOMES = {
     "identify.catalogue.catalogue": ("CATALOGUE",),
@@ -69,6 +70,7 @@ _HOMES = {
     "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
     "palpmap.study.body": ("Body",),
     "palpmap.study.study": ("Study",),
+    "sim.motion.settings": ("ScanSettings",),
 }  # fmt: skip
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -91,6 +93,7 @@ __all__ = [
     "PressProgram",
     "Run",
     "Scan",
+    "ScanSettings",
     "Sphere",
     "Study",
     "WorkedExample",

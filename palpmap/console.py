@@ -10,10 +10,11 @@ import shlex
 import shutil
 import sys
 import sysconfig
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from models.errors import InputError
 
@@ -25,6 +26,14 @@ DONE = 0
 FAILED_CRITERION = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+
+class Task(NamedTuple):
+    """Calls of a shown task: new words, one step more, a line printed above it."""
+
+    say: Callable[[str], None]
+    advance: Callable[..., None]
+    print: Callable[..., None]
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,18 @@ class Output:
             console=Console(stderr=True),
             disable=self.quiet,
         )
+
+    @contextmanager
+    def task(self) -> Iterator[Task]:
+        """Show a task of unknown length on stderr, while the context lasts."""
+        with self.progress() as progress:
+            number = progress.add_task("reading", total=None)
+            yield Task(
+                lambda text: progress.update(number, description=text),
+                lambda *_: progress.advance(number),
+                progress.console.print,
+            )
+            progress.update(number, description="done", total=1, completed=1)
 
 
 def to_type(*words: object) -> str:

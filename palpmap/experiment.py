@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 from pydantic import ValidationError
 
+from identify.effects.base import Effect
+from identify.experiment import Experiment as Opened
+from identify.experiment import Progress, silent
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
+from models.thin import MOST_PRESSES
 from palpmap.study.body import Body
+from palpmap.study.open_study import catalogue_with, open_study, own_effects
 from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
 
 Support = Literal["base-bonded", "base-sliding", "base-elastic"]
 _NOWHERE = Path("(in memory)") / "scan.csv"
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True, init=False, eq=False)
 class Experiment:
     """A measured scan, and what is known of how it was made.
 
@@ -55,6 +61,7 @@ class Experiment:
     scan: Scan = field(repr=False)
     study: Study
     source: Path | None
+    _open: dict[bool, Opened] = field(repr=False)
 
     def __init__(
         self,
@@ -70,7 +77,7 @@ class Experiment:
         self._hold(scan, study, None)
 
     def _hold(self, scan: Scan, study: Study, source: Path | None) -> None:
-        for key, value in (("scan", scan), ("study", study), ("source", source)):
+        for key, value in (("scan", scan), ("study", study), ("source", source), ("_open", {})):
             object.__setattr__(self, key, value)
 
     @classmethod
@@ -85,6 +92,11 @@ class Experiment:
         """Files that the experiment was read from."""
         return [] if self.source is None else [self.source, self.study.scan]
 
+    @cached_property
+    def own_effects(self) -> tuple[Effect, ...]:
+        """Effects of the user that the study names; their files are executed."""
+        return tuple(own_effects(self.study))
+
     def with_inclusions(self, inclusions: int | Literal["auto"] | None) -> Experiment:
         """Return the experiment with another number of inclusions in its map; None keeps it."""
         if inclusions is None:
@@ -93,6 +105,25 @@ class Experiment:
         checked = _checked(Map, **map_table.model_dump())
         study = self.study.model_copy(update={"map": checked})
         return Experiment.of(self.scan, study, self.source)
+
+    def opened(self, say: Progress = silent, thin: bool = True) -> Opened:
+        """Return the placed scan with the models of the body; meshed once.
+
+        Parameters
+        ----------
+        say : progress of what is made of it
+        thin : use no more presses than the selection needs (`models.thin`)
+
+        Raises
+        ------
+        InputError
+            Scan and study do not fit together.
+        """
+        thin = thin and len(self.scan.press_ids) > MOST_PRESSES
+        if thin not in self._open:
+            catalogue = catalogue_with(self.own_effects)
+            self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say)
+        return replace(self._open[thin], say=say)
 
 
 def read_study(path: str | Path) -> Experiment:
@@ -130,6 +161,12 @@ def Block(
     origin_m : (3,) place of the block's corner in the scan's frame, m
     support : of the base
     cell_size_m : size of the finite elements; None takes the default
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49).support
+    'base-bonded'
     """
     return _checked(
         Body,
@@ -143,12 +180,26 @@ def Block(
 
 
 def FlatTip(radius_m: float) -> Probe:
-    """Return a flat, round tip of a radius in m."""
+    """Return a flat, round tip of a radius in m.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.FlatTip(0.005)
+    Probe(tip='flat', radius_m=0.005)
+    """
     return _checked(Probe, tip="flat", radius_m=radius_m)
 
 
 def Sphere(radius_m: float) -> Probe:
-    """Return a ball-shaped tip of a radius in m."""
+    """Return a ball-shaped tip of a radius in m.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.Sphere(0.004).tip
+    'sphere'
+    """
     return _checked(Probe, tip="sphere", radius_m=radius_m)
 
 

@@ -23,9 +23,9 @@ from identify.select.start_fit import measurement_model
 from models.catalogue import Catalogue
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
-from palpmap.commands.write_explain_run import write_explain_files
 from palpmap.result.explain_record import explain_record
 from palpmap.run_folder import RunFolder
+from palpmap.runs.explain_run import write_explain_files
 from palpmap.study.open_study import Problem
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study

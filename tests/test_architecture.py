@@ -30,8 +30,8 @@ ORDER = {
         "experiment", "fit", "residual", "select", "design",
     ),
     "palpmap": (
-        "study", "importing", "result", "figures", "report", "recording", "paper", "commands",
-        "blind", "cli",
+        "study", "importing", "experiment", "result", "figures", "report", "recording", "runs",
+        "results", "selection_results", "api", "paper", "commands", "blind", "cli",
     ),
 }  # fmt: skip
 """Folders and modules of each package: one imports from itself and from those before it."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,10 +11,19 @@ from fem import Contacts, PalpationModel
 from fem.contact.contacts import PressedSurface
 from identify.body.mechanics import BodyMechanics
 from identify.design.detection_limits import Limit, limits_at
-from identify.design.scan_variants import Design, Presses, presses_of, readings_of
+from identify.design.scan_variants import (
+    Design,
+    Presses,
+    mixed,
+    presses_of,
+    readings_of,
+    variations,
+)
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.measurement.model import Linearised, MeasurementModel
+
+_BETTER = 0.7  # a planned scan is worth naming if it sees an effect of this part of the size
 
 
 def planned(
@@ -113,3 +122,64 @@ def improvements(
         model, at = planned(fit, design)
         found.append(Improvement(design, limits_at(model, at, fit.u, catalogue)))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class BetterScans:
+    """Planned scans that see clearly smaller effects than the one that was made.
+
+    Attributes
+    ----------
+    by_effect : for each effect the cheapest change that helps, and its limit there
+    mixed : the scan that changes most at once; None if it helps nothing
+    """
+
+    by_effect: Mapping[str, tuple[Design, Limit]] = field(default_factory=dict)
+    mixed: Improvement | None = None
+
+    @property
+    def in_mixed(self) -> dict[str, float]:
+        """Smallest share of each effect that the mixed scan sees."""
+        limits = () if self.mixed is None else self.mixed.limits
+        return {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
+
+
+def better_scans(
+    fit: FitResult,
+    catalogue: Sequence[Effect],
+    limits: Sequence[Limit],
+    say: Callable[[str], None],
+) -> BetterScans:
+    """Return the changed scans that see clearly smaller effects.
+
+    Parameters
+    ----------
+    limits : of the scan that was made; a changed scan must also see less than it does
+    """
+    readings = fit.model.readings
+    presses = presses_of(readings)
+    all_at_once = mixed(presses)
+    designs = [*variations(presses, readings.time_s is not None), all_at_once]
+    plans = {
+        plan.design.name: plan
+        for plan in improvements(fit, catalogue, designs_on_body(fit, designs), say)
+    }
+    present = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
+    same = plans.pop("same")
+    for limit in same.limits:
+        if limit.smallest_share:
+            made = present.get(limit.name, limit.smallest_share)
+            present[limit.name] = min(made, limit.smallest_share)
+
+    def helps(limit: Limit) -> bool:
+        share = limit.smallest_share
+        return share is not None and share < _BETTER * present.get(limit.name, np.inf)
+
+    whole = plans.pop(all_at_once.name, None)  # a tip that fits nowhere has no scan
+    found: dict[str, tuple[Design, Limit]] = {}
+    for plan in sorted(plans.values(), key=lambda plan: plan.design.presses.duration_s):
+        for limit in plan.limits:
+            if limit.name not in found and helps(limit):
+                found[limit.name] = (plan.design, limit)
+    helped = whole is not None and any(helps(limit) for limit in whole.limits)
+    return BetterScans(found, whole if helped else None)

@@ -62,6 +62,13 @@ class WorkedExample:
     given : what goes into the hook, by name (`travel_m`, `time_s`, `phase`, ...). A single number
         stands for all readings
     expected : what must come out, by name; checked to a relative 1e-4
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> example = pm.CATALOGUE["contact_offset"].examples[0]
+    >>> sorted(example.values)
+    ['offset_m']
     """
 
     says: str
@@ -104,6 +111,13 @@ class Effect:
     refitted_from : values from which it is refitted whatever its score; for an effect without which
         the map may end so far off that the score there says nothing of it, empty for others
     examples : at least one, away from the null
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> effect = pm.CATALOGUE["contact_offset"]
+    >>> effect.title, [p.name for p in effect.parameters]
+    ('Offset of first touch', ['offset_m'])
     """
 
     name: ClassVar[str]

@@ -24,6 +24,13 @@ class Inclusion:
     `weight_pa` is the modulus that it adds at its centre (Pa; negative for a soft one),
     `x_m`, `y_m`, `z_m` the centre in the body frame (m), `radius_m` the Gaussian's standard
     deviation (m).
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> hard = pm.Inclusion(20e3, x_m=0.05, y_m=0.05, z_m=0.03, radius_m=0.01)
+    >>> pm.GaussianMap(5e3, (hard,)).inclusions[0].weight_pa
+    20000.0
     """
 
     weight_pa: float

@@ -40,6 +40,15 @@ class Parameter:
     lower, upper : bounds
     typical : size that an experimenter would call ordinary; the scale of the search
     log : sought as ln(value); of effects, shape parameters only
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.EffectParameter(
+    ...     "offset_m", "m", "offset of the displacement", null=0.0, lower=-5e-3, upper=5e-3,
+    ...     typical=1e-4,
+    ... ).unit
+    'm'
     """
 
     name: str

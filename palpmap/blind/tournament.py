@@ -312,13 +312,11 @@ def play(game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER
 
 def explain_trial(study: Path, out: Path, seed: int) -> AnswerRecord:
     """Run the loop of `palpmap explain` on a study, without report and recording."""
-    from palpmap.commands.explain import explain_study
-    from palpmap.result.explain_record import explain_record
+    from palpmap import api
+    from palpmap.experiment import read_study
     from palpmap.result.next_scan import write_programs
-    from palpmap.study.study import load_study
 
-    found = explain_study(load_study(study), (), seed, Output(quiet=True))
-    explained, problem, assessment, without = found
-    write_programs(assessment, problem.experiment.origin_m, out)
-    explain_record(explained, problem, assessment, without).write(out / "result.json")
+    why = api.explain(read_study(study), seed=seed)
+    write_programs(why.assessment, why.problem.experiment.origin_m, out)
+    why.record.write(out / "result.json")
     return AnswerRecord.read(out / "result.json")

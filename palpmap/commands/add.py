@@ -2,26 +2,26 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from identify.catalogue.catalogue import CATALOGUE
+from identify.catalogue.user_effect import load_effect
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.fit.joint_fit import fit_jointly
 from identify.residual.statement import length
-from identify.select.candidates import fit_with
-from identify.select.diagnosis import diagnose
 from identify.select.step import Step
+from models.catalogue import Catalogue
 from models.errors import InputError
-from models.scan_file import read_scan
-from palpmap.commands.diagnose import judged
+from palpmap import api
 from palpmap.console import Output, to_type
+from palpmap.experiment import Experiment, read_study
 from palpmap.result.explain_record import parameters_of, step_record
 from palpmap.result.explain_words import interval, readable
 from palpmap.result.history import VersionRecord, read_history, write_history
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.result.records import ParameterRecord
-from palpmap.study.open_study import Problem, catalogue_with, own_effects, pose
-from palpmap.study.study import Study, load_study
+from palpmap.study.open_study import Problem
+from palpmap.study.study import load_study
 from palpmap.study.versions import history_file, next_version, version_of
 
 if TYPE_CHECKING:
@@ -43,47 +43,32 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     InputError
         No effect has this name, the study has it already, or the scan cannot show it.
     """
-    known = load_study(study)
-    own = own_effects(known, effects)
-    effect = _effect_to_add(name, study, known, own)
-    with output.progress() as progress:
-        task = progress.add_task("reading", total=None)
-
-        def say(text: str) -> None:
-            progress.update(task, description=text)
-
-        problem = pose(known, own, say)
-        before = judged(problem, seed, say)
-        score = before.diagnosis[name]
-        if score.untestable is not None:
-            raise InputError(f"the effect '{name}' cannot be added to {study}: {score.untestable}")
-        say(f"fitting map and {name}")
-        trial = fit_with(before.fit, effect, score)
-        if trial is None:
-            raise InputError(f"the effect '{name}' leads to an impossible body with this scan")
-        fit = fit_jointly(trial.model, trial.map)
-        diagnosis = diagnose(fit, problem.catalogue, seed=seed)
-        after = _after(fit, diagnosis, problem)
-        progress.update(task, description="done", total=1, completed=1)
-    target = next_version(study)
-    files = {e.name: path for e, path in zip(own, effects, strict=False)}
-    version_of(known, fit, target, files)
-    earns = fit.bic < before.fit.bic
-    _record(study, target, name, before, after, problem)
-    found = parameters_of(after, problem, after.fit.parameters)
+    experiment = read_study(study)
+    own = [load_effect(path) for path in effects]
+    catalogue = Catalogue((*CATALOGUE, *own, *experiment.own_effects))
+    _refuse(name, study, experiment, catalogue)
+    with output.task() as task:
+        before = api.diagnose(experiment, catalogue, seed=seed, progress=task.say)
+        after = before.with_effect(name)
+    fit, target = after.step.fit, next_version(study)
+    files = {e.name: path for e, path in zip(own, effects, strict=True)}
+    version_of(experiment.study, fit, target, files)
+    earns = fit.bic < before.step.fit.bic
+    problem = before.problem
+    _record(study, target, name, before.step, after.step, problem)
+    found = parameters_of(after.step, problem, fit.parameters)
     record = {
         "study": str(target),
-        "before": step_record(before).to_dict(),
-        "after": step_record(after).to_dict(),
+        "before": step_record(before.step).to_dict(),
+        "after": step_record(after.step).to_dict(),
         "parameters": {name: p.to_dict() for name, p in found.items()},
         "earns_its_place": earns,
         **counted(problem),
     }
-    sentence = effect.evidence(fit.at.values[name], problem.model.readings)
     output.result(
         record,
-        *_change_table(before, after, problem, found),
-        sentence,
+        *_change_table(before.step, after.step, problem, found),
+        catalogue[name].evidence(fit.at.values[name], problem.model.readings),
         *([] if earns else [f"{name} does not earn its place: chi-square hardly falls."]),
         *left_out_sentences(record),
         f"Next version: {target}",
@@ -92,18 +77,16 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     return earns
 
 
-def _effect_to_add(name: str, study: Path, known: Study, own: Sequence[Effect]) -> Effect:
-    """Return the effect, or say why it cannot be added before a minute is spent on fitting."""
+def _refuse(name: str, study: Path, experiment: Experiment, catalogue: Catalogue[Effect]) -> None:
+    """Refuse an effect that cannot be added, before a minute is spent on fitting."""
     if name.endswith(".py"):
         raise InputError(f"{name}: expected an effect; a file of your own goes with --effect")
-    effect = catalogue_with(own)[name]
-    if any(entry.name == name for entry in known.effects):
+    effect = catalogue[name]
+    if any(entry.name == name for entry in experiment.study.effects):
         raise InputError(f"{study}: the study has the effect '{name}' already; add another one")
-    readings = Readings.of(read_scan(known.scan, known.study.units_checked))
-    reason = effect.untestable(readings)
+    reason = effect.untestable(Readings.of(experiment.scan))
     if reason is not None:
         raise InputError(f"the effect '{name}' cannot be added to {study}: {reason}")
-    return effect
 
 
 def run_history(*, study: Path, undo: bool, output: Output) -> bool:
@@ -125,15 +108,6 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
         write_history(study, versions)
     output.result({"versions": [v.to_dict() for v in versions]}, _history_table(versions))
     return True
-
-
-def _after(fit: Any, diagnosis: Any, problem: Problem) -> Step:
-    from identify.fit.cross_validation import cross_validate
-    from identify.residual.compare import compare_residual
-    from identify.select.step import whitened_fit
-
-    comparison = compare_residual(whitened_fit(fit, problem.scan))
-    return Step(fit, comparison, cross_validate(fit), diagnosis)
 
 
 def _record(

@@ -3,29 +3,32 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
-from identify.fit.start_map import fit_map
+from identify.fit.search import FitIteration
 from models.scan_file import read_scan
-from palpmap.commands.fit import finish_fit, fit_record, step_recorder
+from palpmap import api
 from palpmap.commands.scan import (
-    DEFAULT_FORCE_N,
     PAPER_FORCE_N,
-    PRESSES_PER_SIDE,
-    build_laboratory,
-    default_study,
-    grid_plan_of,
     make_scan,
+    planned_laboratory,
     scan_record,
     scan_table,
 )
 from palpmap.console import Output, to_type
+from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
-from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding
 from palpmap.result.truth import matched
 from palpmap.run_folder import RunFolder
-from palpmap.study.open_study import open_study
+from palpmap.runs.fit_run import finish_fit, record_step, with_making
+from palpmap.study.virtual_lab import (
+    DEFAULT_FORCE_N,
+    PRESSES_PER_SIDE,
+    default_study,
+    grid_plan_of,
+)
 
 #: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
 TOLERANCES = {
@@ -67,17 +70,24 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         with stage("solving the body"):
             known = default_study()
             plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
-            laboratory = build_laboratory(run.path, known, plan, seed, paper_force=paper_force)
+            laboratory, study = planned_laboratory(
+                run.path, known, plan, seed, paper_force=paper_force
+            )
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)
-        study = laboratory.study
-        measured = read_scan(study.scan, study.study.units_checked)
+        experiment = Experiment.of(read_scan(study.scan), study)
         with stage("building the model"):
-            opened = open_study(study, measured, thin=False)
+            box_m = experiment.opened(thin=False).body.coarse.mesh.box_m
         with stage("fitting the map") as advance:
-            fit = fit_map(opened, callback=step_recorder(recording, opened.body, advance))
+
+            def on_iteration(step: FitIteration) -> None:
+                record_step(recording, step, box_m)
+                advance()
+
+            fit = api.fit(experiment, on_iteration=on_iteration)
         with stage("comparing and drawing"):
-            finding = finish_fit(run.path, study, fit, opened.body, recording, stage_s)
+            finding = with_making(replace(fit.finding, stage_s=dict(stage_s)), run.path)
+            finish_fit(run.path, finding, recording)
     presses = scan_record(scanned)
     deviations = deviations_from_truth(finding)
     passed = presses["kept"] and all(deviation[2] for deviation in deviations.values())
@@ -86,7 +96,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
     report, recorded = run / "report.html", run / "recording.rrd"
     output.result(
         {
-            **fit_record(finding),
+            **fit.to_dict(),
             "run": str(run.path),
             "scan": presses,
             "passed": passed,
@@ -97,7 +107,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             "seconds": stage_s,
         },
         scan_table(presses),
-        *summary(finding),
+        *fit.renderables(),
         times,
         f"Report:    {escape(str(report))}",
         f"Recording: {escape(str(recorded))}",

@@ -1,36 +1,35 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import write_scan
-from models.scan_join import stack_scans
-from palpmap.commands.scan_scene import Laboratory, draw_scene
-from palpmap.commands.scan_truth import scaled_truth, true_parameters, write_truth
+from palpmap.commands.scan_scene import draw_scene
+from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
 from palpmap.recording.recorder import Recording
 from palpmap.run_folder import RunFolder
-from palpmap.study.study import About, Body, Map, Noise, Probe, Study, load_study, write_study
+from palpmap.study.study import Study, load_study, write_study
+from palpmap.study.virtual_lab import (
+    DEFAULT_FORCE_N,
+    PRESSES_PER_SIDE,
+    Laboratory,
+    build_laboratory,
+    default_study,
+    grid_plan_of,
+    known_of,
+    program_plan_of,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from models.press_program import PressProgram
-    from sim.body.true_map import TruthMap
     from sim.motion.scan_plan import ScanPlan
-    from sim.motion.settings import ScanSettings
     from sim.scan.result import PressResult, ScanRun
 
-DEFAULT_FORCE_N = 0.3
-PRESSES_PER_SIDE = 9
 PAPER_FORCE_N = 3.0
-MARGIN_SHARE = 1 / 8  # of the body's edges, from the rim to the first presses: 12 of 96 mm
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
 
 # What the scan promises of each press
@@ -96,7 +95,7 @@ def run_scan_command(
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
-        laboratory = build_laboratory(run.path, known, plan, seed, plant, paper_force)
+        laboratory, _ = planned_laboratory(run.path, known, plan, seed, plant, paper_force)
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -110,113 +109,44 @@ def run_scan_command(
     return record["kept"]
 
 
-def grid_plan_of(study: Study, force_n: float, per_side: int) -> "ScanPlan":
-    """Plan a grid of presses on a study's block, row by row.
-
-    Raises
-    ------
-    InputError
-        A study whose body or tip the laboratory does not have.
-    """
-    from sim.motion.scan_plan import ScanPlan
-
-    size = _block_of(study)
-    points = _grid(size, per_side)
-    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
-    return ScanPlan(
-        points, down, force_n=force_n, tip_radius_m=study.probe.radius_m, body_size_m=size
-    )
-
-
-def program_plan_of(study: Study, program: "PressProgram") -> "ScanPlan":
-    """Plan the presses of a program, which is in the study's frame, on the study's block.
-
-    Raises
-    ------
-    InputError
-        A study whose body or tip the laboratory does not have, presses beside the block, or tips
-        of several radii.
-    """
-    from sim.motion.scan_plan import program_plan
-
-    size = _block_of(study)
-    x, y, _ = study.body.origin_m
-    return program_plan(replace(program, x_m=program.x_m - x, y_m=program.y_m - y), size)
-
-
-def build_laboratory(
+def planned_laboratory(
     run: Path,
     study: Study,
     plan: "ScanPlan",
     seed: int,
     plant: Sequence[tuple[str, float]] = (),
     paper_force: bool = False,
-) -> Laboratory:
+) -> tuple[Laboratory, Study]:
     """Solve the body of a planned scan; write study.toml and truth.json into the run folder.
 
     Parameters
     ----------
     plant : see `run_scan_command`
     paper_force : the presses may go as deep as the body is high
+
+    Returns
+    -------
+    the laboratory, and the study of what is known beforehand
     """
-    from sim.body.soft_body import SoftBody
-    from sim.body.true_body import HiddenBody
     from sim.motion.settings import ScanSettings
-    from sim.scan.plant_on_robot import plant_on_robot
 
     share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
     settings = ScanSettings(seed=seed, deepest_share=share)
-    size = _block_of(study)
-    truth = scaled_truth(size)
-    hidden = plant_on_robot(
-        plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth)
-    )
-    body = SoftBody(
-        size,
-        hidden.body.modulus if plant else truth,
-        hidden.body.poisson_ratio,
-        plan.tip_radius_m,
-        plan.points_m,
-        plan.directions,
-    )
-    kept = _known_of(study, run, plan, truth, settings)
-    write_study(kept, run / "study.toml")
-    laboratory = Laboratory(plan, hidden.body.truth, body, settings, kept, hidden)
-    write_truth(run, hidden.body, hidden.records)
-    return laboratory
-
-
-def _known_of(
-    study: Study, run: Path, plan: "ScanPlan", truth: "TruthMap", settings: "ScanSettings"
-) -> Study:
-    """Return what is known of the scan beforehand: noise, number of inclusions, tip, place."""
-    about = About(name=study.name, scan=(run / "scan.csv").resolve())  # pyright: ignore[reportCallIssue]
-    noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
-    return study.model_copy(
-        update={
-            "study": about,
-            "noise": noise,
-            "map": Map(inclusions=len(truth.inclusions)),
-            "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
-            "probe": Probe(tip="flat", radius_m=plan.tip_radius_m),
-        }
-    )
+    laboratory = build_laboratory(study, plan, settings, plant)
+    known = known_of(study, run / "scan.csv", laboratory)
+    write_study(known, run / "study.toml")
+    write_truth(run, laboratory.hidden.body, laboratory.hidden.records)
+    return laboratory, known
 
 
 def make_scan(
     run: Path, laboratory: Laboratory, recording: Recording, advance: Callable[[], object]
 ) -> "ScanRun":
     """Make all presses; scan.csv and the recording are complete up to the last one at any time."""
-    from sim.scan.scan_program import run_scan
 
-    drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
-    done: list[Scan] = []
-
-    def on_press(result: "PressResult") -> None:
-        start = done[0].time_s[0] if done else result.scan.time_s[0]
-        told = laboratory.hidden.report(result.scan, float(start))
-        done.append(told)
-        write_scan(stack_scans(done), run / "scan.csv")
+    def on_press(result: "PressResult", reported: Scan) -> None:
+        write_scan(reported, run / "scan.csv")
+        told = reported.rows(reported.press == result.statistics.press)
         used = told.used()
         recording.press_done(
             result.statistics.press,
@@ -227,48 +157,12 @@ def make_scan(
         )
         advance()
 
-    made = run_scan(laboratory.plan, laboratory.body, laboratory.settings, drawn, on_press)
+    drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
+    made, _ = laboratory.press(drawn, on_press)
     if laboratory.hidden.planted:
         reached = laboratory.hidden.reached([press.scan for press in made.presses])
         write_truth(run, laboratory.hidden.body, reached)
     return made
-
-
-def default_study() -> Study:
-    """Return the study of the built-in phantom: the paper's block, a flat tip of 5 mm."""
-    return Study(
-        study=About(name="virtual phantom", scan=Path("scan.csv")),  # pyright: ignore[reportCallIssue]
-        body=Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.49),  # pyright: ignore[reportCallIssue]
-        probe=Probe(tip="flat", radius_m=0.005),
-    )
-
-
-def _block_of(study: Study) -> tuple[float, float, float]:
-    """Edges of a study's block, if it is one that the laboratory has, with a tip that it has."""
-    if study.body.size_m is None:
-        raise InputError(
-            'the laboratory presses on blocks; the study has body.shape = "surface": give a study '
-            "of a block to scan"
-        )
-    if study.body.support != "base-bonded" or study.body.held_sides:
-        raise InputError(
-            "the laboratory's body is bonded at its base and free elsewhere; the study has "
-            f'body.support = "{study.body.support}" and held_sides = '
-            f'{list(study.body.held_sides)}: give support = "base-bonded" and no held_sides to scan'
-        )
-    if study.probe.tip != "flat":
-        raise InputError(
-            'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '
-            'probe.tip = "flat" to scan'
-        )
-    return study.body.size_m
-
-
-def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:
-    """Points of the presses, row by row to and fro, (j, 3) m."""
-    x, y = (np.linspace(MARGIN_SHARE * s, (1 - MARGIN_SHARE) * s, per_side) for s in size[:2])
-    rows = [(xi, yk, size[2]) for k, yk in enumerate(y) for xi in (x if k % 2 == 0 else x[::-1])]
-    return np.array(rows)
 
 
 def scan_record(scanned: "ScanRun") -> dict[str, Any]:

@@ -3,7 +3,6 @@
 # mujoco is a compiled module without type stubs
 # pyright: reportAttributeAccessIssue=false
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,37 +11,12 @@ from palpmap.recording.frames import Frame as DrawnFrame
 from palpmap.recording.maps import map_views
 from palpmap.recording.recorder import Recording
 from palpmap.recording.scene import LinkShape, link_names
+from palpmap.study.virtual_lab import Laboratory
 
 if TYPE_CHECKING:
     import mujoco
 
-    from palpmap.study.study import Study
-    from sim.body.soft_body import SoftBody
-    from sim.body.true_map import TruthMap
-    from sim.motion.scan_plan import ScanPlan
-    from sim.motion.settings import ScanSettings
-    from sim.scan.plant_on_robot import RobotPlant
     from sim.scan.result import Frame
-
-
-@dataclass(frozen=True)
-class Laboratory:
-    """A scan that is planned but not yet made.
-
-    Attributes
-    ----------
-    plan, settings : how it is made
-    truth, body : the map with planted inclusions, and the body that has it
-    study : what is known
-    hidden : effects that are hidden in it
-    """
-
-    plan: "ScanPlan"
-    truth: "TruthMap"
-    body: "SoftBody"
-    settings: "ScanSettings"
-    study: "Study"
-    hidden: "RobotPlant"
 
 
 def draw_scene(

@@ -11,23 +11,6 @@ if TYPE_CHECKING:
     from sim.body.true_map import TruthMap
 
 
-def scaled_truth(size: tuple[float, float, float]) -> "TruthMap":
-    """Return the phantom's true map, its inclusion moved and scaled with the body."""
-    from sim.body.true_map import Inclusion, TruthMap
-
-    default, paper = TruthMap(), (0.096, 0.096, 0.048)
-    share = [s / p for s, p in zip(size, paper, strict=True)]
-    inclusions = tuple(
-        Inclusion(
-            inclusion.weight_pa,
-            tuple(c * s for c, s in zip(inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
-            inclusion.radius_m * min(share),
-        )
-        for inclusion in default.inclusions
-    )
-    return TruthMap(default.background_pa, inclusions)
-
-
 def true_parameters(truth: "TruthMap") -> dict[str, float]:
     """Return the true map's values by parameter name."""
     record = truth.record()

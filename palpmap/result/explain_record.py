@@ -1,23 +1,28 @@
-"""An explanation as the records of result.json and diagnosis.json."""
+"""Results as the records of result.json, diagnosis.json and limits.json."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from identify.design.assessment import Assessment
 from identify.design.detection_limits import SHARE, Limit
+from identify.design.predicted_limits import BetterScans
+from identify.design.scan_variants import Design
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
 from identify.select.forward_selection import Explanation
 from identify.select.outlying_presses import WithoutSuspects
 from identify.select.score_test import Score
 from identify.select.step import Step
-from palpmap.result.next_scan import finer_cells, next_presses_records
+from palpmap.result.next_scan import PLANNED, finer_cells, next_presses_records
 from palpmap.result.presses_words import counted, presses_record
 from palpmap.result.records import (
     BetterScanRecord,
     CandidateRecord,
+    DiagnosisRecord,
     ExplainRecord,
     LimitRecord,
+    LimitsRecord,
     ParameterRecord,
+    PlannedScanRecord,
     StepRecord,
     ValueRecord,
     WithoutSuspectsRecord,
@@ -62,6 +67,45 @@ def explain_record(
         not_counted=assessment.not_counted,
         **counted(problem),
     )
+
+
+def diagnosis_record(step: Step, problem: Problem) -> DiagnosisRecord:
+    """Return fit, residual and candidates as the record of diagnosis.json."""
+    return DiagnosisRecord(
+        **{
+            **dict(step_record(step)),
+            **counted(problem),
+            "parameters": parameters_of(step, problem),
+            "candidates": tuple(
+                candidate_record(step.diagnosis.effect_verdict(score.name), problem)
+                for score in step.diagnosis.scores
+            ),
+        }
+    )
+
+
+def limits_record(limits: Sequence[Limit], better: BetterScans, problem: Problem) -> LimitsRecord:
+    """Return detection limits and the scans that would show more as the record of limits.json."""
+    records = {
+        name: BetterScanRecord(
+            **dict(_planned(design)),
+            smallest_share=limit.smallest_share or 0.0,
+            confused_with=limit.confused_with,
+        )
+        for name, (design, limit) in better.by_effect.items()
+    }
+    return LimitsRecord(
+        limits=tuple(
+            limit_record(limit, records.get(limit.name), better.in_mixed.get(limit.name))
+            for limit in limits
+        ),
+        mixed_scan=None if better.mixed is None else _planned(better.mixed.design),
+        **counted(problem),
+    )
+
+
+def _planned(design: Design) -> PlannedScanRecord:
+    return PlannedScanRecord(change=design.change, program=PLANNED.format(design.name))
 
 
 def limit_record(

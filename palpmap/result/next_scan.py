@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.design.assessment import Assessment
 from identify.design.next_presses import Proposal
+from identify.design.predicted_limits import BetterScans
 from identify.design.scan_variants import Presses
 from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 PROGRAM = "next_scan_{}.csv"
+PLANNED = "scan_{}.csv"
 REPEAT = "repeat_presses.csv"
 FINER = 2 / 3
 _MOST = 3
@@ -59,6 +61,13 @@ def write_programs(assessment: Assessment, origin_m: np.ndarray, run: Path) -> N
         write_presses(proposal.design.presses, origin_m, run / PROGRAM.format(number))
     if assessment.outlying:
         write_presses(assessment.repeat, origin_m, run / REPEAT)
+
+
+def write_planned(better: BetterScans, origin_m: np.ndarray, run: Path) -> None:
+    """Write the programs of better scans into a run folder."""
+    mixed = () if better.mixed is None else (better.mixed.design,)
+    for design in (*(design for design, _ in better.by_effect.values()), *mixed):
+        write_presses(design.presses, origin_m, run / PLANNED.format(design.name))
 
 
 def _why(proposal: Proposal) -> str:

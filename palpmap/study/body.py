@@ -49,6 +49,12 @@ class Body(Table):
     base. With `project_points` a block stands in for a body with a curved surface: contact points
     are moved along z onto its top and directions are replaced by the top's normal. `cell_size_m` is
     the size of the finite elements of the coarser of two meshes (`palpmap.study.body_model`).
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.Body(shape="block", size_m=(0.1, 0.1, 0.05), poisson_ratio=0.49).support
+    'base-bonded'
     """
 
     shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")

@@ -1,6 +1,6 @@
 """From a study and its scan to the experiment that is fitted, and to the selection's start."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,12 +8,10 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.user_effect import load_effect
 from identify.effects.base import Effect
 from identify.experiment import Experiment, MapGuess, Progress, silent
-from identify.fit.search import FitIteration
 from identify.measurement.noise import scan_noise
-from identify.select.start_fit import StartFit, start_fit
+from identify.select.start_fit import StartFit
 from models.catalogue import Catalogue
 from models.scan import Scan
-from models.scan_file import read_scan
 from models.thin import thinned
 from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
@@ -74,33 +72,12 @@ def open_study(
     )
 
 
-def pose(
-    study: Study,
-    own: Sequence[Effect] = (),
-    say: Progress = silent,
-    on_iteration: Callable[[FitIteration], None] | None = None,
-    measured: Scan | None = None,
-) -> Problem:
-    """Build the models of a study and fit its map and its effects.
-
-    Parameters
-    ----------
-    own : effects of the user
-    on_iteration : called with each step of the map's fit
-    measured : the study's scan, if it was read before
-    """
-    catalogue = catalogue_with(own)
-    measured = measured or read_scan(study.scan, study.study.units_checked)
-    start = start_fit(open_study(study, measured, catalogue, say=say), catalogue, on_iteration)
-    return Problem(**vars(start), study=study)
-
-
 def catalogue_with(own: Sequence[Effect]) -> Catalogue[Effect]:
     """Return the built-in effects and the user's own."""
     return Catalogue((*CATALOGUE, *own))
 
 
-def own_effects(study: Study, files: Sequence[Path]) -> list[Effect]:
+def own_effects(study: Study, files: Sequence[Path] = ()) -> list[Effect]:
     """Return the user's effects that a command or a study names; their files are executed.
 
     Those of the command come first.

@@ -65,10 +65,7 @@ def place_scan(scan: Scan, study: Study) -> Placement:
         If the body's surface file cannot be used.
     """
     origin = np.array(study.body.origin_m)
-    pose = scan.tip_pose
-    if pose is not None:
-        pose = np.column_stack([pose[:, :3] - origin, pose[:, 3:]])
-    moved = scan.replace(point_m=scan.point_m - origin, tip_pose=pose)
+    moved = scan.moved(-origin)
     _check_radius(moved, study)
     points, directions = moved.contact_points, moved.contact_directions
     if study.body.shape == "block":

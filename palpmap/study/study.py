@@ -80,7 +80,14 @@ class Probe(Table):
 
 
 class Noise(Table):
-    """`[noise]`: one standard deviation of each reading; None is estimated from the scan."""
+    """`[noise]`: one standard deviation of each reading; None is estimated from the scan.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.Noise(displacement_m=2e-5).force_n is None
+    True
+    """
 
     displacement_m: Positive | None = None
     force_n: Positive | None = None
@@ -170,7 +177,14 @@ class Effect(Table):
 
 
 class Study(Table):
-    """A study file; paths are absolute after `load_study`."""
+    """A study file; paths are absolute after `load_study`.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.read_study("tests/data/twelve_presses/study.toml").study.probe.tip
+    'flat'
+    """
 
     study: About = Field(description="the table [study] with name and scan")
     body: Body = Field(description="the table [body]")

@@ -34,6 +34,12 @@ class ScanSettings:
         along it; at most 1, where the tip has come through the body
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.ScanSettings(hold_s=5.0).hold_s
+    5.0
     """
 
     seed: int = 0

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def why() -> pm.Explanation:
 def test_every_public_name_is_there_and_documented():
     for name in pm.__all__:
         thing = getattr(pm, name)
-        assert isinstance(thing, str | tuple) or thing.__doc__, name
+        assert isinstance(thing, str | tuple) or ">>>" in (thing.__doc__ or ""), name
     with pytest.raises(AttributeError, match="palpmap has no 'fitt'"):
         _ = pm.fitt  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -93,8 +94,8 @@ def test_a_missing_effect_is_found_from_memory(why):
     assert why.verdict == "explained"
     assert why.added == ("contact_offset",)
     assert [step.fit.effect_names for step in why.ladder] == [(), ("contact_offset",)]
-    assert {row["name"] for row in why.candidates} == set(NAMES)
-    assert {row["name"] for row in why.limits} == set(NAMES)
+    assert {row.name for row in why.candidates} == set(NAMES)
+    assert {row.name for row in why.limits} == set(NAMES)
     assert why.next_presses == ()
     assert "Explained. With contact_offset" in why.summary().replace("\n", " ")
     assert why.plot_ladder().axes
@@ -125,11 +126,27 @@ def test_the_virtual_robot_follows_a_program():
         unload_s=np.full(2, 0.4),
         pause_s=np.ones(2),
     )
-    experiment = pm.scan(program=program, seed=3)
-    deepest = experiment.scan.at_largest_force(experiment.scan.force_n)
+    done = []
+    body = pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49)
+    scan = pm.scan(body, program, arm=pm.ScanSettings(hold_samples=5), seed=3, on_press=done.append)
+    deepest = scan.at_largest_force(scan.force_n)
     np.testing.assert_allclose(deepest, [0.2, 0.4], rtol=0.05)
-    np.testing.assert_allclose(experiment.scan.contact_points[:, 0], [0.03, 0.05], atol=2e-4)
-    assert experiment.study.noise.force_n is not None
+    np.testing.assert_allclose(scan.contact_points[:, 0], [0.03, 0.05], atol=2e-4)
+    assert np.bincount(scan.press_index[scan.phase == "hold"]).tolist() == [5, 5]
+    assert [press.statistics.set_force_n for press in done] == [0.2, 0.4]
+    moved = pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49, origin_m=(0.01, 0.0, -0.048))
+    elsewhere = pm.scan(moved, replace(program, x_m=program.x_m + 0.01), seed=3)
+    np.testing.assert_allclose(elsewhere.contact_points[:, 0], [0.04, 0.06], atol=2e-4)
+    np.testing.assert_allclose(elsewhere.contact_points[:, 2], 0.0, atol=2e-4)
+
+
+def test_a_scripted_scan_becomes_an_experiment():
+    body, tip = pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45), pm.FlatTip(0.005)
+    program = pm.grid_program((0.08, 0.08, 0.04), per_side=3, force_n=0.2)
+    scan = pm.scan(body, program, map=pm.GaussianMap(8000.0), seed=1)
+    fit = pm.fit(pm.Experiment(scan, body, tip), inclusions=0)
+    found = fit.parameters["background_pa"]
+    assert found.value == pytest.approx(8000.0, rel=0.02)
 
 
 @pytest.mark.parametrize(

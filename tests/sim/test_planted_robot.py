@@ -15,11 +15,12 @@ from models.errors import InputError
 from models.press_program import grid_program, read_program, write_program
 from models.scan_file import read_scan
 from palpmap.__main__ import app
-from palpmap.commands.scan import build_laboratory, default_study, grid_plan_of
+from palpmap.commands.scan import planned_laboratory
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters
 from palpmap.recording.maps import map_views
 from palpmap.result.truth import read_truth
+from palpmap.study.virtual_lab import default_study, grid_plan_of
 from sim.body.soft_body import SoftBody
 from sim.body.true_body import HiddenBody
 from sim.motion.scan_plan import program_plan
@@ -202,7 +203,7 @@ def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
 def test_the_recordings_truth_is_the_body_that_is_pressed(tmp_path):
     plant = [("extra_inclusion", 0.05), ("stiffness_gradient", 0.05)]
     known = default_study()
-    laboratory = build_laboratory(tmp_path, known, grid_plan_of(known, 0.2, 2), 0, plant)
+    laboratory, _ = planned_laboratory(tmp_path, known, grid_plan_of(known, 0.2, 2), 0, plant)
     recording = MagicMock()
     draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     views, parameters = recording.truth.call_args.args

@@ -65,6 +65,12 @@ def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> 
     -------
     The findings in the order of the checks. Where the description is at fault, nothing else is
     tried.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> all(result.passed for result in pm.check_effect(pm.CATALOGUE["contact_offset"]))
+    True
     """
     own = trial()
     findings = _run(DESCRIPTION, effect, own)

@@ -10,8 +10,8 @@ from identify.design.detection_limits import SIGMAS, detection_limits
 from identify.effects.readings import Readings
 from identify.fit.joint_fit import fit_jointly
 from identify.select.score_test import fitted_basis, score_effect
-from models.scan_file import write_scan
-from palpmap.study.open_study import pose
+from palpmap import api
+from palpmap.experiment import Experiment
 from palpmap.study.study import About, Body, Map, Noise, Probe, Study
 from sim.bench.planted_scan import planted_scan
 
@@ -33,16 +33,14 @@ def problem(tmp_path_factory):
     """A scan with nothing hidden, its models and its fit."""
     folder = tmp_path_factory.mktemp("limits")
     scan, truth = planted_scan(None, seed=SEED, radii=(RADIUS_M,))
-    write_scan(scan, folder / "scan.csv")
-    posed = pose(
-        Study(
-            study=About(name="nothing", scan=folder / "scan.csv"),
-            body=Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.49),
-            probe=Probe(tip="flat", radius_m=RADIUS_M),
-            noise=Noise(**truth["noise"]),
-            map=Map(inclusions=1),
-        )
+    study = Study(
+        study=About(name="nothing", scan=folder / "scan.csv"),
+        body=Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.49),
+        probe=Probe(tip="flat", radius_m=RADIUS_M),
+        noise=Noise(**truth["noise"]),
+        map=Map(inclusions=1),
     )
+    posed = api.start(Experiment.of(scan, study))
     return posed, fit_jointly(posed.model, posed.start)
 
 

@@ -19,10 +19,10 @@ from models.scan_file import read_scan, write_scan
 from palpmap.blind import tournament
 from palpmap.blind.trial import Trial, make_trial
 from palpmap.commands import limits as detection
-from palpmap.commands.scan import default_study, program_plan_of
 from palpmap.result.next_scan import write_presses
 from palpmap.result.presses_words import presses_sentences
 from palpmap.study.study import load_study, write_study
+from palpmap.study.virtual_lab import default_study, program_plan_of
 from tests.palpmap.cli.test_loop import palpmap, sentence_of
 from tests.palpmap.pipeline.test_blind import result
 from tests.palpmap.report.loop_study import put, shifted

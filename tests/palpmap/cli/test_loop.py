@@ -257,10 +257,10 @@ def test_the_folder_of_explain_stands_for_itself(explained, tmp_path):
 
 
 def test_what_explain_has_read_is_kept_before_it_begins(tmp_path, monkeypatch):
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(explain_command, "explain_study", interrupted)
+    monkeypatch.setattr(explain_command.api, "explain", interrupted)
     study = put(tmp_path / "study", shifted(6))
     result = palpmap("explain", study, "--out", tmp_path / "run")
     assert result.exit_code == 130

@@ -15,8 +15,8 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.contact_law import GROSS
 from identify.select.start_fit import contact_law_of
 from models.scan_file import read_scan, write_scan
-from palpmap.commands.explain import explain_study
-from palpmap.console import Output
+from palpmap import api
+from palpmap.experiment import Experiment, read_study
 from palpmap.study.open_study import open_study
 from palpmap.study.study import About, Body, Map, Probe, Study, load_study
 from sim.bench.planted_scan import planted_scan
@@ -50,7 +50,8 @@ def twin(tmp_path_factory) -> Study:
 
 @pytest.mark.slow
 def test_ball_and_late_touch_of_a_twin_are_found_beside_a_wrong_body(twin):
-    explained, problem, _ = explain_study(twin, (), 0, Output(quiet=True))
+    explained = api.explain(Experiment.of(read_scan(twin.scan), twin))
+    problem = explained.problem
     assert problem.law is not None
     assert problem.law.plain.chi2_per_dof > GROSS
     assert "spherical_tip" in explained.added
@@ -94,9 +95,8 @@ def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effec
         pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
     shutil.copy(ROOT / "examples" / "arma_straight" / "study.toml", tmp_path)
     shutil.copy(source, tmp_path)
-    study = load_study(tmp_path / "study.toml")
-    explained, problem, _ = explain_study(study, (), 0, Output(quiet=True))
-    assert problem.experiment.onto_another_shape
+    explained = api.explain(read_study(tmp_path / "study.toml"))
+    assert explained.problem.experiment.onto_another_shape
     assert explained.verdict == "unexplained"  # a slab is not what was pressed
     assert explained.added == ()
     assert explained.ambiguous == (("contact_offset", "touch_threshold"),)

@@ -19,7 +19,6 @@ from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
-from palpmap.commands.write_explain_run import explain_pictures
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
@@ -36,6 +35,7 @@ from palpmap.result.explain_words import (
 from palpmap.result.finding import step_finding
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.truth import read_truth
+from palpmap.runs.explain_run import explain_pictures
 from palpmap.study.body_model import smallest_cell_m
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""

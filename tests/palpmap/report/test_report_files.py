@@ -24,7 +24,6 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import write_scan
 from palpmap.commands.compare import run_compare
-from palpmap.commands.write_fit_run import load_finding
 from palpmap.console import Output
 from palpmap.figures.curves import draw_convergence, draw_curves
 from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
@@ -36,6 +35,7 @@ from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.tables import parameter_rows, parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
 from palpmap.run_folder import RunFolder
+from palpmap.runs.fit_run import load_finding
 from palpmap.study.study import load_study
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

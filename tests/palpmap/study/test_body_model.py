@@ -10,9 +10,9 @@ from identify.map.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
-from palpmap.commands.scan import grid_plan_of
 from palpmap.study.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
 from palpmap.study.study import Study, load_study, write_study
+from palpmap.study.virtual_lab import grid_plan_of
 from tests.paths import LAB
 
 CASE_A = LAB / "case_a"

@@ -1,4 +1,4 @@
-"""What `palpmap explain` leaves in its run folder beside result.json and the study's version."""
+"""The run folder of an explanation."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 from matplotlib import rc_context
 
+from identify.design.assessment import Assessment
 from identify.fit.files import write_fit
 from identify.select.forward_selection import Explanation
 from palpmap.figures.fit import save_figures
@@ -17,9 +18,35 @@ from palpmap.recording.explain import record_explanation
 from palpmap.report.explain_report import Told, write_explain_report
 from palpmap.result.evidence import evidences
 from palpmap.result.finding import Finding, step_finding
+from palpmap.result.next_scan import write_programs
+from palpmap.result.records import ExplainRecord
 from palpmap.study.open_study import Problem
+from palpmap.study.study import Study
+from palpmap.study.versions import version_of
 
 _RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion")
+
+
+def write_explanation(
+    run: Path,
+    problem: Problem,
+    explained: Explanation,
+    assessment: Assessment,
+    record: ExplainRecord,
+    study: Study,
+    files: Mapping[str, Path] | None = None,
+) -> None:
+    """Write result.json, next scans, the explained study, report and recording.
+
+    Parameters
+    ----------
+    study : the one that names the run folder's own copies
+    files : of the user's own effects, by name
+    """
+    write_programs(assessment, problem.experiment.origin_m, run)
+    record.write(run / "result.json")
+    version_of(study, explained.final.fit, run / "study.toml", files)
+    write_explain_files(run, problem, explained, record.to_dict())
 
 
 def write_explain_files(

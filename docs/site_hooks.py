@@ -1,5 +1,6 @@
 """What the site adds to the pages: the catalogue of effects, mathematics, links to source files."""
 
+import ast
 import html
 import re
 from pathlib import Path, PurePosixPath
@@ -16,7 +17,7 @@ LINKS = {
     "response": "Response: the history of loading",
     "instrument": "Instrument: force sensor and travel",
 }
-TABLE = "<!-- the effects -->"
+PACKAGES = ("models", "fem", "sim", "identify", "palpmap")
 
 
 def on_config(config):
@@ -37,9 +38,10 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Fill the table of effects; show links that leave docs/ as the path of a source file."""
-    if TABLE in markdown:
-        markdown = markdown.replace(TABLE, effect_table())
+    """Fill the tables; show links that leave docs/ as the path of a source file."""
+    for mark, table in (("effects", effect_table), ("folders", folder_table)):
+        if f"<!-- the {mark} -->" in markdown:
+            markdown = markdown.replace(f"<!-- the {mark} -->", table())
     folder = PurePosixPath("docs", page.file.src_uri).parent
 
     def kept(found):
@@ -76,3 +78,13 @@ def effect_table():
             "\n".join(["| effect | name | how it shows |", "|---|---|---|", *rows]),
         ]
     return "\n\n".join(parts)
+
+
+def folder_table():
+    """Return a table of the packages' folders, each with the first line of its docstring."""
+    rows = ["| folder | content |", "|---|---|"]
+    for package in PACKAGES:
+        for path in sorted(Path(package).rglob("__init__.py")):
+            said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            rows.append(f"| `{path.parent.as_posix()}/` | {said.splitlines()[0]} |")
+    return "\n".join(rows)

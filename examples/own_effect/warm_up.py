@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.effects.base import Effect, EffectParameter, WorkedExample
+from palpmap import Effect, EffectParameter, WorkedExample
 
 
 class WarmUp(Effect):

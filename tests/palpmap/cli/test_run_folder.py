@@ -38,7 +38,7 @@ def test_a_run_says_how_it_was_made(tmp_path):
     assert entry["settings"] == {"inclusions": 2}
     # SHA-256 of the seven letters, from coreutils' sha256sum.
     assert entry["inputs"] == {str(study): SHA_OF_PALPMAP}
-    assert entry["versions"]["palpmap"] == "0.1.0"
+    assert entry["versions"]["palpmap"] == "0.2.0"
     assert entry["versions"]["numpy"][0].isdigit()
     assert entry["ended"] >= entry["started"]
 

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from identify.select.forward_selection import Verdict
 from palpmap.__main__ import app
+from palpmap.study.study import Effect, Study
 
 ROOT = Path(__file__).parent.parent
 PAGES = {
@@ -56,6 +57,17 @@ def test_the_table_of_verdicts_is_complete():
     part = blocks_after("## Find the missing effect")
     told = re.findall(r"^\| `(\w+)` \| (?:[^|]*[ ,][^|]*) \| [^|]+ \|$", part, re.MULTILINE)
     assert set(get_args(Verdict)) <= set(told)
+
+
+def test_the_table_of_the_study_has_every_key():
+    keys = {
+        f"{table}.{field.alias or key}"
+        for table, kind in Study.model_fields.items()
+        for key, field in getattr(kind.annotation, "model_fields", {}).items()
+    }
+    keys |= {f"effects.{key}" for key in Effect.model_fields}
+    table = PAGES["docs/files.md"].split("## The study")[1].split("## ")[0]
+    assert set(re.findall(r"(?m)^\| `([\w.]+)` \|", table)) == keys
 
 
 def test_every_command_and_option_exists_and_no_command_is_left_out():

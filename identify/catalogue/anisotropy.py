@@ -26,9 +26,9 @@ class Anisotropy(Effect):
     )
     formula = "energy density + (share E / 2) (a . strain . a)^2,  a = (cos angle, sin angle, 0)"
     latex = (
-        r"W \to W + \frac{\text{share} \cdot E}{2} \left(\mathbf{a} \cdot "
-        r"\boldsymbol{\varepsilon} \, \mathbf{a}\right)^2, \quad \mathbf{a} = (\cos "
-        r"\text{angle}, \, \sin \text{angle}, \, 0)"
+        r"\begin{array}{l} W \to W + \frac{\text{share} \cdot E}{2} \left(\mathbf{a} \cdot "
+        r"\boldsymbol{\varepsilon} \, \mathbf{a}\right)^2 \\ \mathbf{a} = (\cos(\text{angle}), \, "
+        r"\sin(\text{angle}), \, 0) \end{array}"
     )
     source = (
         "A. J. M. Spencer, Continuum Theory of the Mechanics of Fibre-Reinforced Composites, "

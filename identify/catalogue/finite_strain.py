@@ -39,8 +39,9 @@ class FiniteStrain(Effect):
         "d = u (1 - s x (1 + x)), x = u / a, u = C F;  s > 0: u = d (1 + s y (1 + y)), y = d/a"
     )
     latex = (
-        r"d = u \left(1 - s\,x\,(1 + x)\right), \; x = \frac{u}{a} \quad (s \le 0), \qquad u = "
-        r"d \left(1 + s\,y\,(1 + y)\right), \; y = \frac{d}{a} \quad (s > 0), \qquad u = C F"
+        r"\begin{array}{l} u = C F \\ d = u \left(1 - s\,x\,(1 + x)\right), \; x = u / a \quad "
+        r"(s \le 0) \\ u = d \left(1 + s\,y\,(1 + y)\right), \; y = d / a \quad (s > 0) "
+        r"\end{array}"
     )
     source = (
         "neo-Hookean finite elements, rigid flat tip (`fem.finite_strain`); balls: C.-E. Wu et al. "

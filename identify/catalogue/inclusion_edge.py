@@ -21,9 +21,9 @@ class InclusionEdge(Effect):
     )
     formula = "exp(-q/2) -> exp(-(q/s^2)^(n/2) / 2), q = distance^2/radius^2, edge = 1 - 2/n"
     latex = (
-        r"e^{-q/2} \to \exp\left(-\tfrac{1}{2} \left(\frac{q}{s^2}\right)^{n/2}\right), \quad "
-        r"q = \frac{|\mathbf{r} - \mathbf{c}|^2}{\text{radius}^2}, \quad \text{edge} = 1 - "
-        r"\frac{2}{n}"
+        r"\begin{array}{l} e^{-q/2} \to \exp\left(-\tfrac{1}{2} \left(q / s^2\right)^{n/2}\right) "
+        r"\\ q = |\mathbf{r} - \mathbf{c}|^2 / \text{radius}^2, \quad \text{edge} = 1 - 2/n "
+        r"\end{array}"
     )
     source = "generalised normal distribution: S. Nadarajah, J. Appl. Stat. 32 (2005) 685-694"
     gives_away = "presses over an inclusion and those around it misfit with opposite signs"

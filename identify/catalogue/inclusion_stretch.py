@@ -21,9 +21,9 @@ class InclusionStretch(Effect):
     )
     formula = "|o|^2 -> o' exp(-[[a, b], [b, -a]]) o in the x-y plane, o from the centre"
     latex = (
-        r"|\mathbf{o}|^2 \to \mathbf{o}^{\mathsf T} \exp\left(-\begin{pmatrix} a & b \\ b & -a "
-        r"\end{pmatrix}\right) \mathbf{o}, \quad a = \text{along}_x, \; b = "
-        r"\text{along}_{\text{diagonal}}, \; \mathbf{o} = (x - x_c, \, y - y_c)"
+        r"\begin{array}{l} |\mathbf{o}|^2 \to \mathbf{o}^{\mathsf T} \exp\left(-\begin{pmatrix} "
+        r"a & b \\ b & -a \end{pmatrix}\right) \mathbf{o} \\ \mathbf{o} = (x - x_c, \, y - y_c) "
+        r"\\ a = \text{along}_x, \; b = \text{along}_{\text{diagonal}} \end{array}"
     )
     source = "derivation: an ellipse of the same area, exp(|(a, b)|) times as long as wide"
     gives_away = "presses at two opposite ends of an inclusion misfit otherwise than at its sides"

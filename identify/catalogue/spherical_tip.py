@@ -32,8 +32,8 @@ class SphericalTip(Effect):
         "d = C F + share ((3 F / (4 E*))^(2/3) R^(-1/3) - F / (2 E* Re)),  E* = E / (1 - nu^2)"
     )
     latex = (
-        r"d = C F + \text{share} \left(\left(\frac{3 F}{4 E^*}\right)^{2/3} R^{-1/3} - "
-        r"\frac{F}{2 E^* R_e}\right), \quad E^* = \frac{E}{1 - \nu^2}"
+        r"\begin{array}{l} d = C F + \text{share} \left(\left(\frac{3 F}{4 E^*}\right)^{2/3} "
+        r"R^{-1/3} - \frac{F}{2 E^* R_e}\right) \\ E^* = E / (1 - \nu^2) \end{array}"
     )
     source = "K. L. Johnson, Contact Mechanics, Cambridge 1985, sections 3.8 and 4.2"
     gives_away = "travel grows less than in proportion to the force, most so at small forces"

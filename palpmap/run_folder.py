@@ -19,10 +19,10 @@ from pydantic import Field, JsonValue
 
 from models.errors import InputError
 from palpmap.record import FileRecord, Record
+from palpmap.version import __version__
 
 LOCK = ".lock"
 PACKAGES = (
-    "palpmap",
     "numpy",
     "scipy",
     "numba",
@@ -188,6 +188,7 @@ def _hash_of(path: str | os.PathLike[str]) -> str:
 def versions() -> dict[str, str]:
     """Versions of Python, the machine's kind and the packages that decide a result."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
+    found["palpmap"] = __version__
     for name in PACKAGES:
         try:
             found[name] = version(name)

@@ -1,0 +1,149 @@
+"""One press in a stream: free before, in contact, free after; its tare and its first touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar, nnls
+
+from palpmap.importing.alignment import SMOOTHED_S, smooth
+
+NOISE_LEVELS = 5.0
+LEAST_CONTACT = 0.03  # of the press's largest force
+SHALLOW = 0.2  # share of a side's free samples, the shallowest, by which contact is first told
+TARE_S = 0.4  # of free samples next to the contact
+FEWEST_FREE = 8
+AGAIN = 0.2  # of the largest force: felt outside the contact, the tip touched twice
+TOUCH_SHARE = 0.6  # of the travel: the part of the way in from which the touch is found
+
+
+class SpoiltPress(Exception):
+    """A press that cannot be used; the message says why."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where in a press's samples the tip is in contact.
+
+    Attributes
+    ----------
+    touch, release : first and last sample in contact
+    tare_n : (m,) the force without contact, a line from before to after
+    jump_n : by how much the force after differs from that before, N
+    tared : whether there were free samples (before, after)
+    """
+
+    touch: int
+    release: int
+    tare_n: np.ndarray
+    jump_n: float
+
+
+def find_contact(time: np.ndarray, force: np.ndarray, depth: np.ndarray) -> Contact | None:
+    """Find the contact in the samples of one press; None where the tip feels nothing.
+
+    Parameters
+    ----------
+    time, force, depth : (m,) s, N along the direction, m along it
+
+    Raises
+    ------
+    SpoiltPress
+        No free samples before it, or the tip touched more than once.
+    """
+    even, top = smooth(force, time), int(smooth(depth, time).argmax())
+    before, after = (
+        _free_level(even, depth, slice(0, top)),
+        _free_level(even, depth, slice(top, len(force))),
+    )
+    if before is None or after is None:
+        return None
+    peak = float(even.max()) - before
+    noise = 1.4826 * np.median(np.abs(np.diff(force))) / np.sqrt(2)
+    count = max(1, int(SMOOTHED_S / np.median(np.diff(time))))
+    threshold = max(NOISE_LEVELS * noise / np.sqrt(count), LEAST_CONTACT * peak)
+    most = int(even.argmax())
+    if peak < 2 * threshold or peak < NOISE_LEVELS * noise:
+        return None
+    off = np.flatnonzero(even[:most] < before + threshold)
+    if not len(off):
+        raise SpoiltPress("the recording begins in contact")
+    touch = int(off[-1]) + 1
+    off = np.flatnonzero(even[most:] < after + threshold)
+    if not len(off):
+        raise SpoiltPress("the recording ends in contact")
+    release = most + int(off[0]) - 1
+    again = np.concatenate(
+        [even[:touch] > before + AGAIN * peak, even[release + 1 :] > after + AGAIN * peak]
+    )
+    if np.sum(again) > 0.03 / np.median(np.diff(time)):
+        raise SpoiltPress("the tip touched more than once")
+    return _tared(time, force, touch, release, count)
+
+
+def _free_level(even: np.ndarray, depth: np.ndarray, side: slice) -> float | None:
+    if side.stop - side.start < FEWEST_FREE:
+        return None
+    d, f = depth[side], even[side]
+    shallow = d <= d.min() + SHALLOW * np.ptp(d)
+    return float(np.median(f[shallow]))
+
+
+def _tared(time: np.ndarray, force: np.ndarray, touch: int, release: int, margin: int) -> Contact:
+    """Tare on the free samples next to the contact, a margin away from it."""
+    first, last = touch - margin, release + 1 + margin
+    early = (time >= time[touch] - TARE_S) & (np.arange(len(time)) < first)
+    late = (time <= time[release] + TARE_S) & (np.arange(len(time)) > last)
+    if np.sum(early) < FEWEST_FREE:
+        raise SpoiltPress("there are too few samples of the approach to tare the force")
+    start = float(force[early].mean())
+    if np.sum(late) < FEWEST_FREE:
+        raise SpoiltPress("there are too few samples of the retreat to see the sensor's drift")
+    end = float(force[late].mean())
+    share = np.clip((time - time[early].mean()) / (time[late].mean() - time[early].mean()), 0, 1)
+    return Contact(touch, release, start + (end - start) * share, end - start)
+
+
+def tared_at(
+    contact: Contact, time: np.ndarray, force: np.ndarray, depth: np.ndarray, touch_m: float
+) -> Contact:
+    """Tare again by the samples above the touch: the rough threshold leaves some in contact out.
+
+    Parameters
+    ----------
+    touch_m : depth of first touch
+    """
+    above = depth < touch_m
+    first = np.flatnonzero(above[: contact.touch + 1]).max(initial=0)
+    behind = np.flatnonzero(above[contact.release :])
+    last = contact.release + int(behind[0]) if len(behind) else len(time)
+    return _tared(time, force, int(first), min(last, len(time) - 1), 0)
+
+
+def find_touch(depth: np.ndarray, force: np.ndarray, travel_guess: float) -> tuple[float, float]:
+    """Depth of first touch in m, and the fit's residual in N (root mean square).
+
+    The force on the way in is taken to be constant up to the touch and then to rise by a sum of a
+    concave, a linear and two convex functions of the travel, none negative. A threshold on the force would
+    find the touch too late on a soft body.
+
+    Parameters
+    ----------
+    depth, force : (m,) of the way in, free samples included, force tared
+    travel_guess : m, of the whole press
+    """
+
+    def fitted(touch: float) -> float:
+        x = np.maximum(depth - touch, 0.0) / travel_guess
+        columns = np.column_stack([x - 0.6 * x**2, x, x**1.5, x**2.5])
+        return nnls(columns - columns.mean(axis=0), centred)[1]
+
+    centred = force - force.mean()
+    deepest = float(depth.max())
+    grid = np.linspace(deepest - 1.6 * travel_guess, deepest - 0.15 * travel_guess, 40)
+    losses = [fitted(touch) for touch in grid]
+    k = int(np.clip(np.argmin(losses), 1, len(grid) - 2))
+    best = minimize_scalar(fitted, bounds=(grid[k - 1], grid[k + 1]), method="bounded",
+                           options={"xatol": 1e-4 * travel_guess})  # fmt: skip
+    return float(best.x), float(best.fun / np.sqrt(len(depth)))

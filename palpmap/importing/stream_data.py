@@ -1,0 +1,200 @@
+"""A raw stream of force and pose: messages in order, units, frames, gaps and re-tares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.errors import InputError
+from palpmap.importing.columns import numbers, rotated, seconds
+from palpmap.importing.recording import Recording, Table
+from palpmap.importing.rig import Clock, Pose, Rig
+from palpmap.importing.rotation import continuous, matrices
+
+FEWEST_MESSAGES = 100
+GAP_STEPS = 5.0  # of the usual time step: a longer one is a gap
+FROZEN_ROWS = 5
+SELDOM = 0.05  # share of equal neighbours below which a run of them is a frozen sensor
+JUMP_NOISE = 8.0  # standard deviations of a sample: a re-tare, in one step
+WINDOW = 12  # samples on either side of a jump
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Values over time, without repeated or disordered messages.
+
+    Attributes
+    ----------
+    time_s : (m,) rising
+    values : (m, k)
+    gaps : (g, 2) start and end of each pause in the messages, s
+    """
+
+    time_s: np.ndarray
+    values: np.ndarray
+    gaps: np.ndarray
+
+    @property
+    def step_s(self) -> float:
+        """Usual time between two messages, s."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def at(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the values (m, k) at other times, between two messages."""
+        return np.column_stack([np.interp(time_s, self.time_s, v) for v in self.values.T])
+
+
+def read_force(recording: Recording, rig: Rig, said: list[str]) -> Stream:
+    """Return the force in N as the sensor has it, (m, 1) or (m, 3), sign applied."""
+    names = rig.force.columns or (str(rig.force.column),)
+    values, table = numbers(recording, names, rig.force.unit, "force", "force.columns")
+    time = _time(recording, table, rig.force.clock or rig.time, "force")
+    return ordered(time, rig.force.sign * values, f"force ({table.name})", said)
+
+
+def read_pose(recording: Recording, rig: Rig, pose: Pose, said: list[str]) -> Stream:
+    """Return position in m and, where there is one, quaternion w, x, y, z, (m, 3) or (m, 7).
+
+    Both are in the scan's frame; the position is that of the tip's end.
+    """
+    values, table = numbers(recording, pose.columns, pose.unit, "length", "pose.columns")
+    time = _time(recording, table, pose.clock or rig.time, "pose")
+    if pose.orientation:
+        quaternion, home = numbers(recording, pose.orientation, "", "", "pose.orientation")
+        if home is not table:
+            raise InputError(
+                f"key pose.orientation: stands in {home.name} and the position in {table.name}, "
+                "expected columns of one table"
+            )
+        if pose.order == "xyzw":
+            quaternion = np.roll(quaternion, 1, axis=1)
+        length = np.linalg.norm(quaternion, axis=1)
+        bad = np.flatnonzero(np.abs(length - 1) > 0.02)
+        if len(bad):
+            raise InputError(
+                f"{table.where(int(bad[0]))}, key pose.orientation: found a quaternion of length "
+                f"{length[bad[0]]:.3g}, expected 1; check the columns and their order"
+            )
+        values = np.hstack([values, continuous(quaternion)])
+    stream = ordered(time, values, f"pose ({table.name})", said)
+    values = stream.values
+    position = values[:, :3]
+    if any(pose.tip_offset_m):
+        position = position + matrices(values[:, 3:]) @ np.array(pose.tip_offset_m)
+    values = np.hstack([rotated(rig, position, place=True), values[:, 3:]])
+    return Stream(stream.time_s, values, stream.gaps)
+
+
+def in_base(rig: Rig, force: Stream, pose: Stream) -> np.ndarray:
+    """Return the force's three columns in the scan's frame, (m, 3)."""
+    vectors = force.values
+    if rig.force.frame == "tip":
+        vectors = np.einsum("mij,mj->mi", matrices(pose.at(force.time_s)[:, 3:]), vectors)
+    return rotated(rig, vectors, place=False)
+
+
+def _time(recording: Recording, table: Table, clock: Clock | None, key: str) -> np.ndarray:
+    if len(table) < FEWEST_MESSAGES:
+        raise InputError(
+            f"{table.where(0)}: found {len(table)} messages of the {key}, expected a stream of at "
+            f"least {FEWEST_MESSAGES}"
+        )
+    time = seconds(recording, table, clock, "time")
+    if time is None:
+        raise InputError("key time.column: missing, expected the column of the time of the stream")
+    return time
+
+
+def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) -> Stream:
+    """Sort messages by time, leave out repeated and frozen ones, and find the gaps."""
+    late = int(np.sum(np.diff(time) < 0))
+    if late:
+        said.append(f"{name}: {late} messages came out of order and were sorted by their time.")
+        order = np.argsort(time, kind="stable")
+        time, values = time[order], values[order]
+    step = float(np.median(np.diff(time)))
+    if step <= 0:
+        raise InputError(
+            f"{name}: found one time for most messages, expected a clock that runs; name another "
+            "column"
+        )
+    first = np.append(True, np.diff(time) > 0.02 * step)
+    if repeated := int(np.sum(~first)):
+        said.append(f"{name}: {repeated} repeated messages were left out.")
+        time, values = time[first], values[first]
+    frozen = _frozen(values)
+    if count := int(np.sum(frozen)):
+        said.append(f"{name}: {count} messages repeat a frozen value and were left out.")
+        time, values = time[~frozen], values[~frozen]
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    long = np.flatnonzero(steps > GAP_STEPS * step)
+    missing = int(np.sum(np.round(steps[steps > 1.5 * step] / step) - 1))
+    if missing:
+        longest = 1e3 * float(steps.max())
+        said.append(
+            f"{name}: about {missing} of {missing + len(time)} messages are missing, the longest "
+            f"gap is {longest:.0f} ms."
+        )
+    said.append(f"{name}: {len(time)} messages at {1 / step:.4g} Hz, {np.ptp(time):.4g} s.")
+    return Stream(time, values, np.column_stack([time[long], time[long + 1]]))
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    """Messages that repeat the one before in a run of at least `FROZEN_ROWS`, (m,) bool.
+
+    Where neighbours are often equal, the readings are coarse and nothing is left out.
+    """
+    same = np.append(False, np.all(values[1:] == values[:-1], axis=1))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    frozen = np.zeros(len(values), dtype=bool)
+    for start, end in edges.reshape(-1, 2):
+        if end - start >= FROZEN_ROWS:
+            frozen[start:end] = True
+    others = np.mean(same[~frozen]) if not frozen.all() else 1.0
+    return frozen if others < SELDOM else np.zeros_like(frozen)
+
+
+def noise_of(values: np.ndarray) -> np.ndarray:
+    """Return the standard deviation of a sample's noise, (k,), by neighbours' differences."""
+    return 1.4826 * np.median(np.abs(np.diff(values, axis=0)), axis=0) / np.sqrt(2)
+
+
+def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
+    """Take out re-tares: jumps from one message to the next that stay.
+
+    Returns
+    -------
+    stream : the force, run on over each jump
+    jumps : time in s and size in N of each
+    """
+    values = force.values
+    m = len(values)
+    if m < 4 * WINDOW:
+        return force, []
+    noise = np.maximum(noise_of(values), 1e-12 + 1e-6 * np.ptp(values, axis=0))
+    step = np.diff(values, axis=0)
+    doubtful = np.flatnonzero(np.max(np.abs(step) / noise, axis=1) > JUMP_NOISE)
+    usual = np.diff(force.time_s) < GAP_STEPS * force.step_s
+    jumps, offset = [], np.zeros_like(values)
+    for i in doubtful[(doubtful >= WINDOW) & (doubtful < m - WINDOW - 1) & usual[doubtful]]:
+        before, after = (
+            _line_to(values[i - WINDOW + 1 : i + 1]),
+            _line_to(values[i + WINDOW : i : -1]),
+        )
+        stays = after - before
+        k = int(np.argmax(np.abs(stays) / noise))
+        same = np.abs(step[i] - stays) < 0.4 * np.abs(stays) + 3 * noise
+        if np.abs(stays[k]) > 0.6 * JUMP_NOISE * noise[k] and same[k]:
+            jumps.append((float(force.time_s[i + 1]), float(np.linalg.norm(stays))))
+            offset[i + 1 :] += stays
+    return Stream(force.time_s, values - offset, force.gaps), jumps
+
+
+def _line_to(values: np.ndarray) -> np.ndarray:
+    """Value at half a step behind the last of some samples, by a line through them."""
+    n = len(values)
+    at = np.arange(n) - (n - 1) / 2
+    slope = at @ values / (at @ at)
+    return np.median(values - np.outer(at, slope), axis=0) + slope * (n / 2)

@@ -16,6 +16,7 @@ from palpmap.cli.effects import effects
 from palpmap.cli.explain import explain
 from palpmap.cli.fit import fit
 from palpmap.cli.history import history
+from palpmap.cli.import_ import import_
 from palpmap.cli.join import join
 from palpmap.cli.limits import limits
 from palpmap.cli.paper import paper
@@ -73,9 +74,11 @@ _COMMANDS = (
     review,
     check,
     join,
+    import_,
 )
 for _command in _COMMANDS:
-    app.command()(answers(_command))
+    name = _command.__name__.rstrip("_").replace("_", "-")  # import is Python's own word
+    app.command(name)(answers(_command))
 
 
 def main() -> None:

@@ -17,10 +17,14 @@ from palpmap.importing.stream_data import Stream
 
 GRID_S = 0.01
 SMOOTHED_S = 0.02
+LAG_SMOOTHED_S = 0.08
+CORNER_S, CORNER = 0.08, 0.7  # a change of speed by this share in twice this time is a corner
+CLOSE_S, LOOSE_S = 1.0e-3, 5.0e-3  # what the force's law adds to the lag's error
 NEAR_STEP_S = 0.02
 SHARED_S = 0.5  # two sensors of one clock are never further apart
 NEARLY = 0.9  # of the best correlation: two offsets this close cannot be told apart
-SEARCH_S, SEARCH_STEP_S = 0.08, 0.004
+FURTHEST_S, SEARCH_STEP_S = 0.16, 0.004
+TRIMMED_S = 0.08  # of both ends of a contact, where lag and touch mix
 RELAXATION_S = (0.1, 0.3, 1.0, 4.0)
 CONTACT_SHARE = 0.1  # of a press's travel: below it the touch itself disturbs
 
@@ -147,10 +151,10 @@ def smoothed(values: np.ndarray, count: int) -> np.ndarray:
     return (total[high] - total[low]) / (high - low)[:, None]
 
 
-def smooth(values: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return the moving mean over `SMOOTHED_S`, (m,)."""
+def smooth(values: np.ndarray, time: np.ndarray, width_s: float = SMOOTHED_S) -> np.ndarray:
+    """Return the moving mean over a width in time, (m,)."""
     step = float(np.median(np.diff(time)))
-    return smoothed(values[:, None], 2 * int(SMOOTHED_S / step / 2) + 1)[:, 0]
+    return smoothed(values[:, None], 2 * int(width_s / step / 2) + 1)[:, 0]
 
 
 @dataclass(frozen=True)
@@ -164,6 +168,7 @@ class Lag:
     middle_s : of the recording, on the pose's clock
     error_s : standard deviation of the lag
     presses : number of presses that determine it
+    has_corners : whether the tip stops and starts sharply, which fixes the lag within some 2 ms
     """
 
     lag_s: float
@@ -171,6 +176,7 @@ class Lag:
     middle_s: float
     error_s: float
     presses: int
+    has_corners: bool
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the lag at times of the pose's clock, s."""
@@ -222,40 +228,63 @@ def find_lag(
     rate_error = spread / np.sqrt(np.sum((middle[kept] - centre) ** 2) + 1e-12)
     if abs(line[1]) < 5 * rate_error or abs(line[1]) * np.ptp(middle) < 1e-3:
         line[:] = float(np.average(lag[kept], weights=error[kept] ** -2)), 0.0
-    return Lag(float(line[0]), float(line[1]), centre, float(scale), int(np.sum(kept)))
+    sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
+    corners = float(np.median(sharp)) > CORNER
+    total = float(np.hypot(scale, CLOSE_S if corners else LOOSE_S))
+    return Lag(float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), corners)
+
+
+def _sharpest(time: np.ndarray, travel: np.ndarray) -> float:
+    """Return the largest change of speed within twice `CORNER_S`, by the largest speed."""
+    speed = np.gradient(smooth(travel, time, LAG_SMOOTHED_S), time)
+    apart = max(1, round(CORNER_S / float(np.median(np.diff(time)))))
+    inside = travel > CONTACT_SHARE * travel.max()
+    inside[: 2 * apart] = inside[-2 * apart :] = False
+    if not inside.any():
+        return 0.0
+    change = np.zeros(len(speed))
+    change[apart:-apart] = np.abs(speed[2 * apart :] - speed[: -2 * apart])
+    return float(change[inside].max() / np.quantile(np.abs(speed), 0.95))
 
 
 def _press_lag(
     force_time: np.ndarray, force: np.ndarray, pose_time: np.ndarray, travel: np.ndarray
 ) -> tuple[float, float] | None:
     """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
-    travel = smooth(travel, pose_time)
-    force = smooth(force, force_time)
+    # both alike; a pose's noise that is left would make the force seem to lead
+    travel = smooth(travel, pose_time, LAG_SMOOTHED_S)
+    force = smooth(force, force_time, LAG_SMOOTHED_S)
     free, relaxing = _bases(pose_time, travel)
     basis = np.hstack([free, relaxing])
     inside = travel > CONTACT_SHARE * travel.max()
     first, last = pose_time[inside][[0, -1]] if inside.any() else (0.0, 0.0)
-    used = (force_time > first + SEARCH_S) & (force_time < last - SEARCH_S)
+    used = (force_time > first + TRIMMED_S) & (force_time < last - TRIMMED_S)
     tf, f = force_time[used], force[used]
     if len(tf) < 4 * basis.shape[1]:
         return None
-    lags = np.arange(-SEARCH_S, SEARCH_S + SEARCH_STEP_S / 2, SEARCH_STEP_S)
-    squares = np.array(
-        [_residual(_at(tf - lag, pose_time, basis), f, free.shape[1]) for lag in lags]
-    )
-    k = int(squares.argmin())
-    if not 2 <= k < len(lags) - 2:
+
+    def squares(lags: np.ndarray) -> np.ndarray:
+        return np.array(
+            [_residual(_at(tf - lag, pose_time, basis), f, free.shape[1]) for lag in lags]
+        )
+
+    wide = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S, 2 * SEARCH_STEP_S)
+    k = int(squares(wide).argmin())
+    if not 1 <= k < len(wide) - 1:
         return None
-    curve = np.polyfit(lags[k - 2 : k + 3], squares[k - 2 : k + 3], 2)
+    lags = wide[k] + SEARCH_STEP_S * np.arange(-3, 4)
+    near = squares(lags)
+    k = int(np.clip(near.argmin(), 2, 4))
+    curve = np.polyfit(lags[k - 2 : k + 3], near[k - 2 : k + 3], 2)
     if curve[0] <= 0:
         return None
     best = float(np.clip(-curve[1] / (2 * curve[0]), lags[k - 1], lags[k + 1]))
-    variance = squares[k] / (len(tf) - basis.shape[1])
+    variance = near[k] / (len(tf) - basis.shape[1])
     return best, float(np.sqrt(variance / curve[0]))
 
 
 def _bases(time: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Functions of travel, (p, 6), and of its past, (p, r), that a press's force is made of.
+    """Functions of travel, (p, 7), and of its past, (p, r), that a press's force is made of.
 
     The latter relax; a body gives them only positive weights. Negative ones would make a lag.
     """
@@ -263,7 +292,7 @@ def _bases(time: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray
     top = int(x.argmax())
     going_out = np.zeros(len(x))
     going_out[top:] = x.max() - x[top:]
-    free = [np.ones(len(x)), x, x**2, x**3, going_out, going_out**2]
+    free = [np.ones(len(x)), x, x**2, x**3, going_out, going_out**2, going_out**3]
     step = float(np.median(np.diff(time)))
     relaxing = [
         lfilter([1.0], [1.0, -np.exp(-step / tau)], np.diff(power, prepend=power[0]))

@@ -84,8 +84,27 @@ def on_clock_of(
 
 def rotated(rig: Rig, vectors: np.ndarray, place: bool) -> np.ndarray:
     """Turn vectors (m, 3) from the recording's base frame to the scan's; places are moved too."""
-    from palpmap.importing.rotation import matrices
-
     turn = matrices(np.array([rig.frame.rotation_wxyz]))[0]
     moved = vectors @ turn.T
     return moved + np.array(rig.frame.position_m) if place else moved
+
+
+def matrices(quaternion: np.ndarray) -> np.ndarray:
+    """Return rotation matrices (m, 3, 3) of quaternions (m, 4) in the order w, x, y, z.
+
+    >>> matrices(np.array([[2.0, 0.0, 0.0, 0.0]]))[0].tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def continuous(quaternion: np.ndarray) -> np.ndarray:
+    """Return the quaternions (m, 4) with signs chosen so that neighbours lie on one side."""
+    signs = np.where(np.einsum("mi,mi->m", quaternion[1:], quaternion[:-1]) < 0, -1.0, 1.0)
+    return quaternion * np.concatenate([[1.0], np.cumprod(signs)])[:, None]

@@ -121,12 +121,14 @@ def tared_at(
     return _tared(time, force, int(first), min(last, len(time) - 1), 0)
 
 
-def find_touch(depth: np.ndarray, force: np.ndarray, travel_guess: float) -> tuple[float, float]:
-    """Depth of first touch in m, and the fit's residual in N (root mean square).
+def find_touch(
+    depth: np.ndarray, force: np.ndarray, travel_guess: float
+) -> tuple[float, float, float]:
+    """Return the depth of first touch, its standard deviation in m, and the fit's residual in N.
 
     The force on the way in is taken to be constant up to the touch and then to rise by a sum of a
-    concave, a linear and two convex functions of the travel, none negative. A threshold on the force would
-    find the touch too late on a soft body.
+    concave, a linear and two convex functions of the travel, none negative. A threshold on the
+    force would find the touch too late on a soft body.
 
     Parameters
     ----------
@@ -146,4 +148,12 @@ def find_touch(depth: np.ndarray, force: np.ndarray, travel_guess: float) -> tup
     k = int(np.clip(np.argmin(losses), 1, len(grid) - 2))
     best = minimize_scalar(fitted, bounds=(grid[k - 1], grid[k + 1]), method="bounded",
                            options={"xatol": 1e-4 * travel_guess})  # fmt: skip
-    return float(best.x), float(best.fun / np.sqrt(len(depth)))
+    # standard deviation: half of where the sum of squares has grown by four times its variance
+    limit = best.fun**2 * (1 + 4 / max(len(depth) - 5, 1))
+    aside = 0.01 * travel_guess * np.arange(1, 41)
+    width = [
+        next((d for d in aside if fitted(best.x + way * d) ** 2 > limit), aside[-1])
+        for way in (1, -1)
+    ]
+    error = max(width) / 2
+    return float(best.x), float(error), float(best.fun / np.sqrt(len(depth)))

@@ -4,107 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from models.errors import InputError
 from models.scan import Scan
-from palpmap.importing.alignment import (
-    GRID_S,
-    Lag,
-    closer_offset,
-    find_lag,
-    rough_offset,
-    smooth,
-    smoothed,
-)
-from palpmap.importing.columns import numbers, rotated
-from palpmap.importing.contact import (
-    TARE_S,
-    TOUCH_SHARE,
-    Contact,
-    SpoiltPress,
-    find_contact,
-    find_touch,
-    tared_at,
-)
-from palpmap.importing.readings import hold_of
+from palpmap.importing.alignment import GRID_S, Lag, find_lag, rough_offset, smooth
+from palpmap.importing.columns import matrices, numbers, rotated
+from palpmap.importing.contact import Contact, SpoiltPress, find_contact
+from palpmap.importing.press import CutPress, Window, cut_press, window_of
 from palpmap.importing.recording import Recording
-from palpmap.importing.rig import AXES, TRAVEL, Rig, Rows
-from palpmap.importing.rotation import matrices
-from palpmap.importing.stream_data import (
-    Stream,
-    in_base,
-    noise_of,
-    read_force,
-    read_pose,
-    without_jumps,
-)
+from palpmap.importing.rig import AXES, TRAVEL, Rig
+from palpmap.importing.spans import way_into_body
+from palpmap.importing.stream_data import Stream, in_base, read_force, read_pose, without_jumps
 from palpmap.importing.weight import without_weight
 
-TOGETHER = 0.6
-SHALLOW_STROKE = 0.15
-PROMINENT = 0.3  # of the usual stroke
-SIDEWAYS_M = 1.0e-3
-SIDEWAYS = 0.2  # of the stroke
-LONGEST_GAP_S = 0.1
-LONGEST_GAP = 0.08  # of the contact
-PLATEAU = 0.985
 ONE_DIRECTION_DEG = 2.0
+FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
-ROUGH_FIT = 0.05  # of the largest force: the way in is no smooth curve
-JUMP = 0.05  # of the largest force, between before and after
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """The samples of one motion into the body and out again, on the force's messages.
-
-    Attributes
-    ----------
-    time_s : (m,)
-    position_m : (m, 3) of the tip
-    force : (m, k) N, in the scan's frame if k is 3
-    direction : (3,) of pressing
-    """
-
-    time_s: np.ndarray
-    position_m: np.ndarray
-    force: np.ndarray
-    direction: np.ndarray
-
-    @property
-    def depth_m(self) -> np.ndarray:
-        """Position along the direction, (m,) m."""
-        return self.position_m @ self.direction
-
-    @property
-    def force_n(self) -> np.ndarray:
-        """Force along the direction, (m,) N."""
-        return self.force[:, 0] if self.force.shape[1] == 1 else self.force @ self.direction
-
-
-@dataclass(frozen=True, eq=False)
-class CutPress:
-    """A press's readings and where it touched first.
-
-    Attributes
-    ----------
-    touch_s, release_s : time of first touch and of the last contact
-    point_m, direction : (3,)
-    time_s, force_n, displacement_m, phase : rows of the scan
-    """
-
-    touch_s: float
-    release_s: float
-    point_m: np.ndarray
-    direction: np.ndarray
-    time_s: np.ndarray
-    force_n: np.ndarray
-    displacement_m: np.ndarray
-    phase: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,14 +84,14 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         for time, size in jumps
     ]
     rough = rough_offset(force, pose, rig.pose.clock_offset_s)
-    pose = Stream(pose.time_s + rough.offset_s, pose.values, pose.gaps + rough.offset_s)
+    pose = pose.later(rough.offset_s)
     if force.values.shape[1] == 3:
         force = replace(force, values=in_base(rig, force, pose))
-    near, mean_direction, spans = _into_body(force, pose, rough.line, rig)
-    pose = Stream(pose.time_s + near, pose.values, pose.gaps + near)
-    offset = rough.offset_s + near
+    way = way_into_body(force, pose, rough.line, rig)
+    pose, offset = pose.later(way.offset_s), rough.offset_s + way.offset_s
+    mean_direction, spans = way.direction, way.spans
     stated = _stated_directions(recording, rig, pose, offset)
-    windows = [_window(force, pose, span, mean_direction, stated) for span in spans]
+    windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
     windows = [window for window in windows if window is not None]
     rough_contacts = [_contact_or_none(window) for window in windows]
     if rig.force.frame == "tip" and force.values.shape[1] == 3:
@@ -194,20 +111,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
             if contact is not None
         ]
         stated = _common_direction(touching, said)
-    presses, left_out, free = [], [], 0
-    for span in spans:
-        window = _window(force, pose, span, mean_direction, stated)
-        if window is None:
-            continue
-        try:
-            press = _press(window, rig.rows, force.gaps, pose.gaps)
-        except SpoiltPress as reason:
-            left_out.append((float(window.time_s[window.depth_m.argmax()]), str(reason)))
-            continue
-        if press is None:
-            free += 1
-        else:
-            presses.append(press)
+    presses, left_out, free = _cut_all(force, pose, spans, mean_direction, stated, rig)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -219,105 +123,31 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     if free:
         said.append(f"{free} motions without contact were left out.")
     said += [f"The press at {time:.2f} s was left out: {reason}." for time, reason in left_out]
+    error = 1e3 * np.array([press.touch_error_m for press in presses])
+    said.append(
+        f"The depth of first touch is known to {np.median(error):.2g} mm (standard deviation; the "
+        f"worst press to {error.max():.2g} mm); travel counts from there."
+    )
     said.insert(0, f"{len(presses)} presses were cut, {len(left_out)} were left out.")
     return Cut(tuple(presses), tuple(left_out), lag, offset, tuple(said))
 
 
-def _into_body(
-    force: Stream, pose: Stream, line: np.ndarray, rig: Rig
-) -> tuple[float, np.ndarray, list[tuple[float, float]]]:
-    """Offset still to add to the pose's clock, mean direction of pressing, spans of the presses.
+def force_with_depth(recording: Recording, rig: Rig) -> float:
+    """Return how closely force and depth rise together by a mapping, -1 to 1.
 
-    Of the line's two directions that one points into the body along which force and depth rise
-    together more closely.
+    Raises
+    ------
+    InputError
+        If they do not at all, or against each other.
     """
-    found = []
-    for direction in (line, -line):
-        vectors = force.values
-        along = vectors if vectors.shape[1] == 1 else vectors @ direction[:, None]
-        spans = press_spans(pose, direction, force)
-        offset, correlation = closer_offset(replace(force, values=along), pose, direction, spans)
-        found.append((correlation, offset, direction, spans))
-    correlation, offset, direction, spans = max(found, key=lambda one: abs(one[0]))
-    if abs(correlation) < TOGETHER:
-        raise InputError(
-            "force and depth do not rise together in most motions (correlation "
-            f"{correlation:.2f}); check force.columns, force.frame, pose.columns and "
-            "pose.clock_offset_s"
-        )
-    if correlation < 0:
-        raise InputError(
-            f"key force.sign: found {rig.force.sign}, with which the force falls while the tip "
-            f"goes into the body; give {-rig.force.sign}"
-        )
-    return (0.0 if rig.pose and rig.pose.clock_offset_s is not None else offset), direction, spans
-
-
-def press_spans(pose: Stream, direction: np.ndarray, force: Stream) -> list[tuple[float, float]]:
-    """Return begin and end in s of each motion into the body and out again.
-
-    The tip's depth along the mean direction rises and falls once a press; two presses are parted
-    in the middle of the shallow stretch between them.
-    """
-    start = max(pose.time_s[0], force.time_s[0])
-    end = min(pose.time_s[-1], force.time_s[-1])
-    time = np.arange(start, end, GRID_S)
-    if len(time) < 10:
-        raise InputError(
-            "force and pose overlap by less than 0.1 s; check time.column, or state "
-            "pose.clock_offset_s"
-        )
-    depth = smoothed(pose.at(time)[:, :3] @ direction[:, None], 5)[:, 0]
-    padded = np.concatenate([[depth.min()], depth, [depth.min()]])
-    peaks, found = find_peaks(padded, prominence=1e-4)
-    if not len(peaks):
-        raise InputError("the tip does not move; check pose.columns and pose.unit")
-    usual = np.quantile(found["prominences"], 0.9)
-    peaks = peaks[found["prominences"] > PROMINENT * usual] - 1
-    edges = [float(time[0])]
-    for a, b in pairwise(peaks.tolist()):
-        between = depth[a:b]
-        top = min(between[0], depth[b])
-        low = np.flatnonzero(between < between.min() + SHALLOW_STROKE * (top - between.min()))
-        edges.append(float(time[a + (low[0] + low[-1]) // 2]))
-    edges.append(float(time[-1]))
-    return list(pairwise(edges))
-
-
-def _window(
-    force: Stream,
-    pose: Stream,
-    span: tuple[float, float],
-    mean_direction: np.ndarray,
-    stated: np.ndarray | Stream | None,
-) -> Window | None:
-    """Cut out the samples of a span in which the tip moves along its line."""
-    inside = (force.time_s >= span[0]) & (force.time_s <= span[1])
-    time = force.time_s[inside]
-    if len(time) < 20:
-        return None
-    position = pose.at(time)[:, :3]
-    depth = smooth(position @ mean_direction, time)
-    k = int(depth.argmax())
-    stroke = depth[k] - max(depth[: k + 1].min(), depth[k:].min())
-    deep = depth > depth[k] - 0.3 * stroke
-    if isinstance(stated, Stream):
-        direction = stated.at(time[deep]).mean(axis=0)
-        direction /= np.linalg.norm(direction)
-    elif stated is not None:
-        direction = stated
-    else:
-        centred = position[deep] - position[deep].mean(axis=0)
-        direction = np.linalg.svd(centred, full_matrices=False)[2][0]
-        direction = direction * np.sign(direction @ mean_direction)
-    offset = position - position[k]
-    sideways = np.linalg.norm(offset - np.outer(offset @ direction, direction), axis=1)
-    outside = np.flatnonzero(sideways > SIDEWAYS_M + SIDEWAYS * stroke)
-    low = outside[outside < k].max(initial=-1) + 1
-    high = outside[outside > k].min(initial=len(time))
-    if high - low < 20:
-        return None
-    return Window(time[low:high], position[low:high], force.values[inside][low:high], direction)
+    assert rig.pose  # the caller's mapping has one
+    force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
+    force, _ = without_jumps(force)
+    rough = rough_offset(force, pose, rig.pose.clock_offset_s)
+    pose = pose.later(rough.offset_s)
+    if force.values.shape[1] == 3:
+        force = replace(force, values=in_base(rig, force, pose))
+    return way_into_body(force, pose, rough.line, rig).correlation
 
 
 def _stated_directions(
@@ -362,7 +192,7 @@ def _lag_of(
         rows = slice(contact.touch, contact.release + 1)
         time = window.time_s[rows]
         step = max(min(pose.step_s, float(np.median(np.diff(time)))), 1e-3)
-        grid = np.arange(time[0] - 0.1, time[-1] + 0.1, step)
+        grid = np.arange(time[0] - 0.2, time[-1] + 0.2, step)
         depth = pose.at(grid)[:, :3] @ window.direction
         force_time.append(time)
         force.append((window.force_n - contact.tare_n)[rows])
@@ -383,6 +213,11 @@ def _lag_words(lag: Lag | None, offset_s: float) -> str:
         f"The force lags the pose by {size} (standard deviation {1e3 * lag.error_s:.2g} ms, "
         f"{lag.presses} presses); the pose was moved by it."
     )
+    if not lag.has_corners:
+        words += (
+            " The tip starts and stops softly, so that lag and viscosity look alike: state "
+            "pose.clock_offset_s if you know it."
+        )
     if lag.rate:
         words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
     return words
@@ -404,83 +239,64 @@ def _common_direction(directions: Sequence[np.ndarray], said: list[str]) -> np.n
     return None
 
 
-def _press(
-    window: Window, rows: Rows, force_gaps: np.ndarray, pose_gaps: np.ndarray
-) -> CutPress | None:
-    time, depth = window.time_s, window.depth_m
-    contact = find_contact(time, window.force_n, depth)
-    if contact is None:
-        return None
-    force = window.force_n - contact.tare_n
-    inside = slice(contact.touch, contact.release + 1)
-    length = time[contact.release] - time[contact.touch]
-    for gaps, name in ((force_gaps, "force"), (pose_gaps, "pose")):
-        for start, end in gaps:
-            overlap = min(end, time[contact.release]) - max(start, time[contact.touch] - 0.05)
-            if overlap > min(LONGEST_GAP_S, LONGEST_GAP * length):
-                raise SpoiltPress(f"{1e3 * (end - start):.0f} ms of the {name} are missing")
-    even_depth, even_force = smooth(depth, time), smooth(force, time)
-    peak = float(even_force[inside].max())
-    noise = noise_of(window.force_n[:, None])[0]
-    if abs(contact.jump_n) > max(JUMP * peak, 3 * noise) and _stands_out(contact.jump_n, peak):
-        raise SpoiltPress(
-            f"the force without contact differs by {contact.jump_n:.3g} N before and after"
-        )
-    travel = float(even_depth[inside].max() - even_depth[contact.touch])
-    top = int(np.flatnonzero(even_depth >= even_depth[contact.touch] + TOUCH_SHARE * travel)[0])
-    way_in = slice(int(np.searchsorted(time, time[contact.touch] - TARE_S)), top + 1)
-    touch, rough = find_touch(depth[way_in], force[way_in], travel)
-    contact = tared_at(contact, time, window.force_n, even_depth, touch)
-    force = window.force_n - contact.tare_n
-    even_force = smooth(force, time)
-    if rough > 3 * noise + ROUGH_FIT * peak:
-        raise SpoiltPress(f"the force on the way in is no smooth curve (off by {rough:.2g} N)")
-    first = (
-        int(np.flatnonzero(even_depth[: top + 1] < touch)[-1]) + 1
-        if np.any(even_depth[: top + 1] < touch)
-        else contact.touch
-    )
-    held = hold_of(even_depth[first : contact.release + 1] - touch,
-                   even_force[first : contact.release + 1], PLATEAU)  # fmt: skip
-    parts = (
-        ("load", first, first + held.start, rows.load),
-        ("hold", first + held.start, first + held.stop, rows.hold),
-        ("unload", first + held.stop, contact.release + 1, rows.unload),
-    )
-    made = [
-        (name, [means(values, low, high, count) for values in (time, force, depth - touch)])
-        for name, low, high, count in parts
+def _cut_all(
+    force: Stream,
+    pose: Stream,
+    spans: Sequence[tuple[float, float]],
+    mean_direction: np.ndarray,
+    stated: np.ndarray | Stream | None,
+    rig: Rig,
+) -> tuple[list[CutPress], list[tuple[float, str]], int]:
+    """Presses, left-out ones with their reasons, and the number of motions without contact."""
+    presses: list[CutPress] = []
+    left_out: list[tuple[float, str]] = []
+    without: list[tuple[float, float]] = []
+    for span in spans:
+        window = window_of(force, pose, span, mean_direction, stated)
+        try:
+            press = window and cut_press(window, rig.rows, force.gaps, pose.gaps)
+        except SpoiltPress as reason:
+            left_out.append((_deepest(span, pose, mean_direction), str(reason)))
+            continue
+        if press is None:
+            without.append(span)
+        else:
+            presses.append(press)
+            left_out += _another(force, span, press, mean_direction)
+    usual = float(np.median([press.force_n.max() for press in presses])) if presses else 0.0
+    felt = [span for span in without if _rise(force, span, mean_direction) > FELT * usual > 0]
+    left_out += [
+        (_deepest(span, pose, mean_direction), "force was felt, but not along one line in and out")
+        for span in felt
     ]
-    loading = slice(first, first + held.start)
-    beside = window.position_m[loading] - np.outer(depth[loading], window.direction)
-    return CutPress(
-        touch_s=float(time[first]),
-        release_s=float(time[contact.release]),
-        point_m=beside.mean(axis=0) + touch * window.direction,
-        direction=window.direction,
-        time_s=np.concatenate([columns[0] for _, columns in made]),
-        force_n=np.concatenate([columns[1] for _, columns in made]),
-        displacement_m=np.concatenate([columns[2] for _, columns in made]),
-        phase=np.concatenate([np.full(len(columns[0]), name, "U8") for name, columns in made]),
-    )
+    return presses, left_out, len(without) - len(felt)
 
 
-def _stands_out(jump: float, peak: float) -> bool:
-    return abs(jump) > 0.15 * peak
+def _deepest(span: tuple[float, float], pose: Stream, direction: np.ndarray) -> float:
+    time = np.arange(span[0], span[1], GRID_S)
+    return float(time[(pose.at(time)[:, :3] @ direction).argmax()])
 
 
-def means(values: np.ndarray, low: int, high: int, count: int) -> np.ndarray:
-    """Means over `count` short stretches, evenly over the samples low to high, the end included.
+def _rise(force: Stream, span: tuple[float, float], direction: np.ndarray) -> float:
+    """Return the range of the smoothed force along a direction in a span, N."""
+    inside = (force.time_s >= span[0]) & (force.time_s <= span[1])
+    if np.sum(inside) < 3:
+        return 0.0
+    values = force.values[inside]
+    along = values[:, 0] if values.shape[1] == 1 else values @ direction
+    return float(np.ptp(smooth(along, force.time_s[inside])))
 
-    A stretch covers a quarter of the way to the next, so that a curved course is not flattened.
-    """
-    n = high - low
-    if n < 2 or count == 0:
-        return np.zeros(0)
-    count = min(count, n)
-    ends = low + np.arange(1, count + 1) * n // count - 1
-    half = n // count // 8
-    return np.array([values[max(end - 2 * half, low) : end + 1].mean() for end in ends])
+
+def _another(
+    force: Stream, span: tuple[float, float], press: CutPress, direction: np.ndarray
+) -> list[tuple[float, str]]:
+    """Say where the rest of a span holds another contact."""
+    around = ((span[0], press.touch_s - 0.2), (press.release_s + 0.2, span[1]))
+    return [
+        ((part[0] + part[1]) / 2, "force was felt, but not along one line in and out")
+        for part in around
+        if _rise(force, part, direction) > FELT * press.force_n.max()
+    ]
 
 
 def _without_weak(presses: Sequence[CutPress]) -> tuple[list[CutPress], list[tuple[float, str]]]:

@@ -193,6 +193,13 @@ class Rig(Table):
     noise: Noise = Field(default_factory=Noise)
     map: Map = Field(default_factory=Map)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _empty_tables_are_not_given(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {k: v for k, v in value.items() if not (k in ("probe", "body") and v == {})}
+
     def needed(self) -> tuple[tuple[str, str], ...]:
         """Keys without which this kind of recording cannot become a study, each with its question.
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.errors import InputError
-from palpmap.importing.columns import numbers, rotated, seconds
+from palpmap.importing.columns import continuous, matrices, numbers, rotated, seconds
 from palpmap.importing.recording import Recording, Table
 from palpmap.importing.rig import Clock, Pose, Rig
-from palpmap.importing.rotation import continuous, matrices
 
 FEWEST_MESSAGES = 100
 GAP_STEPS = 5.0  # of the usual time step: a longer one is a gap
@@ -39,6 +38,10 @@ class Stream:
     def step_s(self) -> float:
         """Usual time between two messages, s."""
         return float(np.median(np.diff(self.time_s)))
+
+    def later(self, offset_s: float) -> Stream:
+        """Return the stream with an offset added to its clock."""
+        return Stream(self.time_s + offset_s, self.values, self.gaps + offset_s)
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the values (m, k) at other times, between two messages."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpmap.importing.rotation import matrices
+from palpmap.importing.columns import matrices
 from palpmap.importing.stream_data import Stream
 
 if TYPE_CHECKING:
     from palpmap.importing.contact import Contact
-    from palpmap.importing.cutting import Window
+    from palpmap.importing.press import Window
 
 GRAVITY = 9.80665
 LEAST_TURN_DEG = 3.0

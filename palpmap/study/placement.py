@@ -5,6 +5,7 @@ which a block reaches from 0 to its size, and refuses presses that are not on th
 """
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -152,12 +153,18 @@ def _check_distance(scan: Scan, study: Study, distance: np.ndarray) -> None:
 
 def _distance_to_surface(points: np.ndarray, study: Study) -> tuple[np.ndarray, np.ndarray]:
     """Distance of points to the surface in the study's file, and the inward normals there."""
+    assert study.body.file is not None  # the study's own rule for a surface
+    closest, inward = closest_on_surface(points, study.body.file)
+    return np.linalg.norm(points - closest, axis=1), inward
+
+
+def closest_on_surface(points: np.ndarray, file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the closest points (j, 3) on the surface in a file, and the inward normals there."""
     import pyvista
 
     from fem.mesh.surface import read_surface
 
-    assert study.body.file is not None  # the study's own rule for a surface
-    surface = read_surface(study.body.file)
+    surface = read_surface(file)
     triangles = pyvista.PolyData.from_regular_faces(surface.vertices, surface.triangles)
     # Any: the declared return type is a union that depends on the flag.
     found: Any = triangles.find_closest_cell(points, return_closest_point=True)
@@ -165,4 +172,4 @@ def _distance_to_surface(points: np.ndarray, study: Study) -> tuple[np.ndarray, 
     a, b, c = (surface.vertices[surface.triangles[cells, i]] for i in range(3))
     inward = np.cross(c - a, b - a)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    return np.linalg.norm(points - closest, axis=1), inward
+    return closest, inward

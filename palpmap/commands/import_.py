@@ -1,0 +1,54 @@
+"""`palpmap import`: what it prints."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from palpmap.console import Output, to_type
+from palpmap.importing.importing import import_recording
+from palpmap.importing.propose import propose_rig
+from palpmap.importing.read import read_recording
+from palpmap.importing.rig import parse_rig
+
+
+def run_propose(files: Sequence[Path], output: Output) -> None:
+    """Print a mapping for a recording."""
+    text = propose_rig(read_recording(files))
+    if output.json:
+        output.result({"schema": 1, "rig": text})
+    elif not output.quiet:
+        sys.stdout.write(text)
+
+
+def run_import(
+    *, files: Sequence[Path], rig: Path | None, out: Path, form: str, output: Output
+) -> None:
+    """Write scan, study and page; without a mapping the proposed one is tried.
+
+    Raises
+    ------
+    InputError
+        See `palpmap.importing.importing.import_recording`.
+    """
+    mapping = rig or parse_rig(propose_rig(read_recording(files)), Path("proposed mapping"))
+    made = import_recording(files, mapping)
+    study = made.write(out, form)
+    scan = made.scan
+    output.result(
+        {
+            "schema": 1,
+            "study": str(study),
+            "scan": str(out / f"scan.{form}"),
+            "page": str(out / "import.md"),
+            "presses": len(scan.press_ids),
+            "rows": len(scan),
+            "left_out": [
+                {"time_s": time, "reason": reason}
+                for time, reason in (made.cut.left_out if made.cut else ())
+            ],
+            "found": list(made.said),
+        },
+        *(f"- {sentence}" for sentence in made.said),
+        f"{len(scan.press_ids)} presses, {len(scan)} rows in {study}.",
+        f"Next: {to_type('check', study)}",
+    )

@@ -1,0 +1,244 @@
+"""From a rig's own files to a scan, a study and a page that says what was found and assumed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan import Scan
+from models.scan_file import read_scan, write_scan
+from palpmap.importing.cutting import Cut, cut_stream
+from palpmap.importing.read import read_recording
+from palpmap.importing.readings import scan_of_readings
+from palpmap.importing.rig import Rig, load_rig
+from palpmap.study.body import Body
+from palpmap.study.placement import closest_on_surface, place_scan
+from palpmap.study.study import About, Study, load_study, write_study
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A recording in the form of a scan.
+
+    Attributes
+    ----------
+    files : that were read
+    rig : mapping by which they were read
+    scan : the scan
+    said : what was found, assumed and left out, in sentences
+    cut : presses of a raw stream with their touches, lag and left-out presses; None of readings
+    """
+
+    files: tuple[Path, ...]
+    rig: Rig = field(repr=False)
+    scan: Scan = field(repr=False)
+    said: tuple[str, ...] = field(repr=False)
+    cut: Cut | None = field(default=None, repr=False)
+
+    def write(self, folder: str | os.PathLike[str], form: str = "csv") -> Path:
+        """Write scan, study.toml, import.md and a copy of the body's surface; return the study.
+
+        Parameters
+        ----------
+        form : csv or parquet
+
+        Raises
+        ------
+        InputError
+            A study that is there already; a scan or a body that cannot be right.
+        """
+        folder = Path(folder)
+        study_file = folder / "study.toml"
+        if study_file.exists():
+            raise InputError(
+                f"{study_file}: is already there and is not overwritten; choose another --out"
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        scan_file = folder / f"scan.{form}"
+        write_scan(self.scan, scan_file)
+        try:
+            write_study(_study(self.rig, scan_file, folder), study_file)
+            study = load_study(study_file)
+            place_scan(read_scan(scan_file, study.study.units_checked), study)
+        except ValueError:
+            scan_file.unlink(missing_ok=True)
+            study_file.unlink(missing_ok=True)
+            raise
+        text = _commented(study_file.read_text(encoding="utf-8"), self)
+        study_file.write_text(text, encoding="utf-8")
+        (folder / "import.md").write_text(self.page(), encoding="utf-8")
+        return study_file
+
+    def page(self) -> str:
+        """Return what was found and assumed, as Markdown."""
+        scan = self.scan
+        used = scan.used()
+        counts = {name: int(np.sum(scan.phase == name)) for name in np.unique(scan.phase)}
+        rows = [
+            ("Presses", str(len(scan.press_ids))),
+            ("Rows", f"{len(scan)} ({', '.join(f'{n} {name}' for name, n in counts.items())})"),
+            ("Force", f"{used.force_n.min():.4g} to {used.force_n.max():.4g} N"),
+            (
+                "Travel since first touch",
+                f"{1e3 * used.displacement_m.min():.4g} to {1e3 * used.displacement_m.max():.4g} "
+                "mm",
+            ),
+            (
+                "Time",
+                f"{scan.time_s.min():.4g} to {scan.time_s.max():.4g} s"
+                if scan.has_time
+                else "unknown",
+            ),
+        ]
+        files = [f"- {path.name}" for path in self.files[:20]]
+        if len(self.files) > 20:
+            files.append(f"- and {len(self.files) - 20} more")
+        return "\n".join(
+            [
+                f"# Import of {self.rig.name}",
+                "",
+                "| | |",
+                "|---|---|",
+                *[f"| {name} | {value} |" for name, value in rows],
+                "",
+                "## Files",
+                "",
+                *files,
+                "",
+                "## Found and assumed",
+                "",
+                *[f"- {sentence}" for sentence in self.said],
+                "",
+                "## Next",
+                "",
+                "`palpmap check study.toml` looks at each press; `palpmap explain study.toml` gives"
+                " the verdict.",
+                "",
+            ]
+        )
+
+
+def import_recording(
+    files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
+    rig: Rig | str | os.PathLike[str],
+) -> Imported:
+    """Read the files of a recording and make a scan of it.
+
+    Parameters
+    ----------
+    files : one or more: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags
+    rig : mapping, or its file
+
+    Raises
+    ------
+    InputError
+        Naming file, row, topic or key, what was found and what is expected.
+    """
+    files = [files] if isinstance(files, (str, os.PathLike)) else list(files)
+    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    if asked := rig.needed():
+        keys = "; ".join(f"{key}: {question}" for key, question in asked)
+        raise InputError(
+            f"the recording does not tell everything; give in the mapping (--rig): {keys}"
+        )
+    assert rig.body  # `Rig.needed` asks
+    assert rig.probe
+    recording = read_recording(files)
+    said = list(recording.notes)
+    cut = None
+    if rig.kind == "readings":
+        scan, found = scan_of_readings(recording, rig)
+    else:
+        cut = cut_stream(recording, rig)
+        scan, moved = put_on_surface(cut.scan(rig.probe.radius_m), rig.body, rig.rows.surface_m)
+        found = [*cut.said, moved]
+    return Imported(tuple(map(Path, files)), rig, scan, (*said, *found), cut)
+
+
+def put_on_surface(scan: Scan, body: Body, largest_m: float) -> tuple[Scan, str]:
+    """Move the contact points of a measured path onto the body's surface; second, a sentence.
+
+    Raises
+    ------
+    InputError
+        If a point lies further off than `largest_m`.
+    """
+    points = scan.contact_points
+    if body.project_points:
+        return scan, "The block stands in for the body (project_points): points were not moved."
+    if body.shape == "block":
+        assert body.size_m is not None  # the study's own rule for a block
+        closest = points.copy()
+        closest[:, 2] = body.origin_m[2] + body.size_m[2]
+        what, key = "the block's top", "body.size_m"
+    else:
+        assert body.file is not None  # the study's own rule for a surface
+        origin = np.array(body.origin_m)
+        closest = closest_on_surface(points - origin, body.file)[0] + origin
+        what, key = "the surface", "body.file"
+    distance = np.linalg.norm(closest - points, axis=1)
+    j = int(distance.argmax())
+    if distance[j] > largest_m:
+        x, y, z = points[j]
+        raise InputError(
+            f"press {j}: found its first touch at ({x:.4f}, {y:.4f}, {z:.4f}) m, "
+            f"{1e3 * distance[j]:.3g} mm off {what} (middle of all: "
+            f"{1e3 * float(np.median(distance)):.3g} mm), expected at most {1e3 * largest_m:g} mm; "
+            f"correct body.origin_m or {key}, the frame, or rows.surface_m"
+        )
+    said = (
+        f"The contact points were moved onto {what} by {1e3 * float(np.median(distance)):.2g} mm "
+        f"(at most {1e3 * distance[j]:.2g} mm)."
+    )
+    return scan.replace(point_m=closest[scan.press_index]), said
+
+
+def _study(rig: Rig, scan_file: Path, folder: Path) -> Study:
+    assert rig.body  # `Rig.needed` asks
+    assert rig.probe
+    body = rig.body
+    if body.file is not None:
+        copy = folder.resolve() / body.file.name
+        if copy != body.file.resolve():
+            try:
+                shutil.copyfile(body.file, copy)
+            except OSError as error:
+                raise InputError(
+                    f"{body.file}, key body.file: cannot be read ({error.strerror}); check the path"
+                ) from error
+        body = body.model_copy(update={"file": copy})
+    return Study(
+        study=About(name=rig.name, scan=scan_file.resolve()),
+        body=body,
+        probe=rig.probe,
+        noise=rig.noise,
+        map=rig.map,
+    )
+
+
+def _commented(text: str, made: Imported) -> str:
+    """Put a comment above each table of a study file."""
+    names = ", ".join(path.name for path in made.files[:3]) + (
+        ", ..." if len(made.files) > 3 else ""
+    )
+    comments = {
+        "[study]": f"# Made by palpmap import from {names}; import.md says what was found.",
+        "[body]": "# The body, as the mapping states it: size, file and origin_m in m.",
+        "[probe]": "# The tip.",
+        "[noise]": "# One standard deviation of each reading.",
+        "[map]": '# Number of inclusions, or "auto".',
+    }
+    lines = []
+    for line in text.splitlines():
+        if line in comments:
+            lines.append(comments[line])
+        lines.append(line)
+    if "[noise]" not in text:
+        lines += ["", "# No [noise]: it is estimated from the scan."]
+    return "\n".join(lines) + "\n"

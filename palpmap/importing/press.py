@@ -1,0 +1,224 @@
+"""One press of a stream, as rows of a scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpmap.importing.alignment import smooth
+from palpmap.importing.contact import (
+    TARE_S,
+    TOUCH_SHARE,
+    SpoiltPress,
+    find_contact,
+    find_touch,
+    tared_at,
+)
+from palpmap.importing.rig import Rows
+from palpmap.importing.stream_data import Stream, noise_of
+
+SIDEWAYS_M = 1.0e-3
+SIDEWAYS = 0.2  # of the stroke
+LONGEST_GAP_S = 0.1
+LONGEST_GAP = 0.08  # of the contact
+HOLD_SMOOTHED_S = 0.06
+STILL = 0.25  # of the speed on the way in or out: slower, the tip holds
+ROUGH_FIT = 0.05  # of the largest force: the way in is no smooth curve
+JUMP = 0.15  # of the largest force, between before and after
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The samples of one motion into the body and out again, on the force's messages.
+
+    Attributes
+    ----------
+    time_s : (m,)
+    position_m : (m, 3) of the tip
+    force : (m, k) N, in the scan's frame if k is 3
+    direction : (3,) of pressing
+    """
+
+    time_s: np.ndarray
+    position_m: np.ndarray
+    force: np.ndarray
+    direction: np.ndarray
+
+    @property
+    def depth_m(self) -> np.ndarray:
+        """Position along the direction, (m,) m."""
+        return self.position_m @ self.direction
+
+    @property
+    def force_n(self) -> np.ndarray:
+        """Force along the direction, (m,) N."""
+        return self.force[:, 0] if self.force.shape[1] == 1 else self.force @ self.direction
+
+
+@dataclass(frozen=True, eq=False)
+class CutPress:
+    """A press's readings and where it touched first.
+
+    Attributes
+    ----------
+    touch_s, release_s : time of first touch and of the last contact
+    touch_error_m : standard deviation of the depth of first touch
+    point_m, direction : (3,)
+    time_s, force_n, displacement_m, phase : rows of the scan
+    """
+
+    touch_s: float
+    release_s: float
+    touch_error_m: float
+    point_m: np.ndarray
+    direction: np.ndarray
+    time_s: np.ndarray
+    force_n: np.ndarray
+    displacement_m: np.ndarray
+    phase: np.ndarray
+
+
+def window_of(
+    force: Stream,
+    pose: Stream,
+    span: tuple[float, float],
+    mean_direction: np.ndarray,
+    stated: np.ndarray | Stream | None,
+) -> Window | None:
+    """Cut out the samples of a span in which the tip moves along its line."""
+    inside = (force.time_s >= span[0]) & (force.time_s <= span[1])
+    time = force.time_s[inside]
+    if len(time) < 20:
+        return None
+    position = pose.at(time)[:, :3]
+    depth = smooth(position @ mean_direction, time)
+    k = int(depth.argmax())
+    stroke = depth[k] - max(depth[: k + 1].min(), depth[k:].min())
+    deep = depth > depth[k] - 0.3 * stroke
+    if isinstance(stated, Stream):
+        direction = stated.at(time[deep]).mean(axis=0)
+        direction /= np.linalg.norm(direction)
+    elif stated is not None:
+        direction = stated
+    else:
+        centred = position[deep] - position[deep].mean(axis=0)
+        direction = np.linalg.svd(centred, full_matrices=False)[2][0]
+        direction = direction * np.sign(direction @ mean_direction)
+    offset = position - position[k]
+    sideways = np.linalg.norm(offset - np.outer(offset @ direction, direction), axis=1)
+    outside = np.flatnonzero(sideways > SIDEWAYS_M + SIDEWAYS * stroke)
+    low = outside[outside < k].max(initial=-1) + 1
+    high = outside[outside > k].min(initial=len(time))
+    if high - low < 20:
+        return None
+    return Window(time[low:high], position[low:high], force.values[inside][low:high], direction)
+
+
+def cut_press(
+    window: Window, rows: Rows, force_gaps: np.ndarray, pose_gaps: np.ndarray
+) -> CutPress | None:
+    """Tare the force, find the first touch and the hold, and take the rows; None without contact.
+
+    Parameters
+    ----------
+    force_gaps, pose_gaps : (g, 2) begin and end of pauses in the messages, s
+
+    Raises
+    ------
+    SpoiltPress
+        With the reason why the press cannot be used.
+    """
+    time, depth = window.time_s, window.depth_m
+    contact = find_contact(time, window.force_n, depth)
+    if contact is None:
+        return None
+    force = window.force_n - contact.tare_n
+    inside = slice(contact.touch, contact.release + 1)
+    length = time[contact.release] - time[contact.touch]
+    for gaps, name in ((force_gaps, "force"), (pose_gaps, "pose")):
+        for start, end in gaps.tolist():
+            overlap = min(end, time[contact.release]) - max(start, time[contact.touch] - 0.05)
+            if overlap > min(LONGEST_GAP_S, LONGEST_GAP * length):
+                raise SpoiltPress(f"{1e3 * (end - start):.0f} ms of the {name} are missing")
+    even_depth, even_force = smooth(depth, time), smooth(force, time)
+    peak = float(even_force[inside].max())
+    noise = noise_of(window.force_n[:, None])[0]
+    if abs(contact.jump_n) > max(JUMP * peak, 3 * noise):
+        raise SpoiltPress(
+            f"the force without contact differs by {contact.jump_n:.3g} N before and after"
+        )
+    travel = float(even_depth[inside].max() - even_depth[contact.touch])
+    top = int(np.flatnonzero(even_depth >= even_depth[contact.touch] + TOUCH_SHARE * travel)[0])
+    way_in = slice(int(np.searchsorted(time, time[contact.touch] - TARE_S)), top + 1)
+    touch, touch_error, rough = find_touch(depth[way_in], force[way_in], travel)
+    contact = tared_at(contact, time, window.force_n, even_depth, touch)
+    force = window.force_n - contact.tare_n
+    even_force = smooth(force, time)
+    if rough > 3 * noise + ROUGH_FIT * peak:
+        raise SpoiltPress(f"the force on the way in is no smooth curve (off by {rough:.2g} N)")
+    first = (
+        int(np.flatnonzero(even_depth[: top + 1] < touch)[-1]) + 1
+        if np.any(even_depth[: top + 1] < touch)
+        else contact.touch
+    )
+    touched = slice(first, contact.release + 1)
+    held = _hold(time[touched], depth[touched] - touch)
+    parts = (
+        ("load", first, first + held.start, rows.load),
+        ("hold", first + held.start, first + held.stop, rows.hold),
+        ("unload", first + held.stop, contact.release + 1, rows.unload),
+    )
+    made = [
+        (name, [_means(values, low, high, count) for values in (time, force, depth - touch)])
+        for name, low, high, count in parts
+    ]
+    loading = slice(first, first + held.start)
+    beside = window.position_m[loading] - np.outer(depth[loading], window.direction)
+    return CutPress(
+        touch_s=float(time[first]),
+        release_s=float(time[contact.release]),
+        touch_error_m=touch_error,
+        point_m=beside.mean(axis=0) + touch * window.direction,
+        direction=window.direction,
+        time_s=np.concatenate([columns[0] for _, columns in made]),
+        force_n=np.concatenate([columns[1] for _, columns in made]),
+        displacement_m=np.concatenate([columns[2] for _, columns in made]),
+        phase=np.concatenate([np.full(len(columns[0]), name, "U8") for name, columns in made]),
+    )
+
+
+def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
+    """Return the samples in which the tip holds: after it has slowed, before it goes out.
+
+    Parameters
+    ----------
+    time, travel : (m,) of the contact, s and m
+    """
+    even = smooth(travel, time, HOLD_SMOOTHED_S)
+    speed = np.gradient(even, time)
+    deep = np.flatnonzero(even > 0.5 * even.max())
+    going_in, going_out = int(deep[0]), int(deep[-1])
+    usual_in = np.quantile(speed[: going_in + 1], 0.8)
+    usual_out = np.quantile(-speed[going_out:], 0.8)
+    slow = np.flatnonzero(speed[going_in:] < STILL * usual_in)
+    still = np.flatnonzero(speed[: going_out + 1] > -STILL * usual_out)
+    first = going_in + int(slow[0]) if len(slow) else len(time)
+    last = int(still[-1]) + 1 if len(still) else 0
+    if last - first < 2:  # no hold: the way in ends where it is deepest
+        first = last = int(even.argmax()) + 1
+    return slice(first, last)
+
+
+def _means(values: np.ndarray, low: int, high: int, count: int) -> np.ndarray:
+    """Means over `count` short stretches, evenly over the samples low to high, the end included.
+
+    A stretch covers a quarter of the way to the next, so that a curved course is not flattened.
+    """
+    n = high - low
+    if n < 2 or count == 0:
+        return np.zeros(0)
+    count = min(count, n)
+    ends = low + np.arange(1, count + 1) * n // count - 1
+    half = n // count // 8
+    return np.array([values[max(end - 2 * half, low) : end + 1].mean() for end in ends])

@@ -1,0 +1,285 @@
+"""A first mapping for a recording, by looking: each line has its reason; a person corrects it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from models.errors import InputError
+from models.scan_checks import PHASES
+from palpmap.importing.cutting import force_with_depth
+from palpmap.importing.look import (
+    counts_presses,
+    find_clock,
+    find_force,
+    find_quaternion,
+    find_travel,
+    find_triples,
+    first_fitting,
+    is_force,
+    is_phase,
+    is_unit,
+    matches,
+    time_unit,
+    unit_of,
+)
+from palpmap.importing.recording import PART, Channel, Recording, Table
+from palpmap.importing.rig import Rig, parse_rig
+from palpmap.importing.units import LENGTH
+
+ALIKE = 0.02  # of the correlation: two frames cannot be told apart
+PHASE_WORDS = {
+    "approach": ("approach", "anfahr", "annäh"),
+    "load": ("load", "press", "belast", "loading", "in", "down"),
+    "hold": ("hold", "halt", "dwell", "stay"),
+    "unload": ("unload", "entlast", "release", "out", "up"),
+    "retract": ("retract", "retreat", "rückzug", "away"),
+}
+
+
+@dataclass
+class Line:
+    """One line of the proposal."""
+
+    text: str
+    reason: str = ""
+
+
+def propose_rig(recording: Recording) -> str:
+    """Return a mapping as TOML; what the recording does not tell stands there as a comment.
+
+    Raises
+    ------
+    InputError
+        If no column can be the force.
+    """
+    force = find_force(recording)
+    table = force[0].table
+    press = first_fitting(recording, "press", counts_presses)
+    travel = find_travel(recording, force)
+    readings = press is not None and travel is not None
+    lines = [
+        Line("# What the columns of this rig's recordings mean. Correct it, fill in what is"),
+        Line("# missing (lines that begin with '# ... ='), and keep it for all recordings."),
+        Line(""),
+        Line(
+            f'kind = "{"readings" if readings else "stream"}"',
+            f"'{press.name}' numbers the presses" if readings and press else
+            "no column numbers the presses: they will be cut from the stream",
+        ),
+    ]  # fmt: skip
+    clock = find_clock(table)
+    if clock:
+        unit, why = time_unit(clock)
+        lines += [Line("\n[time]"), Line(f'column = "{_short(clock, table)}"', "rises from row to "
+                  "row"), Line(f'unit = "{unit}"', why)]  # fmt: skip
+        if PART in table.columns and np.any(np.diff(clock.numbers()) < 0):
+            lines.append(Line("# pause_s =", "the clock starts anew in each part: the rest in s"))
+    lines += _readings(recording, force, travel, press) if readings else _stream(recording, force)
+    lines += [
+        Line("\n[probe]"),
+        Line("# tip =", '"flat" or "sphere"; a recording does not tell it'),
+        Line("# radius_m =", "radius of the tip in m"),
+        Line("\n[body]"),
+        Line("# shape =", '"block", or "surface" with file = "organ.stl"'),
+        Line("# size_m =", "of a block: [x, y, z] in m"),
+        Line("# origin_m =", "of a block: its lower corner in the recording's frame, [x, y, z] in "
+             "m; z lies size_m[2] below the touches"),
+        Line("# poisson_ratio =", "0.49 for silicone and tissue"),
+    ]  # fmt: skip
+    text = "\n".join(_aligned(lines)) + "\n"
+    parse_rig(text, Path("proposed mapping"))
+    return text
+
+
+def _aligned(lines: Sequence[Line]) -> list[str]:
+    return [f"{line.text:<44}  # {line.reason}" if line.reason else line.text for line in lines]
+
+
+def _quoted(channels: Sequence[Channel]) -> str:
+    return "[" + ", ".join(f'"{channel.name}"' for channel in channels) + "]"
+
+
+def _short(clock: Channel, table: Table) -> str:
+    return next(name for name, values in table.columns.items() if values is clock.values)
+
+
+def _readings(
+    recording: Recording, force: tuple[Channel, ...], travel: Channel | None, press: Channel | None
+) -> list[Line]:
+    assert travel is not None
+    assert press is not None
+    lines = [Line("\n[press]"), Line(f'number = "{press.name}"', "whole numbers that do not fall")]
+    phase = next((c for c in recording.channels if matches(c, "phase") and is_phase(c)), None)
+    if phase is not None:
+        lines.append(Line(f'phase = "{phase.name}"', "few different values"))
+        if names := _phase_names(phase):
+            pairs = ", ".join(f'"{text}" = "{name}"' for text, name in names.items())
+            lines.append(Line(f"phases = {{{pairs}}}", "by the words: check it"))
+    triples = find_triples(recording)
+    direction = next((t for t in triples if matches(t[0], "direction") and is_unit(t)), None)
+    points = [t for t in triples if t[0] not in force and t is not direction and not is_force(t[0])
+              and matches(t[0], "point") and t[0].unit in ("", *LENGTH)]  # fmt: skip
+    point = points[0] if points else None
+    if direction:
+        lines.append(Line(f"direction = {_quoted(direction)}", "columns of unit length"))
+    elif point and np.ptp(point[2].values) < 1e-6 * (np.ptp(point[0].values) + 1e-12):
+        lines.append(
+            Line("direction = [0.0, 0.0, -1.0]", "all contact points have one z: down onto it")
+        )
+    else:
+        lines.append(Line("# direction =", "of pressing, into the body: three numbers or columns"))
+    unit, why = unit_of(force, "force")
+    lines += [Line("\n[force]"), _force_columns(force), Line(f'unit = "{unit}"', why)]
+    if len(force) == 1:
+        lines.append(_sign(force[0].values, "the pressing force counts positive"))
+    elif direction or any(line.text.startswith("direction = [") for line in lines):
+        way = [c.values for c in direction] if direction else [0.0, 0.0, -1.0]
+        along = sum(c.values * w for c, w in zip(force, way, strict=True))
+        lines.append(_sign(np.asarray(along), "the force on the body goes along the direction"))
+    unit, why = unit_of([travel], "length")
+    lines += [
+        Line("\n[travel]"),
+        Line(f'column = "{travel.name}"', "by its name"),
+        Line(f'unit = "{unit}"', why),
+        _sign(travel.values, "travel into the body counts positive"),
+    ]
+    if point:
+        unit, why = unit_of(point, "length")
+        lines += [
+            Line("\n[point]"),
+            Line(f"columns = {_quoted(point)}", "by their names"),
+            Line(f'unit = "{unit}"', why),
+        ]
+    else:
+        lines += [Line("\n# [point]"), Line("# columns =", "the contact points [x, y, z]"),
+                  Line("# unit =", "their unit")]  # fmt: skip
+    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")), None)
+    if radius is not None:
+        unit, why = unit_of([radius], "length")
+        lines += [Line("\n[radius]"), Line(f'column = "{radius.name}"', "by its name"),
+                  Line(f'unit = "{unit}"', why)]  # fmt: skip
+    return lines
+
+
+def _force_columns(force: tuple[Channel, ...]) -> Line:
+    if len(force) == 3:
+        return Line(f"columns = {_quoted(force)}", "three axes, by their names")
+    return Line(f'column = "{force[0].name}"', "by its name or unit")
+
+
+def _sign(values: np.ndarray, rule: str) -> Line:
+    largest = float(values[int(np.nanargmax(np.abs(values)))])
+    return Line(
+        f"sign = {1 if largest >= 0 else -1}", f"{rule}, and its largest value is {largest:.3g}"
+    )
+
+
+def _phase_names(phase: Channel) -> dict[str, str]:
+    texts = [f"{v:g}" if phase.is_number else str(v) for v in np.unique(phase.values)]
+    if set(texts) <= set(PHASES):
+        return {}
+    if phase.is_number:
+        order = ["load", "hold", "unload"]
+        return dict(zip(texts, order, strict=False)) if len(texts) <= 3 else {}
+    found = {}
+    for text in texts:
+        low = text.strip().lower()
+        if low in PHASES:
+            continue
+        names = [n for n, words in PHASE_WORDS.items() if low.startswith(words)]
+        if names:
+            found[text] = names[0]
+    return found
+
+
+def _stream(recording: Recording, force: tuple[Channel, ...]) -> list[Line]:
+    unit, why = unit_of(force, "force")
+    table = force[0].table
+    triples = [
+        t
+        for t in find_triples(recording)
+        if t[0] not in force and not is_force(t[0]) and matches(t[0], "pose")
+        and t[0].unit in ("", *LENGTH) and "torque" not in t[0].name
+    ]  # fmt: skip
+    head = [Line("\n[press]"), Line('direction = "travel"', "the way the tip goes")]
+    head += [Line("\n[force]"), _force_columns(force), Line(f'unit = "{unit}"', why)]
+    if not triples:
+        return [
+            *head,
+            Line("\n# [pose]"),
+            Line("# columns =", "the tip's position [x, y, z]; joint angles do not give it"),
+            Line("# unit =", "its unit"),
+        ]
+    pose = max(triples, key=lambda t: len(t[0].values) * (sum(np.ptp(c.values) for c in t) > 0))
+    unit, why = unit_of(pose, "length")
+    tail = [
+        Line("\n[pose]"),
+        Line(f"columns = {_quoted(pose)}", "by their names"),
+        Line(f'unit = "{unit}"', why),
+    ]
+    quaternion = find_quaternion(recording, pose[0].table)
+    if quaternion:
+        tail += [Line(f"orientation = {_quoted(quaternion)}", "four columns of unit length"),
+                 Line('order = "xyzw"')]  # fmt: skip
+    other = pose[0].table
+    clock = find_clock(other)
+    if other is not table and clock is not None:
+        name, own = _short(clock, other), find_clock(table)
+        if own is None or _short(own, table) != name or time_unit(clock) != time_unit(own):
+            tail.append(
+                Line(f'clock = {{column = "{name}", unit = "{time_unit(clock)[0]}"}}',
+                     f"the pose has its own clock in {other.name}")
+            )  # fmt: skip
+    tail.append(Line("# tip_offset_m =", "from the measured point to the tip's end, in its axes"))
+    return [*head, *_tried(recording, force, [*head, *_time_lines(table), *tail]), *tail]
+
+
+def _time_lines(table: Table) -> list[Line]:
+    clock = find_clock(table)
+    if clock is None:
+        return []
+    return [Line("\n[time]"), Line(f'column = "{_short(clock, table)}"'),
+            Line(f'unit = "{time_unit(clock)[0]}"')]  # fmt: skip
+
+
+def _tried(recording: Recording, force: tuple[Channel, ...], lines: list[Line]) -> list[Line]:
+    """Sign and frame of the force: those with which force and depth rise together best."""
+    frames = (
+        ("base", "tip")
+        if len(force) == 3 and any(line.text.startswith("orientation") for line in lines)
+        else ("base",)
+    )
+    found: list[tuple[float, int, str]] = []
+    plain = 'kind = "stream"\n' + "\n".join(line.text for line in lines)
+    for sign, frame in product((1, -1), frames):
+        text = plain.replace("[force]", f'[force]\nsign = {sign}\nframe = "{frame}"')
+        rig: Rig = parse_rig(text, Path("proposed mapping"))
+        try:
+            found.append((force_with_depth(recording, rig), sign, frame))
+        except InputError:
+            continue
+    if not found:
+        return [Line("# sign =", "1 or -1; it could not be tried, as force and pose do not align")]
+    correlation, sign, frame = max(found)
+    why = f"force and depth then rise together (correlation {correlation:.2f})"
+    made = [Line(f"sign = {sign}", why)]
+    if len(frames) == 2:
+        others = max((c for c, _, f in found if f != frame), default=0.0)
+        if correlation - others < ALIKE:
+            frame, why = _frame_by_name(force[0].table), "both frames fit alike: check it"
+        else:
+            why = f"{why}; in the other frame {others:.2f}"
+        made.append(Line(f'frame = "{frame}"', why))
+    return made
+
+
+def _frame_by_name(table: Table) -> str:
+    names = table.columns.get("frame_id")
+    name = str(names[0]).lower() if names is not None else "sensor"
+    return "base" if re.search("base|world|map", name) else "tip"

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         scan,
     )
     from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
+    from palpmap.importing.importing import Imported, import_recording
     from palpmap.study.body import Body
     from palpmap.study.study import Study
     from sim.motion.settings import ScanSettings
@@ -68,6 +69,7 @@ _HOMES = {
         "diagnose", "explain", "fit", "limits", "read_run", "scan",
     ),
     "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
+    "palpmap.importing.importing": ("Imported", "import_recording"),
     "palpmap.study.body": ("Body",),
     "palpmap.study.study": ("Study",),
     "sim.motion.settings": ("ScanSettings",),
@@ -87,6 +89,7 @@ __all__ = [
     "FitResult",
     "FlatTip",
     "GaussianMap",
+    "Imported",
     "Inclusion",
     "InputError",
     "Noise",
@@ -104,6 +107,7 @@ __all__ = [
     "explain",
     "fit",
     "grid_program",
+    "import_recording",
     "join_scans",
     "limits",
     "read_run",

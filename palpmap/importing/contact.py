@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls
@@ -146,7 +147,8 @@ def find_touch(
     grid = np.linspace(deepest - 1.6 * travel_guess, deepest - 0.15 * travel_guess, 40)
     losses = [fitted(touch) for touch in grid]
     k = int(np.clip(np.argmin(losses), 1, len(grid) - 2))
-    best = minimize_scalar(fitted, bounds=(grid[k - 1], grid[k + 1]), method="bounded",
+    # Any: scipy's stubs say object
+    best: Any = minimize_scalar(fitted, bounds=(grid[k - 1], grid[k + 1]), method="bounded",
                            options={"xatol": 1e-4 * travel_guess})  # fmt: skip
     # standard deviation: half of where the sum of squares has grown by four times its variance
     limit = best.fun**2 * (1 + 4 / max(len(depth) - 5, 1))

@@ -214,7 +214,7 @@ def _study(rig: Rig, scan_file: Path, folder: Path) -> Study:
                 ) from error
         body = body.model_copy(update={"file": copy})
     return Study(
-        study=About(name=rig.name, scan=scan_file.resolve()),
+        study=About(name=rig.name, scan=scan_file.resolve()),  # pyright: ignore[reportCallIssue]
         body=body,
         probe=rig.probe,
         noise=rig.noise,

@@ -11,8 +11,19 @@ from palpmap.importing.rig import Clock, Rig
 from palpmap.importing.units import factor
 
 
-def numbers(recording: Recording, names: tuple[str, ...], unit: str, dimension: str, key: str):
+def numbers(
+    recording: Recording,
+    names: tuple[str, ...],
+    unit: str,
+    dimension: str,
+    key: str,
+    empty: bool = False,
+) -> tuple[np.ndarray, Table]:
     """Return columns in SI units, (m, k), and the table that they stand in.
+
+    Parameters
+    ----------
+    empty : True lets empty cells stand, as NaN
 
     Raises
     ------
@@ -28,7 +39,7 @@ def numbers(recording: Recording, names: tuple[str, ...], unit: str, dimension: 
                 f"{channel.table.name}, expected columns of one table"
             )
     scale = factor(unit, dimension, key) if dimension else 1.0
-    return scale * np.column_stack([channel.numbers() for channel in channels]), table
+    return scale * np.column_stack([channel.numbers(empty) for channel in channels]), table
 
 
 def seconds(recording: Recording, table: Table, clock: Clock | None, key: str) -> np.ndarray | None:

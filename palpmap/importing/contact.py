@@ -75,9 +75,10 @@ def find_contact(time: np.ndarray, force: np.ndarray, depth: np.ndarray) -> Cont
     if not len(off):
         raise SpoiltPress("the recording ends in contact")
     release = most + int(off[0]) - 1
+    as_deep = depth > depth[touch] - 0.05 * np.ptp(depth)
     again = np.concatenate(
         [even[:touch] > before + AGAIN * peak, even[release + 1 :] > after + AGAIN * peak]
-    )
+    ) & np.concatenate([as_deep[:touch], as_deep[release + 1 :]])
     if np.sum(again) > 0.03 / np.median(np.diff(time)):
         raise SpoiltPress("the tip touched more than once")
     return _tared(time, force, touch, release, count)

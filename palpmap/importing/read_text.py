@@ -46,6 +46,7 @@ def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
         raise InputError(f"{path}: found {len(lines)} lines of text, expected a table of readings")
     separator, comma = _dialect(path, lines)
     rows = [(number, _cells(path, number, line, separator)) for number, line in lines]
+    rows = _commented_header(path, text, rows, separator, comma) + rows
     header, units, body = _parts(path, rows, comma)
     names = once_each(header)
     _refuse_ragged(path, len(names), body)
@@ -163,6 +164,20 @@ def _is_number(cell: str, comma: bool) -> bool:
     if comma:
         cell = cell.replace(",", ".") if "." not in cell else "text"
     return cell.lower() in _EMPTY or _NUMBER.fullmatch(cell) is not None
+
+
+def _commented_header(
+    path: Path, text: str, rows: list[tuple[int, list[str]]], separator: str, comma: bool
+) -> list[tuple[int, list[str]]]:
+    """Return the comment above the first row if it names the columns."""
+    number, first = rows[0]
+    above = text.splitlines()[: number - 1]
+    if not above or not above[-1].lstrip().startswith(COMMENTS):
+        return []
+    names = _cells(path, number - 1, above[-1].lstrip(" #%/"), separator)
+    numbers = sum(_is_number(cell, comma) for cell in first)
+    fits = len(names) == len(first) and not any(_is_number(name, comma) for name in names)
+    return [(number - 1, names)] if fits and 2 * numbers > len(first) else []
 
 
 def _parts(

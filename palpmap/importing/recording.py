@@ -61,8 +61,12 @@ class Channel:
         """Whether all cells are numbers or empty."""
         return self.values.dtype.kind == "f"
 
-    def numbers(self) -> np.ndarray:
+    def numbers(self, empty: bool = False) -> np.ndarray:
         """Return the values as float64, (m,); dates become seconds since 1970.
+
+        Parameters
+        ----------
+        empty : True lets empty cells stand, as NaN
 
         Raises
         ------
@@ -71,7 +75,7 @@ class Channel:
         """
         values = self.values if self.is_number else self._from_text()
         bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
+        if len(bad) and not empty:
             raise InputError(
                 f"{self.table.where(int(bad[0]))}, {self.name}: found an empty cell or a value "
                 f"that is not finite ({len(bad)} of {len(values)} rows), expected a number; fill "

@@ -12,6 +12,7 @@ from palpmap.importing.recording import Recording, Table
 from palpmap.importing.rig import Clock, Pose, Rig
 
 FEWEST_MESSAGES = 100
+MOST_EMPTY = 0.2  # of the rows
 GAP_STEPS = 5.0  # of the usual time step: a longer one is a gap
 FROZEN_ROWS = 5
 SELDOM = 0.05  # share of equal neighbours below which a run of them is a frozen sensor
@@ -51,7 +52,7 @@ class Stream:
 def read_force(recording: Recording, rig: Rig, said: list[str]) -> Stream:
     """Return the force in N as the sensor has it, (m, 1) or (m, 3), sign applied."""
     names = rig.force.columns or (str(rig.force.column),)
-    values, table = numbers(recording, names, rig.force.unit, "force", "force.columns")
+    values, table = numbers(recording, names, rig.force.unit, "force", "force.columns", True)
     time = _time(recording, table, rig.force.clock or rig.time, "force")
     return ordered(time, rig.force.sign * values, f"force ({table.name})", said)
 
@@ -61,10 +62,10 @@ def read_pose(recording: Recording, rig: Rig, pose: Pose, said: list[str]) -> St
 
     Both are in the scan's frame; the position is that of the tip's end.
     """
-    values, table = numbers(recording, pose.columns, pose.unit, "length", "pose.columns")
+    values, table = numbers(recording, pose.columns, pose.unit, "length", "pose.columns", True)
     time = _time(recording, table, pose.clock or rig.time, "pose")
     if pose.orientation:
-        quaternion, home = numbers(recording, pose.orientation, "", "", "pose.orientation")
+        quaternion, home = numbers(recording, pose.orientation, "", "", "pose.orientation", True)
         if home is not table:
             raise InputError(
                 f"key pose.orientation: stands in {home.name} and the position in {table.name}, "
@@ -111,6 +112,15 @@ def _time(recording: Recording, table: Table, clock: Clock | None, key: str) -> 
 
 def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) -> Stream:
     """Sort messages by time, leave out repeated and frozen ones, and find the gaps."""
+    whole = np.isfinite(values).all(axis=1)
+    if empty := int(np.sum(~whole)):
+        if empty > MOST_EMPTY * len(whole):
+            raise InputError(
+                f"{name}: found empty cells in {empty} of {len(whole)} rows, expected numbers; "
+                "check the columns"
+            )
+        said.append(f"{name}: {empty} rows with empty cells were left out.")
+        time, values = time[whole], values[whole]
     late = int(np.sum(np.diff(time) < 0))
     if late:
         said.append(f"{name}: {late} messages came out of order and were sorted by their time.")

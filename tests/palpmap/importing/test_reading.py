@@ -4,6 +4,8 @@ import pickle
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_typestore
 
 from models.errors import InputError
 from models.scan_file import read_scan
@@ -104,3 +106,44 @@ def test_units_are_read_from_headers_and_from_a_row_below(tmp_path):
     }  # fmt: skip
     path.write_text("t,F,x\n[s],[N],[µm]\n1,2,3\n2,3,4\n3,4,5\n")
     assert [c.unit for c in read_recording([path]).channels] == ["s", "N", "um"]
+
+
+def test_a_commented_header_names_the_columns(tmp_path):
+    path = tmp_path / "wrench.csv"
+    path.write_text("%time,field.wrench.force.z\n1,2.5\n2,2.6\n3,2.7\n")
+    assert read_recording([path]).names == ("time", "field.wrench.force.z")
+    np.savetxt(path, np.ones((4, 2)), header="t F", comments="# ")
+    assert read_recording([path]).names == ("t", "F")
+
+
+def test_transforms_and_joints_are_read_from_a_bag(tmp_path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    stamp = types["builtin_interfaces/msg/Time"](sec=1_760_000_000, nanosec=5)
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="base")
+    there = types["geometry_msgs/msg/Vector3"](x=0.1, y=0.2, z=0.3)
+    turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+    moved = types["geometry_msgs/msg/Transform"](translation=there, rotation=turn)
+    one = types["geometry_msgs/msg/TransformStamped"](
+        header=header, child_frame_id="tip", transform=moved
+    )
+    joints = {"name": ["b", "a"], "position": np.array([1.0, 2.0]), "velocity": np.array([]),
+              "effort": np.array([])}  # fmt: skip
+    path = tmp_path / "run"
+    with Writer(path, version=9) as writer:
+        for topic, kind, message in (
+            ("/tf", "tf2_msgs/msg/TFMessage", types["tf2_msgs/msg/TFMessage"](transforms=[one])),
+            ("/joints", "sensor_msgs/msg/JointState",
+             types["sensor_msgs/msg/JointState"](header=header, **joints)),
+        ):  # fmt: skip
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for k in range(2):
+                writer.write(
+                    connection, 1_760_000_000_000_000_005 + k, store.serialize_cdr(message, kind)
+                )
+    for files in ([path], list(path.glob("*.db3"))):
+        recording = read_recording(files)
+        assert recording.channel("transform.translation.y", "k").values.tolist() == [0.2, 0.2]
+        assert recording.channel("/tf base->tip:stamp", "k").values.tolist() == [0.0, 0.0]
+        assert recording.channel("position.a", "k").values.tolist() == [2.0, 2.0]
+        assert "velocity.a" not in recording.names

@@ -112,7 +112,7 @@ def _time(recording: Recording, table: Table, clock: Clock | None, key: str) -> 
 
 def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) -> Stream:
     """Sort messages by time, leave out repeated and frozen ones, and find the gaps."""
-    whole = np.isfinite(values).all(axis=1)
+    whole = np.all(np.isfinite(values), axis=1)
     if empty := int(np.sum(~whole)):
         if empty > MOST_EMPTY * len(whole):
             raise InputError(

@@ -1,1 +1,1 @@
-"""What exists in the laboratory: the arm, the body's geometry and the measured table (Scan)."""
+"""Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""

@@ -2,7 +2,7 @@
 
 
 class InputError(ValueError):
-    """Input that cannot be used: one sentence with what, where, what was expected, what to do.
+    """Unusable input, in one sentence: the fault, its place, the expected form and the cure.
 
     Examples
     --------

@@ -19,26 +19,16 @@ class Scan:
 
     Attributes
     ----------
-    press : (m,) int64
-        Id of the press of each sample, in the order in which the presses were made.
-    time_s : (m,) float64
-        Absolute time over the whole scan in s; all NaN where the source has none.
-    phase : (m,) str
-        load, hold, unload, approach or retract.
-    point_m : (m, 3) float64
-        Contact point on the undeformed surface in m, body frame; one a press.
-    direction : (m, 3) float64
-        Unit direction of pressing, into the body; one a press.
-    force_n : (m,) float64
-        Contact force along the direction in N, pressing positive.
-    displacement_m : (m,) float64
-        Travel of the tip along the direction since first touch in m, inwards positive.
-    probe_radius_m : (m,) float64
-        Radius of the flat tip, or of the sphere, in m; one a press.
-    force_vector_n : (m, 3) float64 or None
-        Force vector on the body in N.
-    tip_pose : (m, 7) float64 or None
-        Measured pose of the tip: position in m and quaternion w, x, y, z.
+    press : (m,) id of the press of each sample, in the order in which the presses were made
+    time_s : (m,) s, over the whole scan; all NaN where the source has none
+    phase : (m,) load, hold, unload, approach or retract
+    point_m : (m, 3) m, contact point on the undeformed surface, body frame; one a press
+    direction : (m, 3) unit direction of pressing, into the body; one a press
+    force_n : (m,) N, contact force along the direction, pressing positive
+    displacement_m : (m,) m, travel of the tip along the direction since first touch, inwards +
+    probe_radius_m : (m,) m, radius of the flat tip, or of the sphere; one a press
+    force_vector_n : (m, 3) N, force vector on the body, or None
+    tip_pose : (m, 7) measured pose of the tip: position in m and quaternion w, x, y, z; or None
 
     Raises
     ------
@@ -126,12 +116,12 @@ class Scan:
 
     @property
     def has_time(self) -> bool:
-        """Whether the source knew the time of its samples."""
+        """True if the source knew the time of its samples."""
         return not bool(np.isnan(self.time_s).any())
 
     @property
     def in_contact(self) -> np.ndarray:
-        """Whether a row's phase is load, hold or unload, (m,) bool."""
+        """Rows of phase load, hold or unload, (m,) bool."""
         return np.isin(self.phase, CONTACT_PHASES)
 
     @property

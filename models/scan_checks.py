@@ -1,8 +1,8 @@
-"""What a measured table must fulfil before it becomes a Scan.
+"""Checks of a measured table before it becomes a Scan.
 
 Each check takes the table's columns (a dict from column name to array) and a `Where` that names a
-cell as its author finds it. The first cell that breaks a rule is reported, with what was found,
-what is expected and what to do.
+cell as its author finds it. The first cell that breaks a rule is reported: its value, the expected
+one and the cure.
 """
 
 import difflib
@@ -58,10 +58,8 @@ class Where:
 
     Attributes
     ----------
-    file : str
-        Name of the file, as the user wrote it.
-    line_of : callable or None
-        From row (0-based) to line number of the text file; None for a file without lines.
+    file : name of the file, as the user wrote it
+    line_of : from row (0-based) to line number of the text file; None for a file without lines
     """
 
     file: str
@@ -139,12 +137,10 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
 
     Parameters
     ----------
-    columns : mapping of str to (m,) array
-        `press` and all measured columns float64, `phase` text; `time_s` all NaN where unknown.
-    where : Where
-        Names the cells.
-    units_checked : bool
-        True skips the checks that guess from the size of the numbers that a unit is wrong.
+    columns : `press` and all measured columns (m,) float64, `phase` text; `time_s` all NaN where
+        unknown
+    where : names the cells
+    units_checked : skip the checks that guess a wrong unit from the size of the numbers
 
     Raises
     ------
@@ -388,6 +384,5 @@ def _check_forces(columns: Columns, where: Where) -> None:
         f"{where.cell(touching[row[at]], 'force_n')}: found {force[at]:g} N (typical press: "
         f"{typical:.3g} N, a body of {stiff / 1e3:.3g} kPa), expected at most "
         f"{LARGEST_TYPICAL_FORCE_N:g} N and {STIFFEST_BODY_PA / 1e3:g} kPa of a soft body; this "
-        "looks like grams (divide by 101.97) or millinewtons (divide by 1000) "
-        f"({UNITS_ESCAPE})"
+        f"looks like grams (divide by 101.97) or millinewtons (divide by 1000) ({UNITS_ESCAPE})"
     )

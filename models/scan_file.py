@@ -40,11 +40,9 @@ def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan
 
     Parameters
     ----------
-    path : path
-        File whose ending tells its form.
-    units_checked : bool
-        True where the user has confirmed the units: sizes that look like millimetres or grams
-        are then accepted.
+    path : file whose ending tells its form
+    units_checked : the user has confirmed the units: sizes that look like millimetres or grams are
+        then accepted
 
     Raises
     ------

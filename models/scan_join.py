@@ -30,9 +30,9 @@ def join_scans(
     Parameters
     ----------
     scans : in the order in which they were made
-    names : what to call each in a sentence, such as its path
+    names : of each in a sentence, such as its path
     pause_s : time from the last row of a scan to the first of the next, whatever their clocks
-        say; None takes the times as they stand
+        say; None keeps the times
 
     Returns
     -------

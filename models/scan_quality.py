@@ -1,4 +1,4 @@
-"""Readings of a Scan that are not what they seem, found from the table alone.
+"""Implausible readings of a Scan, found from the table alone.
 
 All tests compare readings of one press with each other, or presses with each other; none needs a
 mesh or a modulus. Each returns findings that name the press, and the row where there is one.
@@ -28,14 +28,10 @@ class Finding:
 
     Attributes
     ----------
-    kind : str
-        bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase or repeated_press.
-    presses : tuple of int
-        Ids of the presses.
-    rows : tuple of int
-        Rows (0-based) of the table, where single readings are meant.
-    sentence : str
-        What was found, where, and what to do.
+    kind : bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase, repeated_press
+    presses : ids of the presses
+    rows : rows (0-based) of the table, where single readings are meant
+    sentence : the finding, its place, and the cure
     """
 
     kind: str
@@ -78,8 +74,7 @@ def bad_readings(scan: Scan) -> list[tuple[int, str, float, float]]:
 
     Parameters
     ----------
-    scan : Scan
-        Rows in contact.
+    scan : rows in contact
 
     Returns
     -------
@@ -171,7 +166,7 @@ def _allowed_errors(
 def _off_in_press(
     rows: np.ndarray, values: np.ndarray, time: np.ndarray, allowed: np.ndarray
 ) -> list[tuple[int, float]]:
-    """Bad readings of one press and what was expected.
+    """Bad readings of one press, each with its expected value.
 
     Of several that disagree, the one without which the others agree best is taken out first.
     """

@@ -11,15 +11,15 @@ _KINDS_APART = 1.0  # of the scan's extent: presses with another tip or force ar
 def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     """Return a scan with at most so many presses, each next one farthest from those before.
 
-    Farthest in place, in the tip's radius and in how far it was pressed: in the largest force or
-    the largest travel, whichever the robot was told to keep. The first press is kept, the order of
-    the rest as well. Presses that only repeat others are taken last, evenly.
+    Farthest in place, in the tip's radius and in depth level: the largest force or the largest
+    travel, whichever the robot controlled. The first press and the order are kept. Presses that
+    only repeat others are taken last, evenly.
     """
     points = scan.contact_points
     if len(points) <= most:
         return scan
     extent = max(float(np.ptp(points, axis=0).max()), 1e-9)
-    kinds = np.column_stack([np.log(scan.contact_radii), _depth_told(scan)])
+    kinds = np.column_stack([np.log(scan.contact_radii), _depth_level(scan)])
     low, high = kinds.min(axis=0), kinds.max(axis=0)
     kinds = (kinds - low) / np.where(high > low, high - low, 1.0)
     features = np.hstack([points / extent, _KINDS_APART * kinds])
@@ -33,12 +33,11 @@ def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     return scan.rows(np.isin(scan.press_index, [*kept, *again[evenly]]))
 
 
-def _depth_told(scan: Scan) -> np.ndarray:
-    """How far each press was told to go (j,), in whole quarters of a doubling.
+def _depth_level(scan: Scan) -> np.ndarray:
+    """Commanded depth level of each press (j,), log2 rounded to quarter octaves.
 
-    Of force and travel the body makes the one vary from place to place: rare values of that are
-    places, hard or soft, that would then be chosen more often than others. Values that differ by
-    the sensors' noise alone are alike.
+    Of force and travel, the one that varies less: the robot controlled that one. The other varies
+    with the stiffness and would bias the selection.
     """
     told = []
     for reading in (scan.force_n, scan.displacement_m):

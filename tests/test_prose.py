@@ -15,9 +15,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 CEILINGS = {
-    "models": (0.08, 1),
+    "models": (0.06, 0),
     "fem": (0.06, 0),
-    "sim": (0.06, 3),
+    "sim": (0.06, 0),
     "identify": (0.12, 99),
     "palpmap": (0.16, 61),
 }

@@ -202,9 +202,8 @@ def _check_surface(mesh: Mesh, name: str, boundary: NDArray[np.int32]) -> None:
     if turned.size:
         row = turned[0]
         raise MeshError(
-            f"Face {row} of surface '{name}' has the nodes {faces[row]}, but outwards and in "
-            f"order they are {boundary[match[row]]} ({turned.size} such); take faces from "
-            "mesh.boundary."
+            f"Face {row} of surface '{name}' has the nodes {faces[row]}, but outwards and in order "
+            f"they are {boundary[match[row]]} ({turned.size} such); take faces from mesh.boundary."
         )
 
 

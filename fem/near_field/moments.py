@@ -99,7 +99,7 @@ def _integrate(vertices, shape, radius, nu, profile, degree, projection=None):
     reach = _rim_reach(vertices, radius)
     volumes = np.abs(np.linalg.det(vertices[:, 1:] - vertices[:, :1])) / 6
     _integrate_cells(vertices, volumes, *TET_RULES[5], leaf, tube, *arguments)
-    result = strain.reshape(len(vertices), -1, FUNCTIONS, 6).transpose(0, 2, 3, 1), products
+    result = strain.reshape(*strain.shape[:2], FUNCTIONS, 6).transpose(0, 2, 3, 1), products
     if not shape.any() and not (reach < 2 * tube).any():
         return result
     points, weights = _tube_points(radius, tube, tube_points)

@@ -127,12 +127,12 @@ def draw_trial(
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
-    from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS, hidden_effect
+    from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS
 
     if "+" in word:
-        return tuple(hidden_effect(name).name for name in word.split("+"))
+        return tuple(HIDDEN[name].name for name in word.split("+"))
     if word not in WORDS:
-        return (hidden_effect(word).name,)
+        return (HIDDEN[word].name,)
     if word == "none":
         return ()
     structured = [e.name for e in HIDDEN if e.category == "structured"]
@@ -166,7 +166,7 @@ def draw_map(seed: int) -> "TruthMap":
 def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> int:
     """Make a trial's scan, study and sealed answer in a folder; return the number of presses."""
     from sim.bench.planted_scan import planted_scan
-    from sim.planted.catalogue import hidden_effect
+    from sim.planted.catalogue import HIDDEN
 
     radii = RADII_M[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
@@ -174,7 +174,7 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
         trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
     )
     for effect in truth["effects"]:
-        effect["kin"] = hidden_effect(effect["name"]).kin
+        effect["kin"] = HIDDEN[effect["name"]].kin
     answer = TrialTruthRecord.model_validate(truth)
     write_scan(scan, folder / "scan.csv")
     write_study(_study(folder, trial, answer.noise), folder / "study.toml")

@@ -1,4 +1,4 @@
-"""How strong an effect has to be to make up a wanted share of the signal."""
+"""Amplitude at which an effect makes up a wanted share of the signal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROUNDS = 14
 
 
 def size_of(planted: Pressed, plain: Pressed) -> float:
-    """Size of an effect: rms of what it changes, relative to the signal's, over both columns."""
+    """Size of an effect: rms of its change relative to the signal's rms, over both columns."""
     parts = [
         np.sum((a - b) ** 2) / np.sum(b**2)
         for a, b in (
@@ -40,7 +40,7 @@ def amplitude_for(
     ----------
     drawn : the effect's other values
     size : rms(with - without)/rms(without)
-    others : effects that are there too; what counts is what this one adds
+    others : effects that are there too; the size is that of the further change
     sign : 1 or -1, of the amplitude
 
     Returns

@@ -1,4 +1,4 @@
-"""A scan with something hidden in it, and the record of what it is."""
+"""A scan with hidden effects, and their record."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim.bench.press import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Planted, press,
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
 from sim.planted.bench import Bench
-from sim.planted.catalogue import hidden_effect
+from sim.planted.catalogue import HIDDEN
 
 BETWEEN_SCANS_S = 60.0  # to change the tip
 DEFAULT_MAP = TruthMap(5500.0, (Inclusion(20000.0, (0.042, 0.056, 0.034), 0.010),))
@@ -42,7 +42,7 @@ def planted_scan(
     ----------
     effect : name in `sim.planted.catalogue`, several, or None
     size : rms(with - without)/rms(without) of each effect, such as 0.03
-    seed : of the noise, the pauses and what is drawn for the effects
+    seed : of the noise, the pauses and the drawn values of the effects
     radii : of the tips, m; two take turns from press to press
     truth : the map
     program : the presses; a grid of 9 x 9 with 0.3 N if None
@@ -91,7 +91,7 @@ def planted_scan(
 def further_scan(
     answer: Mapping[str, Any], program: PressProgram, rest_s: float = BETWEEN_SCANS_S
 ) -> tuple[Scan, dict[str, Any]]:
-    """Press the body of an earlier scan once more, with what is hidden in it.
+    """Press the body of an earlier scan once more, with its hidden effects.
 
     Clock, order of presses and all that has a memory go on from the last press that was made.
 
@@ -119,7 +119,7 @@ def further_scan(
     body = HiddenBody(truth=_map_from(answer["body"]))
     _on_top(program, body)
     bench = Bench(earlier.then(program, rest_s), body)
-    planted = tuple((hidden_effect(e["name"]), e["values"]) for e in answer["effects"])
+    planted = tuple((HIDDEN[e["name"]], e["values"]) for e in answer["effects"])
     noise = answer["noise"]["displacement_m"], answer["noise"]["force_n"]
     seed = np.random.SeedSequence([answer["seed"], 6, len(earlier)]).generate_state(1)[0]
     scan = record(bench, press(bench, planted), int(seed), *noise)
@@ -147,8 +147,7 @@ def _on_top(program: PressProgram, body: HiddenBody) -> None:
             j = int(off.argmax())
             raise InputError(
                 f"Press {j} of the program: {'xy'[axis]} is {1e3 * at[j]:.4g} mm; a tip of "
-                f"{1e3 * program.radius_m[j]:.3g} mm needs "
-                f"{1e3 * program.radius_m[j]:.3g} to "
+                f"{1e3 * program.radius_m[j]:.3g} mm needs {1e3 * program.radius_m[j]:.3g} to "
                 f"{1e3 * (body.size_m[axis] - program.radius_m[j]):.4g} mm to stand on the block."
             )
 
@@ -161,7 +160,7 @@ def _plant(
     others: tuple[Planted, ...],
     given: dict[str, float],
 ) -> tuple[Planted, float]:
-    effect = hidden_effect(name)
+    effect = HIDDEN[name]
     drawn = effect.draw(bench, rng)
     sign = float(rng.choice([-1, 1])) if effect.two_sided else 1.0
     known = {*drawn, effect.amplitude}

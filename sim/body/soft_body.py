@@ -1,11 +1,11 @@
 """The soft body of the virtual laboratory: the finite element model of all planned presses.
 
 All contacts are solved at once, with one factorisation. The body is linear, so that under a force
-F at press j the whole body moves by F times the solution for 1 N there: what comes back to the
-contact at each exchange is that column of the tetrahedral solution, not a law fitted to it. The
-tip's travel is that of two meshes extrapolated (`fem.palpation.richardson`), the surface that of
-the finer one. The meshes are the laboratory's own (finer than the identifier's and cut
-differently), and so is its stiffness map.
+F at press j the whole body moves by F times the solution for 1 N there: the contact gets that
+column of the tetrahedral solution at each exchange, not a law fitted to it. The tip's travel is
+that of two meshes extrapolated (`fem.palpation.richardson`), the surface that of the finer one. The
+meshes are the laboratory's own (finer than the identifier's and cut differently), and so is its
+stiffness map.
 
 `block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps what it has solved.
 """
@@ -28,7 +28,7 @@ from sim.body.true_body import HiddenBody
 
 DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
-SKINNED = 10 / 7  # times as many cells a side: what a skin does is felt within a tip's radius
+SKINNED = 10 / 7  # times as many cells a side: a skin's effect reaches about a tip's radius
 PATCHES = 12  # across a tip, where its pressure is solved for
 UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
@@ -143,7 +143,7 @@ _LARGEST = {id(_MODELS): 2, id(_SOLVED): 256}  # a model of two tip radii takes 
 
 
 def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:
-    """Return what is kept under a key, made if it is not there; the oldest is dropped."""
+    """Return the entry of a key, made if it is missing; the oldest entry is dropped."""
     if key not in store:
         store[key] = make()
     store.move_to_end(key)
@@ -182,7 +182,7 @@ def _upright_gain(response: Response, body: HiddenBody) -> np.ndarray:
 
     Forces q on a grid of patches that add up to nothing join the pressure, so that the
     complementary energy C + 2 q.u + q.G q is least: u is the travel under the tip, G the influence
-    of patches on the half-space with the modulus at the contact. There C + q.u is left of it.
+    of patches on the half-space with the modulus at the contact. The least energy is C + q.u.
     """
     contacts = response.model.contacts
     modulus = body.modulus(contacts.points_m)

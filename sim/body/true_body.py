@@ -1,4 +1,4 @@
-"""The bench's body: all that its compliances depend on, as a value that can be a key."""
+"""The bench's body as a hashable value: everything that its compliances depend on."""
 
 from __future__ import annotations
 

@@ -93,9 +93,8 @@ class TruthMap:
                 )
             if not self.background_pa + inclusion.weight_pa > 0:
                 raise InputError(
-                    f"Inclusion {i} with {inclusion.weight_pa:g} Pa takes more than the "
-                    "background of "
-                    f"{self.background_pa:g} Pa away; the modulus has to stay positive."
+                    f"Inclusion {i} with {inclusion.weight_pa:g} Pa takes more than the background "
+                    f"of {self.background_pa:g} Pa away; the modulus has to stay positive."
                 )
 
     def __call__(self, points_m: np.ndarray) -> np.ndarray:

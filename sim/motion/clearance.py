@@ -1,4 +1,4 @@
-"""Distance between the arm and what it must not touch, from MuJoCo's geometry."""
+"""Distance of the arm from table and body, from MuJoCo's geometry."""
 
 # mujoco and pinocchio are compiled modules without type stubs
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false

@@ -59,7 +59,7 @@ def plan_motion(
     fastest_m_per_s: float = 0.1,
     hardest_m_per_s2: float = 0.5,
 ) -> tuple[PlannedPress, ...]:
-    """Find configurations and paths for all presses, or say which press cannot be made and why.
+    """Find configurations and paths for all presses.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class _Planner:
         self.kinematics = TipKinematics(laboratory.arm)
         self.clearance = Clearance(laboratory.model)
         self.lift_m, self.depth_m = lift_m, depth_m
-        # What a joint turns for each metre of depth may not be more than this
+        # Largest turn of each joint for a metre of depth
         self.most_turn = LIMIT_FRACTION * np.minimum(
             laboratory.speed_limit / fastest, laboratory.acceleration_limit / hardest
         )
@@ -167,10 +167,9 @@ class _Planner:
         if before and np.abs(touch - last_touch).max() > LARGEST_ELBOW_STEP_RAD:
             raise InputError(
                 f"{where}: the elbow would swing by {np.abs(touch - last_touch).max():.2f} rad "
-                "from the press before "
-                f"(at most {LARGEST_ELBOW_STEP_RAD} rad). Order the presses so that neighbours "
-                "follow each other, or "
-                "move the body away from the edge of the arm's range."
+                f"from the press before (at most {LARGEST_ELBOW_STEP_RAD} rad). Order the presses "
+                "so that neighbours follow each other, or move the body away from the edge of the "
+                "arm's range."
             )
         waypoints = self._transit(where, last, approach, point, direction)
         return PlannedPress(point, direction, path, approach, touch, waypoints, distance)
@@ -195,13 +194,12 @@ class _Planner:
         )
 
     def _why(self, point: np.ndarray, direction: np.ndarray, reached: Reached) -> str:
-        """Return the reason why a pose was not reached."""
+        """Return the reason for which a pose was not reached."""
         distance = np.linalg.norm(point - PROBE_LENGTH_M * direction - SHOULDER_M)
         if distance > REACH_M:
             return (
-                f"out of reach: the flange would be {distance:.3f} m from the shoulder, the "
-                "arm reaches "
-                f"{REACH_M} m"
+                f"out of reach: the flange would be {distance:.3f} m from the shoulder, the arm "
+                f"reaches {REACH_M} m"
             )
         low, high = self.kinematics.low, self.kinematics.high
         stopped = np.flatnonzero((reached.q <= low) | (reached.q >= high))
@@ -220,10 +218,9 @@ class _Planner:
                 return distance
             distance, part, obstacle = at_touch
         raise InputError(
-            f"{where}: collision: {part} would come within {distance * 1e3:.1f} mm of "
-            f"{obstacle} (at least "
-            f"{CLEARANCE_M * 1e3:.0f} mm wanted). Move the body, tilt the press away, or leave "
-            "this press out."
+            f"{where}: collision: {part} would come within {distance * 1e3:.1f} mm of {obstacle} "
+            f"(at least {CLEARANCE_M * 1e3:.0f} mm wanted). Move the body, tilt the press away, or "
+            "leave this press out."
         )
 
     def _check_speed(self, where: str, path: PressPath) -> None:
@@ -259,9 +256,8 @@ class _Planner:
                 return tuple((b, transit_duration(self.laboratory, a, b)) for a, b in legs)
         raise InputError(
             f"{where}: collision on the way there: {nearest[1]} would come within "
-            f"{nearest[0] * 1e3:.1f} mm of "
-            f"{nearest[2]}. Order the presses so that neighbours follow each other, or raise "
-            "the lift height."
+            f"{nearest[0] * 1e3:.1f} mm of {nearest[2]}. Order the presses so that neighbours "
+            "follow each other, or raise the lift height."
         )
 
     def _nearest_on_way(self, start: np.ndarray, end: np.ndarray) -> tuple[float, str, str]:

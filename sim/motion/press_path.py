@@ -41,7 +41,7 @@ class PressPath:
 
 
 def sideways_yield(kinematics: TipKinematics, path: PressPath, direction: np.ndarray) -> np.ndarray:
-    """How the servo gives way to a press, (n,) rad/N, less what moves the tip along the path.
+    """Yield of the servo to a press, (n,) rad/N, less its part along the tip's path.
 
     The servo is a spring on the joints' accelerations, and the arm's inertia is not the same in
     all directions: a press of 1 N would push the tip 0.06 mm aside. A command that leads by this

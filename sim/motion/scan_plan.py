@@ -1,4 +1,4 @@
-"""What is to be pressed: points, directions, force, tip, and where the body stands."""
+"""Plan of a scan: points, directions, force, tip, and the place of the body."""
 
 from __future__ import annotations
 
@@ -56,8 +56,7 @@ class ScanPlan:
         if abs(length[worst] - 1) > UNIT_TOLERANCE:
             raise InputError(
                 f"Press {worst}: the direction {self.directions[worst]} has length "
-                f"{length[worst]:.6g}; "
-                "give a unit vector that points into the body."
+                f"{length[worst]:.6g}; give a unit vector that points into the body."
             )
         for name, value in (("force_n", self.force_n), ("tip_radius_m", self.tip_radius_m)):
             if not (np.isfinite(value) and value > 0):
@@ -145,10 +144,9 @@ def grid_plan(
     """
     if per_side < 2 or not 0 <= margin_m < min(body_size_m[:2]) / 2:
         raise InputError(
-            f"A grid of {per_side} points a side with a margin of {margin_m:g} m does not fit "
-            "a top of "
-            f"{body_size_m[0]:g} x {body_size_m[1]:g} m; take at least 2 points and a smaller "
-            "margin."
+            f"A grid of {per_side} points a side with a margin of {margin_m:g} m does not fit a "
+            f"top of {body_size_m[0]:g} x {body_size_m[1]:g} m; take at least 2 points and a "
+            "smaller margin."
         )
     x = np.linspace(margin_m, body_size_m[0] - margin_m, per_side)
     y = np.linspace(margin_m, body_size_m[1] - margin_m, per_side)

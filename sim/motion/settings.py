@@ -92,8 +92,7 @@ class ScanSettings:
         if self.touch_force_n < 4.5 * self.force_noise_n:
             raise InputError(
                 f"A touch force of {self.touch_force_n:g} N is lost in a force noise of "
-                f"{self.force_noise_n:g} N; "
-                "set touch_force_n to five times the noise or more."
+                f"{self.force_noise_n:g} N; set touch_force_n to five times the noise or more."
             )
 
     def streams(self) -> tuple[np.random.SeedSequence, ...]:

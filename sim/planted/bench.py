@@ -22,12 +22,12 @@ STEP_S = 1e-3
 
 @dataclass(frozen=True)
 class Bench:
-    """What is pressed and how: the scene that a hidden effect acts in.
+    """Body, presses and timing: the scene in which a hidden effect acts.
 
     Attributes
     ----------
     program : the presses
-    body : the block, as it is (with what is hidden in it)
+    body : the block, with its hidden effects
     samples : rows of the scan a press in loading, holding and unloading, evenly in each
     divisions : of the truth's finer mesh
     """
@@ -66,7 +66,7 @@ class Bench:
 
     @property
     def begin_s(self) -> float:
-        """When the first press begins, s."""
+        """Start of the first press, s."""
         return float(self.time_s[0, 0])
 
     @cached_property

@@ -1,105 +1,52 @@
-"""All effects that the laboratory can hide."""
+"""All effects that the laboratory can hide; `HIDDEN["breathing"]` is the one of that name."""
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
-from models.errors import InputError
-from sim.planted.body import (
-    Anisotropy,
-    BaseCompliance,
-    BaseSliding,
-    BodyShift,
-    ExtraInclusion,
-    InclusionEdge,
-    InclusionStretch,
-    MeshError,
-    PoissonRatio,
-    RigidTip,
-    SideGradient,
-    SkinLayer,
-    StiffnessGradient,
-)
-from sim.planted.contact import FiniteStrain, SphericalTip, StrainStiffening
+from models.catalogue import Catalogue
+from sim.planted import body, contact, instrument, response
+from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect
-from sim.planted.instrument import (
-    Breathing,
-    ContactOffset,
-    DisplacementDrift,
-    ForceBias,
-    ForceDrift,
-    ForceSaturation,
-    SensitivityDrift,
-    SurfaceTilt,
-    ToolCompliance,
-)
-from sim.planted.outside_catalogue import (
-    CoarseEncoder,
-    CoolingBody,
-    CreepingInclusion,
-    LateForce,
-    SlippedPresses,
-    StickSlip,
-    StickyTip,
-    TwoCreepTimes,
-)
-from sim.planted.response import Hysteresis, Preconditioning, Viscoelasticity
 
-HIDDEN: tuple[HiddenEffect, ...] = (
-    Viscoelasticity(),
-    FiniteStrain(),
-    StrainStiffening(),
-    Anisotropy(),
-    SkinLayer(),
-    ExtraInclusion(),
-    StiffnessGradient(),
-    PoissonRatio(),
-    Preconditioning(),
-    Hysteresis(),
-    RigidTip(),
-    SphericalTip(),
-    BaseCompliance(),
-    BaseSliding(),
-    ToolCompliance(),
-    ForceBias(),
-    ForceDrift(),
-    SensitivityDrift(),
-    ForceSaturation(),
-    ContactOffset(),
-    SurfaceTilt(),
-    DisplacementDrift(),
-    Breathing(),
-    MeshError(),
-    InclusionEdge(),
-    InclusionStretch(),
-    SideGradient(),
-    BodyShift(),
-    LateForce(),
-    CreepingInclusion(),
-    SlippedPresses(),
-    CoolingBody(),
-    StickSlip(),
-    CoarseEncoder(),
-    StickyTip(),
-    TwoCreepTimes(),
+HIDDEN: Catalogue[HiddenEffect] = Catalogue(
+    (
+        response.viscoelasticity,
+        contact.finite_strain,
+        contact.strain_stiffening,
+        body.anisotropy,
+        body.skin_layer,
+        body.extra_inclusion,
+        body.stiffness_gradient,
+        body.poisson_ratio,
+        response.preconditioning,
+        response.hysteresis,
+        body.rigid_tip,
+        contact.spherical_tip,
+        body.base_compliance,
+        body.base_sliding,
+        instrument.tool_compliance,
+        instrument.force_bias,
+        instrument.force_drift,
+        instrument.sensitivity_drift,
+        instrument.force_saturation,
+        instrument.contact_offset,
+        instrument.surface_tilt,
+        instrument.displacement_drift,
+        instrument.breathing,
+        body.mesh_error,
+        body.inclusion_edge,
+        body.inclusion_stretch,
+        body.side_gradient,
+        body.body_shift,
+        outside.outside_late_force,
+        outside.outside_creeping_inclusion,
+        outside.outside_slipped_presses,
+        outside.outside_cooling,
+        outside.outside_stick_slip,
+        outside.outside_coarse_encoder,
+        outside.outside_sticky_tip,
+        outside.outside_two_creep_times,
+    )
 )
 
 INSIDERS = tuple(effect.name for effect in HIDDEN if effect.category != "outsider")
 OUTSIDERS = tuple(effect.name for effect in HIDDEN if effect.category == "outsider")
-
-
-def hidden_effect(name: str) -> HiddenEffect:
-    """Return the hidden effect of a name.
-
-    Raises
-    ------
-    InputError
-        An unknown name; the nearest right one is said.
-    """
-    for effect in HIDDEN:
-        if effect.name == name:
-            return effect
-    known = [*INSIDERS, *OUTSIDERS]
-    near = get_close_matches(name, known, 1)
-    hint = f"; the nearest right one is '{near[0]}'" if near else ""
-    raise InputError(f"the laboratory cannot hide '{name}'{hint}; it knows {', '.join(known)}")

@@ -5,56 +5,39 @@ from __future__ import annotations
 import numpy as np
 
 from sim.planted.bench import Bench
-from sim.planted.effect import HiddenEffect
+from sim.planted.effect import on_contact
 
 SHARES = (0.25, 0.45, 0.7, 1.0, 1.5)
 """Contact radii at which the truth is solved, in units of the tip's radius."""
 
 
-class FiniteStrain(HiddenEffect):
+@on_contact("structured", "u (1 + size x (0.076 + 0.08 x)), x = u/a", "size", 1.0, limit=4.0)
+def finite_strain(bench, travel_m, values):
     """The deeper the tip, the softer the body, as its shape changes under it.
 
-    A size of 1 is what neo-Hookean finite elements give for a rigid flat tip on a thick block.
+    A size of 1 is that of neo-Hookean finite elements for a rigid flat tip on a thick block.
     """
-
-    name, category = "finite_strain", "structured"
-    law = "u (1 + size x (0.076 + 0.08 x)), x = u/a"
-    amplitude, typical, limit = "size", 1.0, 4.0
-
-    def contact(self, bench, travel_m, values):
-        """Lengthen the deep travels."""
-        depth = travel_m / bench.program.radius_m[:, None]
-        return travel_m * (1 + values["size"] * depth * (0.076 + 0.08 * depth))
+    depth = travel_m / bench.program.radius_m[:, None]
+    return travel_m * (1 + values["size"] * depth * (0.076 + 0.08 * depth))
 
 
-class StrainStiffening(HiddenEffect):
+@on_contact("structured", "F = a/(b C) (exp(b d/a) - 1), so d = (a/b) ln(1 + b u/a)", "exponent",
+            0.1, limit=20.0)  # fmt: skip
+def strain_stiffening(bench, travel_m, values):
     """Fung's exponential law, as porcine liver shows it."""
-
-    name, category = "strain_stiffening", "structured"
-    law = "F = a/(b C) (exp(b d/a) - 1), so d = (a/b) ln(1 + b u/a)"
-    amplitude, typical, limit = "exponent", 0.1, 20.0
-
-    def contact(self, bench, travel_m, values):
-        """Solve the law for the travel."""
-        scale = values["exponent"] / bench.program.radius_m[:, None]
-        return np.log1p(scale * travel_m) / scale if values["exponent"] else travel_m
+    scale = values["exponent"] / bench.program.radius_m[:, None]
+    return np.log1p(scale * travel_m) / scale if values["exponent"] else travel_m
 
 
-class SphericalTip(HiddenEffect):
+@on_contact("structured", "(1 - share) u + share (F C(a) + a^2/(5 R))", "share", 0.1, limit=1.0)
+def spherical_tip(bench, travel_m, values):
     """The tip is rounded: a share of the travel is that of a sphere, whose contact grows.
 
     For each force the contact radius minimises the complementary energy
     F^2 C(a)/2 + F a^2/(5 R) with C(a) under Hertz's pressure from the truth's finite elements.
     """
-
-    name, category = "spherical_tip", "structured"
-    law = "(1 - share) u + share (F C(a) + a^2/(5 R))"
-    amplitude, typical, limit = "share", 0.1, 1.0
-
-    def contact(self, bench, travel_m, values):
-        """Mix the sphere's travel in."""
-        share = values["share"]
-        return (1 - share) * travel_m + share * sphere_travel(bench)
+    share = values["share"]
+    return (1 - share) * travel_m + share * sphere_travel(bench)
 
 
 def sphere_travel(bench: Bench) -> np.ndarray:

@@ -1,9 +1,11 @@
-"""What a hidden effect is: where it acts on the bench, and how large it may be."""
+"""Hidden effects: the link of the bench on which each acts, and its possible size."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,55 +17,75 @@ Category = Literal["structured", "compliance", "outsider"]
 own, those of `compliance` look like another body, and outsiders are in no catalogue."""
 
 Values = Mapping[str, float]
+Draw = Callable[[Bench, np.random.Generator], dict[str, float]]
 
 
+@dataclass(frozen=True)
 class HiddenEffect:
-    """Base of all hidden effects: override the hook of the place where it acts.
+    """An effect to be hidden in a scan; it acts on one of the bench's links and leaves the others.
 
-    Class attributes
-    ----------------
-    name : as the identifier's catalogue calls it; of an outsider, a name of its own
+    Attributes
+    ----------
+    name : as in the identifier's catalogue; of an outsider, a name of its own
     category : see `Category`
-    law : one line, what is done
+    law : formula, in one line
     amplitude : name of the value that is searched for the wanted size; the effect is absent at 0
     typical : an ordinary amplitude, where the search begins
-    limit : largest amplitude that still makes sense
-    two_sided : whether the amplitude may be negative too
-    kin : of an outsider, the effects of the catalogue that come as near as it can
+    limit : largest sensible amplitude
+    two_sided : true if the amplitude may be negative too
+    kin : of an outsider, the nearest effects of the catalogue
+    draw : all values but the amplitude, for a bench and a random generator
+    body : the changed body, from the body and the values
+    contact : elastic travel (j, t) m, from the bench, that of the flat tip on the linear body and
+        the values
+    response : travel (j, t) m with its history, from the bench, the elastic travel and the values
+    sensor : reported force and travel, both (j, t), from the bench, the true ones and the values
     """
 
-    name: ClassVar[str]
-    category: ClassVar[Category]
-    law: ClassVar[str]
-    amplitude: ClassVar[str]
-    typical: ClassVar[float]
-    limit: ClassVar[float] = np.inf
-    two_sided: ClassVar[bool] = False
-    kin: ClassVar[tuple[str, ...]] = ()
+    name: str
+    category: Category
+    law: str
+    amplitude: str
+    typical: float
+    limit: float = np.inf
+    two_sided: bool = False
+    kin: tuple[str, ...] = ()
+    draw: Draw = lambda bench, rng: {}
+    body: Callable[[HiddenBody, Values], HiddenBody] = lambda body, values: body
+    contact: Callable[[Bench, np.ndarray, Values], np.ndarray] = lambda bench, travel_m, v: travel_m
+    response: Callable[[Bench, np.ndarray, Values], np.ndarray] = lambda bench, travel_m, v: (
+        travel_m
+    )
+    sensor: Callable[[Bench, np.ndarray, np.ndarray, Values], tuple[np.ndarray, np.ndarray]] = (
+        lambda bench, force_n, travel_m, v: (force_n, travel_m)
+    )
 
-    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
-        """Draw all values but the amplitude."""
-        del bench, rng
-        return {}
 
-    def body(self, body: HiddenBody, values: Values) -> HiddenBody:
-        """Return the changed body."""
-        del values
-        return body
+def _acts_on(
+    link: str,
+    category: Category,
+    law: str,
+    amplitude: str,
+    typical: float,
+    **more: Any,
+) -> Callable[[Callable], HiddenEffect]:
+    """Make the decorated function the effect of its name; arguments as in `HiddenEffect`."""
+    return lambda act: HiddenEffect(
+        act.__name__, category, law, amplitude, typical, **more, **{link: act}
+    )
 
-    def contact(self, bench: Bench, travel_m: np.ndarray, values: Values) -> np.ndarray:
-        """Elastic travel (j, t) m from that of the flat tip on the linear body."""
-        del bench, values
-        return travel_m
 
-    def response(self, bench: Bench, travel_m: np.ndarray, values: Values) -> np.ndarray:
-        """Travel (j, t) m with what the history of the elastic travel adds."""
-        del bench, values
-        return travel_m
+on_body = partial(_acts_on, "body")
+on_contact = partial(_acts_on, "contact")
+on_response = partial(_acts_on, "response")
+on_sensor = partial(_acts_on, "sensor")
 
-    def sensor(
-        self, bench: Bench, force_n: np.ndarray, travel_m: np.ndarray, values: Values
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Force and travel as they are reported, both (j, t)."""
-        del bench, values
-        return force_n, travel_m
+
+def any_direction(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a horizontal direction that points somewhere."""
+    return {"angle_rad": float(rng.uniform(0, 2 * np.pi))}
+
+
+def any_axis(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a horizontal line without a sense."""
+    return {"angle_rad": float(rng.uniform(0, np.pi))}

@@ -1,11 +1,10 @@
-"""Hidden effects of the response: what the body's history adds, stepped through time."""
+"""Hidden effects of the response: travel with the body's history, stepped through time."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sim.planted.bench import Bench
-from sim.planted.effect import HiddenEffect
+from sim.planted.effect import on_response
 
 
 def follow(driver: np.ndarray, within_s: np.ndarray, time_constant_s: float) -> np.ndarray:
@@ -22,52 +21,39 @@ def follow(driver: np.ndarray, within_s: np.ndarray, time_constant_s: float) -> 
     return z
 
 
-class Viscoelasticity(HiddenEffect):
+def _log_uniform(name: str, low: float, high: float):
+    """Return a draw of one value, uniform in its logarithm."""
+    return lambda bench, rng: {name: float(np.exp(rng.uniform(np.log(low), np.log(high))))}
+
+
+@on_response("structured", "u + g z, tau dz/dt = u - z", "share", 0.08, limit=3.0,
+             draw=_log_uniform("time_constant_s", 0.3, 2.5))  # fmt: skip
+def viscoelasticity(bench, travel_m, values):
     """The whole body creeps with one time constant."""
-
-    name, category = "viscoelasticity", "structured"
-    law = "u + g z, tau dz/dt = u - z"
-    amplitude, typical, limit = "share", 0.08, 3.0
-
-    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
-        """Draw the time constant, 0.3 to 2.5 s."""
-        return {"time_constant_s": float(np.exp(rng.uniform(np.log(0.3), np.log(2.5))))}
-
-    def response(self, bench, travel_m, values):
-        """Add the creep."""
-        delayed = follow(travel_m, bench.within_s, values["time_constant_s"])
-        return travel_m + values["share"] * delayed
+    delayed = follow(travel_m, bench.within_s, values["time_constant_s"])
+    return travel_m + values["share"] * delayed
 
 
-class Preconditioning(HiddenEffect):
-    """The body softens from press to press, each taking the same part of what is left."""
-
-    name, category = "preconditioning", "structured"
-    law = "u (1 + s_k), s_(k+1) = s_k + (share - s_k)/presses"
-    amplitude, typical, limit = "share", 0.05, 3.0
-
-    def draw(self, bench: Bench, rng: np.random.Generator) -> dict[str, float]:
-        """Draw after how many presses two thirds of the way are gone."""
-        return {"presses": float(np.exp(rng.uniform(np.log(5), np.log(25))))}
-
-    def response(self, bench, travel_m, values):
-        """Soften press by press."""
-        state, grown = 0.0, []
-        for _ in range(len(travel_m)):
-            grown.append(state)
-            state += (values["share"] - state) / values["presses"]
-        return travel_m * (1 + np.array(grown)[:, None])
+@on_response("structured", "u (1 + s_k), s_(k+1) = s_k + (share - s_k)/presses", "share", 0.05,
+             limit=3.0, draw=_log_uniform("presses", 5, 25))  # fmt: skip
+def preconditioning(bench, travel_m, values):
+    """The body softens from press to press, each time by the same part of the remainder."""
+    state, grown = 0.0, []
+    for _ in range(len(travel_m)):
+        grown.append(state)
+        state += (values["share"] - state) / values["presses"]
+    return travel_m * (1 + np.array(grown)[:, None])
 
 
-class Hysteresis(HiddenEffect):
+@on_response(
+    "structured",
+    "u + 4 share u (1 - u/u_max) once u falls below the largest it has been in the press",
+    "share",
+    0.08,
+    limit=1.0,
+)
+def hysteresis(bench, travel_m, values):
     """On its way back the tip lags: the surface stays lower than it was under the same force."""
-
-    name, category = "hysteresis", "structured"
-    law = "u + 4 share u (1 - u/u_max) once u falls below the largest it has been in the press"
-    amplitude, typical, limit = "share", 0.08, 1.0
-
-    def response(self, bench, travel_m, values):
-        """Lag below the running maximum of each press."""
-        largest = np.maximum.accumulate(travel_m, axis=1)
-        below = np.where(largest > 0, 1 - travel_m / np.where(largest > 0, largest, 1), 0.0)
-        return travel_m + 4 * values["share"] * travel_m * below
+    largest = np.maximum.accumulate(travel_m, axis=1)
+    below = np.where(largest > 0, 1 - travel_m / np.where(largest > 0, largest, 1), 0.0)
+    return travel_m + 4 * values["share"] * travel_m * below

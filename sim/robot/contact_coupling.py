@@ -40,7 +40,7 @@ RENEW_FRACTION = 0.02
 
 
 class Body(Protocol):
-    """What the coupling asks of a soft body; `press` counts from 0."""
+    """Soft body as the coupling needs it; `press` counts from 0."""
 
     def displacement(self, press: int, force_n: float) -> float:
         """Depth of the tip under a force, m."""

@@ -1,7 +1,7 @@
 """The simulated arm, one step at a time: computed-torque servo, MuJoCo step, wrist force sensor.
 
 Order within a step: the servo sees position q and velocity v, MuJoCo advances by one whole
-`mj_step`, and what the sensors and the contact then say belongs to q and v, not to the new
+`mj_step`, and the readings of sensors and contact then belong to q and v, not to the new
 position. A whole step is taken, and never the halves `mj_step1`, `mj_step2`: after the first half
 the list of contacts is new and their forces are still the old ones, which shows as a spike at
 touch-down.
@@ -97,7 +97,7 @@ class Rig:
         np.maximum(self._peak, np.abs(torque), out=self._peak)
 
     def _contact_from_wrist(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Force of the tip on the body: raw wrist force less what moves and holds the probe."""
+        """Force of the tip on the body: raw wrist force less the probe's weight and inertia."""
         pin.rnea(self._tool, self._tool_data, q, v, a)
         own = self._to_probe @ self._tool_data.f[self._joint].linear
         if self._drawn == BLOCK:

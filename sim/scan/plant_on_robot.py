@@ -1,9 +1,8 @@
 """Hidden effects in a scan of the robot: as far as they leave its coupled simulation alone.
 
-What the instrument reports wrongly is done to the recorded rows, and another modulus field or
-Poisson's ratio to the body that the robot presses. Effects of contact and response would have to
-act inside the exchange between arm and body, step by step; those the bench alone can hide, as well
-as supports, fibres and a skin.
+Errors of the instrument are applied to the recorded rows, another modulus field or Poisson's ratio
+to the pressed body. Effects of contact and response would have to act inside the exchange between
+arm and body, step by step; only the bench can hide those, as well as supports, fibres and a skin.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.planted.bench import Bench
-from sim.planted.catalogue import hidden_effect
+from sim.planted.catalogue import HIDDEN
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.laboratory import build_laboratory
 from sim.robot.rig import SERVO_RAD_PER_S
@@ -71,7 +70,7 @@ class RobotPlant:
     def report(self, scan: Scan, start_s: float) -> Scan:
         """Return one press's rows as the robot reports them.
 
-        Force vector and pose are left out: they would say what the columns hide.
+        Force vector and pose are left out: they would reveal the hidden effects.
 
         Parameters
         ----------
@@ -148,7 +147,7 @@ def plant_on_robot(
     planted: tuple[Planted, ...] = ()
     records = []
     for name, size in wanted:
-        effect = hidden_effect(name)
+        effect = HIDDEN[name]
         if name not in (*REPORTED, *FIELDS):
             raise InputError(
                 f"the robot's scan cannot hide '{name}', which acts while the body yields; it can "

@@ -1,7 +1,7 @@
-"""From the log of one press to what the robot reports: rows of the scan, statistics, series.
+"""From the log of one press to the robot's report: rows of the scan, statistics, series.
 
-Displacement is what a real robot would know: noisy joint angles through the kinematics, along the
-press direction, since first touch as found from the samples themselves (`sim.scan.touch_point`).
+Displacement is that of a real robot: noisy joint angles through the kinematics, along the
+press direction, since first touch as found from the samples themselves (`depth_at_zero_force`).
 The encoders' noise is set so that its image along the press direction has the declared standard
 deviation: sd_q = sd_d / |n' J|.
 """
@@ -22,7 +22,6 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import Body
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
-from sim.scan.touch_point import depth_at_zero_force
 
 LOAD, HOLD, UNLOAD = (PHASES.index(name) for name in ("load", "hold", "unload"))
 
@@ -181,3 +180,37 @@ def _statistics(
         touch_error_m=zero,
         depth_share=float(true_depth.max()) / plan.thickness_m(log.press),
     )
+
+
+def depth_at_zero_force(
+    depth_m: np.ndarray, force_n: np.ndarray, depth_noise_m: float, force_noise_n: float
+) -> float:
+    """Depth at which a straight line through the samples has no force, m.
+
+    A touch can only be noticed above the force noise, and on a soft body the tip has then already
+    travelled by a good part of a millimetre. The line through the rising and falling samples
+    gives the true point of first touch. Both columns are noisy, so an ordinary regression of
+    either on the other would be biased; this is Deming's line for the known ratio of the
+    variances (Deming, Statistical Adjustment of Data, 1943).
+
+    Parameters
+    ----------
+    depth_m, force_n : (m,) samples in contact. They must be chosen by time, not by force: a cut
+        at a measured force would bias.
+    depth_noise_m, force_noise_n : standard deviations of a sample
+
+    Examples
+    --------
+    >>> depth = np.array([0.001, 0.002, 0.003])
+    >>> round(depth_at_zero_force(depth, 100 * (depth - 0.0004), 2e-5, 5e-3), 9)
+    0.0004
+    """
+    x, y = depth_m - depth_m.mean(), force_n - force_n.mean()
+    sxx, syy, sxy = x @ x, y @ y, x @ y
+    if depth_noise_m == 0:
+        slope = sxy / sxx
+    else:
+        ratio = (force_noise_n / depth_noise_m) ** 2
+        half = (syy - ratio * sxx) / 2
+        slope = (half + np.hypot(half, np.sqrt(ratio) * sxy)) / sxy
+    return float(depth_m.mean() - force_n.mean() / slope)

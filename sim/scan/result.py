@@ -1,4 +1,4 @@
-"""What a scan delivers: frames while it runs, a result a press, and the whole at its end."""
+"""Results of a scan: frames while it runs, a result a press, and the whole at its end."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class _Program:
         laboratory = build_laboratory(
             plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
         )
-        # Never through the body, whatever a controller or a body that changes may do
+        # Never through the body, whatever the controller does
         thickest = max(plan.thickness_m(press) for press in range(len(plan)))
         self.depth_limit = min(settings.largest_depth(plan.force_n), thickest)
         self.presses = plan_motion(

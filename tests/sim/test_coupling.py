@@ -13,8 +13,8 @@ from sim.body.true_map import Inclusion, TruthMap
 from sim.motion.planner import refuse_too_deep
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
+from sim.robot.force_control import rounded_line
 from sim.robot.laboratory import build_laboratory
-from sim.robot.local_line_fit import rounded_line
 from sim.scan.scan_program import run_scan
 
 SIZE = (0.096, 0.096, 0.048)

@@ -5,7 +5,7 @@ import pytest
 
 from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
-from sim.scan.touch_point import depth_at_zero_force
+from sim.scan.press_log import depth_at_zero_force
 from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)

@@ -18,7 +18,7 @@ from identify.optimize.result import InadmissibleError
 from sim.body.soft_body import block_compliance
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
-from sim.planted.body import BodyShift as HiddenShift
+from sim.planted.body import body_shift
 from tests.identify.select import loop_problem as problem
 
 SHIFT = (0.0023, -0.0014)
@@ -138,7 +138,7 @@ def test_the_laboratory_moves_the_body_under_presses_and_inclusions():
     presses = np.array([[0.014, 0.048], [0.040, 0.048], [0.082, 0.048]])
     radius, divisions = np.full(3, 0.005), (8, 8, 4)
     stated = HiddenBody(truth=TruthMap(6e3, (spot,)))
-    body = HiddenShift().body(stated, {"angle_rad": np.pi, "distance_m": 0.004})
+    body = body_shift.body(stated, {"angle_rad": np.pi, "distance_m": 0.004})
     assert body.shift_m == pytest.approx((-0.004, 0.0))
     moved = block_compliance(body, presses, radius, divisions=divisions)
     still = block_compliance(stated, presses, radius, divisions=divisions)

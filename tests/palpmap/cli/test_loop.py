@@ -330,7 +330,7 @@ def test_an_effect_of_ones_own_is_written_with_a_path_that_can_be_read(offset, t
         (("diagnose", "STUDY", "--effect", "nowhere.py"), "no such file"),
         (("explain", "STUDY", "--effect", "STUDY"), "expected a Python file (.py)"),
         (("limits", "nowhere.toml"), "no such file"),
-        (("blind", "--effects", "force_bia"), "the nearest right one is 'force_bias'"),
+        (("blind", "--effects", "force_bia"), "did you mean 'force_bias'"),
         (("reveal", "nowhere"), "expected a folder that `palpmap blind` has made"),
         (("effects", "force_bia"), "did you mean 'force_bias'?"),
     ],

@@ -143,7 +143,7 @@ def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (((0, ["force_drifd"])), "the nearest right one is 'force_drift'"),
+        (((0, ["force_drifd"])), "did you mean 'force_drift'"),
         ((0, (), 0.7), "found a size of 0.7"),
         ((0, (), None, 3), "found 3 tip radii"),
     ],

@@ -27,12 +27,9 @@ _RADII, _ANGLES = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.2, REACH]), 32
 def contact_shape(
     surface: PressedSurface, centre: np.ndarray, frame: np.ndarray, radius: float
 ) -> np.ndarray:
-    """Return the coefficients (6,) of the paraboloid under a tip.
+    """Return the coefficients (6,) of the paraboloid under a tip at a contact point (3,) m.
 
-    Parameters
-    ----------
-    centre : (3,) contact point, m
-    frame : (3, 3) rows: two tangents and the press direction
+    The rows of `frame` (3, 3) are two tangents and the press direction.
     """
     angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
     circle = np.column_stack([np.cos(angle), np.sin(angle)])

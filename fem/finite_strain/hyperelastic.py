@@ -23,27 +23,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numba
 
 from fem.errors import MeshError
 
 _NEO_HOOKEAN, _YEOH, _FUNG = 0, 1, 2
-
-
-class HyperelasticLaw(Protocol):
-    """A law of the family: g and its one coefficient."""
-
-    @property
-    def code(self) -> int:
-        """The number by which the compiled kernels know g."""
-        ...
-
-    @property
-    def coefficient(self) -> float:
-        """Stiffening coefficient of g, 1; zero makes every law neo-Hookean."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -74,6 +60,10 @@ class Fung:
 
     def __post_init__(self) -> None:
         _check(self.coefficient)
+
+
+HyperelasticLaw = NeoHookean | Yeoh | Fung
+"""The compiled kernels know the laws by their `code`."""
 
 
 def _check(coefficient: float) -> None:

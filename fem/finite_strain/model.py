@@ -124,7 +124,7 @@ class FiniteStrainResponse:
         compliance_gradient : (j, k) derivative of the accurate compliances, where they were given
         """
         direction = np.asarray(modulus_gradient, float)
-        scaled = self._model.scales(self._scale)
+        scaled = bool((self._scale != 1).any())
         if scaled and compliance_gradient is None:
             raise SolverError(
                 "this response was made with accurate compliances: their gradient belongs to it"
@@ -135,13 +135,9 @@ class FiniteStrainResponse:
         if scaled:
             c = self.mesh_compliance[:, None]
             change = (np.asarray(compliance_gradient) - self._scale[:, None] * mesh) / c
-            result += (self.tangent_mesh * self.forces_n)[:, :, None] * change[:, None]
+            tangent = self.tangent_compliance / self._scale[:, None]  # of the mesh, (j, l) m/N
+            result += (tangent * self.forces_n)[:, :, None] * change[:, None]
         return result
-
-    @property
-    def tangent_mesh(self) -> np.ndarray:
-        """Tangent compliance of the mesh, d reading/d (force on the mesh), (j, l) m/N."""
-        return self.tangent_compliance / self._scale[:, None]
 
     def _press_gradient(self, j: int, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gradients of press j's readings (l, k) and of its compliance on the mesh (k,)."""
@@ -217,11 +213,6 @@ class FiniteStrainModel:
     def points_m(self) -> np.ndarray:
         """Where the modulus is sampled, (p, 3) m; those of a `PalpationModel` on this mesh."""
         return self.body.stiffness.points_m
-
-    @staticmethod
-    def scales(scale: np.ndarray) -> bool:
-        """Return True if forces were scaled to an accurate compliance."""
-        return bool((scale != 1).any())
 
     def evaluate(
         self,

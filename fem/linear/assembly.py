@@ -55,17 +55,7 @@ def barycentric_gradients(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def shape_functions(barycentric: np.ndarray, order: int) -> np.ndarray:
-    """Shape functions at barycentric points of a tetrahedron or a triangle.
-
-    Parameters
-    ----------
-    barycentric : (p, 4) or (p, 3)
-    order : 1 or 2
-
-    Returns
-    -------
-    (p, nodes of the cell)
-    """
+    """Shape functions (p, nodes) of order 1 or 2 at barycentric points (p, 4) or (p, 3)."""
     if order == 1:
         return barycentric
     pairs = TET_EDGES if barycentric.shape[1] == 4 else TET_EDGES[:3]

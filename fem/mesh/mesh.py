@@ -89,16 +89,7 @@ class Mesh:
 
 
 def boundary_faces(cells: np.ndarray) -> np.ndarray:
-    """Faces that belong to one cell only, normals outwards.
-
-    Parameters
-    ----------
-    cells : (e, 4) or (e, 10)
-
-    Returns
-    -------
-    (t, 3) or (t, 6) node numbers.
-    """
+    """Faces (t, 3) or (t, 6) that belong to one of the cells only, normals outwards."""
     faces = cells[:, TET_FACES].reshape(-1, 3)
     _, first, count = np.unique(
         np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True

@@ -14,20 +14,11 @@ import numpy as np
 def interpolant(field, derivatives, points, gradients, frame, weights, lam, mu):
     """Less k, and a, of the functions' interpolants, by the stiffness matrix's own quadrature.
 
-    Parameters
-    ----------
-    field : (m, c, nodes, 3) functions at the nodes
-    derivatives : (nodes, 4, 4) of `fem.near_field.enrichment.linear_derivatives`
-    points : (q, 4) barycentric
-    gradients : (c, 4, 3) of the barycentric coordinates
-    frame : (3, 3) rows are the axes of the contact
-    weights : (c, q) m^3
-    lam, mu : for E = 1
-
-    Returns
-    -------
-    coupling : (m, c, q, nodes, 3)
-    energy : (m, m, c, q)
+    Of functions `field` (m, c, nodes, 3) at the nodes; `derivatives` (nodes, 4, 4) are those of
+    `fem.near_field.enrichment.linear_derivatives`, `points` (q, 4) barycentric, `gradients`
+    (c, 4, 3) of the barycentric coordinates, `frame` (3, 3) has the contact's axes as rows,
+    `weights` (c, q) m^3; lam and mu are for E = 1. Returns the coupling (m, c, q, nodes, 3) and the
+    energy (m, m, c, q).
     """
     count, cells, nodes, _ = field.shape
     samples = len(points)
@@ -56,19 +47,12 @@ def interpolant(field, derivatives, points, gradients, frame, weights, lam, mu):
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def exact(stress, raised, basis, derivatives, gradients, frame, field):
-    """Rows k of the exact functions, and their products with the interpolants.
+    """Rows k (m, c, q, nodes, 3) of the exact functions; their products with the interpolants.
 
-    Parameters
-    ----------
-    stress : (c, m, k, 3, 3) moments times the monomials of a degree + 1
-    raised : (a, 4) monomial of that degree times a barycentric coordinate, among the k
-    basis : (q, a) of the modulus samples by monomials
-    derivatives, gradients, frame, field : as in `interpolant`
-
-    Returns
-    -------
-    coupling : (m, c, q, nodes, 3)
-    cross : (m, m, c, q), function by interpolant
+    From `stress` (c, m, k, 3, 3), moments times the monomials of a degree + 1; `raised` (a, 4) are
+    the monomials of that degree times a barycentric coordinate, among the k; `basis` (q, a) has the
+    modulus samples by monomials; the rest is as in `interpolant`. The products (m, m, c, q) are
+    function by interpolant.
     """
     count, cells, nodes, _ = field.shape
     samples, terms = basis.shape

@@ -294,21 +294,25 @@ def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
 
 def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarray:
     corners = local[cells[:, :4]]
-    centre = corners.mean(axis=1)
-    diameter = 2 * np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-    # distance from the tip's disc
-    out = np.maximum(np.hypot(centre[:, 0], centre[:, 1]) - radius, 0)
-    distance = np.hypot(out, centre[:, 2])
-    return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * diameter)
+    distance = _from_disc(corners.mean(axis=1), radius)
+    return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * _diameter(corners))
 
 
 def _lie_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
     """Return True for cells (c, nodes) close enough to the disc for a varying field, (c,)."""
     corners = place.local[cells[:, :4]]
-    diameter = 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
     points = np.einsum("qv,cvi->cqi", _PLACES, corners)
-    out = np.maximum(np.hypot(points[..., 0], points[..., 1]) - place.radius, 0)
-    return np.hypot(out, points[..., 2]).min(axis=1) < _CLOSE_CELLS * diameter
+    return _from_disc(points, place.radius).min(axis=1) < _CLOSE_CELLS * _diameter(corners)
+
+
+def _diameter(corners: np.ndarray) -> np.ndarray:
+    return 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
+
+
+def _from_disc(points: np.ndarray, radius: float) -> np.ndarray:
+    """Distance of points (..., 3) from the tip's disc."""
+    out = np.maximum(np.hypot(points[..., 0], points[..., 1]) - radius, 0)
+    return np.hypot(out, points[..., 2])
 
 
 def nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:

@@ -61,9 +61,7 @@ def pair_moments(
 ):  # fmt: skip
     """Integrals over each cell of some strain components and of their products.
 
-    Parameters
-    ----------
-    projection : (s, 6) of the components on the strains e_xx, e_yy, e_zz, e_xy, e_xz, e_yz
+    `projection` (s, 6) has the components by the strains e_xx, e_yy, e_zz, e_xy, e_xz, e_yz.
 
     Returns
     -------

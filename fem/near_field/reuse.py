@@ -31,9 +31,8 @@ def shared(
     local : for each press (c, nodes, 3) m, the nodes of its cells in its frame
     alike : for each press a key of all else that its integrals depend on
     radius_m : (j,) of the tips
-    compute : arrays of press j for some of its cells, given by their indices; called by several
-        threads
-    axes : which axis of each array counts the cells
+    compute : arrays of press j for some of its cells (indices); called by several threads
+    axes : the axis of each array that counts the cells
     """
     kinds = {kind: number for number, kind in enumerate(dict.fromkeys(alike))}
     keys = np.concatenate(

@@ -12,16 +12,10 @@ import numpy as np
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
 def couple(by_function, energy, numbers, modulus, parts, part_energy):
-    """Add a press's k and a for a modulus field.
+    """Add a press's k to by_function (m, 3 f), and a to energy (m, m), for a modulus (c, q).
 
-    Parameters
-    ----------
-    by_function : (m, 3 f) k, added to
-    energy : (m, m) a, added to
-    numbers : (c, nodes) number of each cell's nodes among the free ones, -1 where held
-    modulus : (c, q)
-    parts : (m, c, q, nodes, 3) `Enrichment.coupling`
-    part_energy : (m, m, c, q)
+    `numbers` (c, nodes) are the cells' nodes among the free ones, -1 where held; `parts` and
+    `part_energy` the coupling and energy of `Enrichment`.
     """
     count, cells, samples, nodes, _ = parts.shape
     flat = parts.reshape(count, cells, samples, 3 * nodes)
@@ -48,16 +42,10 @@ def couple(by_function, energy, numbers, modulus, parts, part_energy):
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
 def add_energies(samples, cells, nodes, field, amplitude, parts, part_energy):
-    """Add a press's near-field energy at each modulus sample.
+    """Add a press's near-field energy, doubled and for E = 1, to each modulus sample (e, q).
 
-    Parameters
-    ----------
-    samples : (e, q) twice the strain energy for E = 1, added to
-    cells : (c,) of the near field
-    nodes : (c, nodes) of these cells
-    field : (n, 3) m, finite element part of the press's field
-    amplitude : (m,) of the near-field functions
-    parts, part_energy : as in `couple`
+    Of `cells` (c,) with `nodes` (c, nodes), from the finite element part `field` (n, 3) m and the
+    `amplitude` (m,) of the near-field functions; `parts`, `part_energy` as in `couple`.
     """
     count, size, shape = len(amplitude), 3 * nodes.shape[1], parts.shape
     flat = parts.reshape(shape[0], shape[1], shape[2], size)

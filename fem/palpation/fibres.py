@@ -174,15 +174,11 @@ class FibrePlane:
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
 def _strain_products(out, strain, u, cells, derivatives, gradients, samples, weights):
-    """Products out (e, q, 6) of in-plane strains, times the weights (e, q), and the strains.
+    """Products out (e, q, 6) of in-plane strains times the weights (e, q); strains (e, 3, 4).
 
-    Parameters
-    ----------
-    strain : (e, 3, 4) at the vertices of each cell, between which they are linear; is filled
-    u : (n, 2) in-plane displacement
-    derivatives : (nodes, 4, 4) of `linear_derivatives`
-    gradients : (e, 4, 2) in-plane, of the barycentric coordinates
-    samples : (q, 4) barycentric
+    The strains are those at the vertices of each cell, between which they are linear; u (n, 2) is
+    the in-plane displacement, `derivatives` (nodes, 4, 4) of `linear_derivatives`, `gradients`
+    (e, 4, 2) in-plane, of the barycentric coordinates, `samples` (q, 4) barycentric.
     """
     for e in numba.prange(len(cells)):
         slope = np.zeros((2, 2, 4))

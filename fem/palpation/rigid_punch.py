@@ -53,10 +53,7 @@ _READINGS: WeakKeyDictionary[PalpationModel, list[_Reading]] = WeakKeyDictionary
 def shape_gain(response: Response, modulus_pa: np.ndarray) -> np.ndarray:
     """Decrease of the compliance by the better pressure, (j,) m/N, not negative.
 
-    Parameters
-    ----------
-    response : of flat tips
-    modulus_pa : (j,) Young's modulus at the contact points, Pa
+    Of flat tips; `modulus_pa` (j,) is Young's modulus at the contact points, Pa.
 
     Raises
     ------

@@ -222,7 +222,9 @@ class PardisoPattern:
         self._options = _pardiso_options(precision is np.float32, loaded is not None)
         self._values = np.ones(indices.size, precision)
         self._generation = 0
-        self._finalizer = weakref.finalize(self, _release, self._handle, self._options, self.size)
+        self._finalizer = weakref.finalize(
+            self, _call_pardiso, self._handle, self._options, _RELEASE, self.size
+        )
         self._call(_ANALYSE)
 
     @property
@@ -346,8 +348,3 @@ def _call_pardiso(
         *(pointer(options), integer(0), pointer(load), pointer(solution), ctypes.byref(error)),
     )
     return error.value
-
-
-def _release(handle: NDArray[np.int64], options: NDArray[np.int32], size: int) -> None:
-    """Give PARDISO's memory back."""
-    _call_pardiso(handle, options, _RELEASE, size)

@@ -13,6 +13,7 @@ from models.press_program import PressProgram, grid_program
 from models.scan import Scan
 from sim.bench.amplitude_search import amplitude_for, size_of
 from sim.bench.press import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Planted, press, record
+from sim.body.soft_body import DIVISIONS, Divisions
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
 from sim.planted.bench import Bench
@@ -31,6 +32,7 @@ def planted_scan(
     program: PressProgram | None = None,
     values: dict[str, float] | None = None,
     noise: tuple[float, float] = (DISPLACEMENT_NOISE_M, FORCE_NOISE_N),
+    divisions: Divisions = DIVISIONS,
     **grid: Any,
 ) -> tuple[Scan, dict[str, Any]]:
     """Make a scan of the paper's block with effects hidden in it.
@@ -49,6 +51,7 @@ def planted_scan(
     values : of the effects, by name, in place of drawn ones; with the amplitude among them the
         size is not searched
     noise : one standard deviation of displacement (m) and force (N)
+    divisions : of the truth's finer mesh
     **grid : of `models.press_program.grid_program`, where no program is given
 
     Returns
@@ -59,9 +62,8 @@ def planted_scan(
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     sizes = np.broadcast_to(np.asarray(size, float), len(names))
-    bench = Bench(
-        program or grid_program(radii_m=radii, seed=seed, **grid), HiddenBody(truth=truth)
-    )
+    program = program or grid_program(radii_m=radii, seed=seed, **grid)
+    bench = Bench(program, HiddenBody(truth=truth), divisions=divisions)
     rng = np.random.default_rng([seed, 3])
     planted: tuple[Planted, ...] = ()
     records = []
@@ -89,7 +91,10 @@ def planted_scan(
 
 
 def further_scan(
-    answer: Mapping[str, Any], program: PressProgram, rest_s: float = BETWEEN_SCANS_S
+    answer: Mapping[str, Any],
+    program: PressProgram,
+    rest_s: float = BETWEEN_SCANS_S,
+    divisions: Divisions = DIVISIONS,
 ) -> tuple[Scan, dict[str, Any]]:
     """Press the body of an earlier scan once more, with its hidden effects.
 
@@ -100,6 +105,7 @@ def further_scan(
     answer : the truth that came with the scan before, see `planted_scan`
     program : the further presses
     rest_s : between the two
+    divisions : of the truth's finer mesh, as for the scan before
 
     Returns
     -------
@@ -118,7 +124,7 @@ def further_scan(
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
     body = HiddenBody(truth=_map_from(answer["body"]))
     _on_top(program, body)
-    bench = Bench(earlier.then(program, rest_s), body)
+    bench = Bench(earlier.then(program, rest_s), body, divisions=divisions)
     planted = tuple((HIDDEN[e["name"]], e["values"]) for e in answer["effects"])
     noise = answer["noise"]["displacement_m"], answer["noise"]["force_n"]
     seed = np.random.SeedSequence([answer["seed"], 6, len(earlier)]).generate_state(1)[0]

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh, promote_to_tet10
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
 from fem.contact.half_space import half_space_matrix, patch_grid
 from fem.palpation.response import Response
 from fem.palpation.richardson import RefinedResponse
@@ -233,15 +233,10 @@ def _model(
 
 def _layered(body: HiddenBody, divisions: list[int]) -> Mesh:
     """Mesh of the block; a skin gets a layer of cells of its own."""
-    if not body.skin_thickness_m:
-        return block_mesh(body.size_m, divisions, split=SPLIT)
-    height, below = body.size_m[2], divisions[2]
-    flat = block_mesh(body.size_m, [*divisions[:2], below + 1], order=1, split=SPLIT)
-    inside = np.linspace(0, height - body.skin_thickness_m, below + 1)
-    levels = np.append(inside, height)
-    layer = np.rint(flat.nodes[:, 2] / height * (below + 1)).astype(int)
-    nodes = np.column_stack([flat.nodes[:, :2], levels[layer]])
-    return promote_to_tet10(Mesh(nodes, flat.cells, flat.surfaces))
+    levels, height = None, body.size_m[2]
+    if body.skin_thickness_m:
+        levels = [*np.linspace(0, height - body.skin_thickness_m, divisions[2] + 1), height]
+    return block_mesh(body.size_m, divisions, split=SPLIT, levels_m=levels)
 
 
 def _split(triangles: np.ndarray) -> np.ndarray:

@@ -30,14 +30,8 @@ def _place_beside_others(bench: Bench, rng: np.random.Generator) -> dict[str, fl
     }
 
 
-@on_body(
-    "structured",
-    "E + weight exp(-|p - centre|^2/(2 radius^2))",
-    "weight_pa",
-    6000.0,
-    limit=2e5,
-    draw=_place_beside_others,
-)
+@on_body("structured", "E + weight exp(-|p - centre|^2/(2 radius^2))", "weight_pa", 6000.0,
+         limit=2e5, draw=_place_beside_others)  # fmt: skip
 def extra_inclusion(body, values):
     """A second hard spot."""
     centre = (values["x_m"], values["y_m"], values["z_m"])
@@ -46,26 +40,17 @@ def extra_inclusion(body, values):
     return replace(body, truth=truth)
 
 
-@on_body(
-    "compliance",
-    "ball with the part share of the mean square radius, blurred by a Gaussian of the rest",
-    "share",
-    0.3,
-    limit=0.85,
-)
+@on_body("compliance",
+         "ball with the part share of the mean square radius, blurred by a Gaussian of the rest",
+         "share", 0.3, limit=0.85)  # fmt: skip
 def inclusion_edge(body, values):
     """The map's first inclusion is a ball with a blurred edge, as a phantom's may be."""
     return _first_inclusion(body, ball_share=values["share"])
 
 
-@on_body(
-    "structured",
-    "longer by stretch than wide and high, along one horizontal direction; volume kept",
-    "stretch",
-    0.5,
-    limit=3.0,
-    draw=any_axis,
-)
+@on_body("structured",
+         "longer by stretch than wide and high, along one horizontal direction; volume kept",
+         "stretch", 0.5, limit=3.0, draw=any_axis)  # fmt: skip
 def inclusion_stretch(body, values):
     """The map's first inclusion is long, not round."""
     return _first_inclusion(body, stretch=values["stretch"], angle_rad=values["angle_rad"])

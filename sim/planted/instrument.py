@@ -48,13 +48,8 @@ def contact_offset(bench, force_n, travel_m, values):
     return force_n, travel_m - values["offset_m"]
 
 
-@on_sensor(
-    "structured",
-    "travel + slope (cos(angle) (x - x_c) + sin(angle) (y - y_c))",
-    "slope",
-    3e-3,
-    draw=any_direction,
-)
+@on_sensor("structured", "travel + slope (cos(angle) (x - x_c) + sin(angle) (y - y_c))", "slope",
+           3e-3, draw=any_direction)  # fmt: skip
 def surface_tilt(bench, force_n, travel_m, values):
     """The surface stands askew to the plane that the robot assumes: travel counts from it."""
     centred = bench.points_m - np.array(bench.body.size_m[:2]) / 2

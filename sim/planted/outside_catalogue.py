@@ -25,14 +25,8 @@ def outside_late_force(bench, force_n, travel_m, values):
     return np.array(late), travel_m
 
 
-@on_response(
-    "outsider",
-    "C(t) between the map's compliance and that with weight/(1 + share)",
-    "share",
-    0.5,
-    limit=100.0,
-    draw=_uniform("time_constant_s", 0.4, 1.2),
-)
+@on_response("outsider", "C(t) between the map's compliance and that with weight/(1 + share)",
+             "share", 0.5, limit=100.0, draw=_uniform("time_constant_s", 0.4, 1.2))  # fmt: skip
 def outside_creeping_inclusion(bench, travel_m, values):
     """Only the inclusion creeps; the rest of the body is elastic."""
     truth = bench.body.truth

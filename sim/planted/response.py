@@ -45,13 +45,9 @@ def preconditioning(bench, travel_m, values):
     return travel_m * (1 + np.array(grown)[:, None])
 
 
-@on_response(
-    "structured",
-    "u + 4 share u (1 - u/u_max) once u falls below the largest it has been in the press",
-    "share",
-    0.08,
-    limit=1.0,
-)
+@on_response("structured",
+             "u + 4 share u (1 - u/u_max) once u falls below the largest it has been in the press",
+             "share", 0.08, limit=1.0)  # fmt: skip
 def hysteresis(bench, travel_m, values):
     """On its way back the tip lags: the surface stays lower than it was under the same force."""
     largest = np.maximum.accumulate(travel_m, axis=1)

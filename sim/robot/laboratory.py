@@ -4,7 +4,7 @@
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -67,10 +67,6 @@ class Laboratory:
     arm: pin.Model
     tool: pin.Model
     home: np.ndarray
-    tcp: int = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "tcp", self.arm.getFrameId("tcp"))
 
     @property
     def speed_limit(self) -> np.ndarray:

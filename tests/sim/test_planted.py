@@ -179,7 +179,12 @@ def test_the_same_seed_makes_the_same_scan_and_another_one_another(bench):
 
 def test_a_planted_scan_says_what_is_in_it():
     scan, truth = planted_scan(
-        ("viscoelasticity", "force_bias"), (0.05, 0.01), seed=3, radii=TWO_RADII, per_side=2
+        ("viscoelasticity", "force_bias"),
+        (0.05, 0.01),
+        seed=3,
+        radii=TWO_RADII,
+        per_side=2,
+        divisions=COARSE,
     )
     assert [e["name"] for e in truth["effects"]] == ["viscoelasticity", "force_bias"]
     assert [e["size"] for e in truth["effects"]] == pytest.approx([0.05, 0.01], rel=0.011)
@@ -189,7 +194,7 @@ def test_a_planted_scan_says_what_is_in_it():
 
 def test_an_unknown_effect_is_refused_with_the_nearest_name():
     with pytest.raises(InputError, match="did you mean 'force_drift'"):
-        planted_scan("force_drifd", per_side=2)
+        planted_scan("force_drifd", per_side=2, divisions=COARSE)
 
 
 def test_all_effects_of_the_catalogue_can_be_planted():
@@ -214,11 +219,13 @@ FURTHER = replace(SHORT, x_m=SHORT.y_m, radius_m=np.array([0.004, 0.005, 0.008])
 )  # fmt: skip
 def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
     silent = (0.0, 0.0)
-    _, answer = planted_scan(name, 0.05, 8, program=SHORT, noise=silent)
-    again, longer = further_scan(answer, FURTHER)
+    _, answer = planted_scan(name, 0.05, 8, program=SHORT, noise=silent, divisions=COARSE)
+    again, longer = further_scan(answer, FURTHER, divisions=COARSE)
     long = SHORT.then(FURTHER, BETWEEN_SCANS_S)
     values = answer["effects"][0]["values"]
-    whole, _ = planted_scan(name, 0.05, 8, program=long, noise=silent, values=values)
+    whole, _ = planted_scan(
+        name, 0.05, 8, program=long, noise=silent, values=values, divisions=COARSE
+    )
     rest = whole.rows(whole.press >= 3)
     assert again.press_ids.tolist() == [3, 4, 5]
     assert_allclose(again.time_s, rest.time_s, rtol=1e-12)
@@ -229,10 +236,10 @@ def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
 
 
 def test_further_scans_have_noise_of_their_own_and_go_on_from_each_other():
-    first, answer = planted_scan(None, seed=8, program=SHORT)
-    second, after = further_scan(answer, SHORT)
-    same, _ = further_scan(answer, SHORT)
-    third, _ = further_scan(after, SHORT)
+    first, answer = planted_scan(None, seed=8, program=SHORT, divisions=COARSE)
+    second, after = further_scan(answer, SHORT, divisions=COARSE)
+    same, _ = further_scan(answer, SHORT, divisions=COARSE)
+    third, _ = further_scan(after, SHORT, divisions=COARSE)
     assert (second.force_n == same.force_n).all()
     pairs = [(first, second), (first, third), (second, third)]
     for one, other in pairs:
@@ -243,7 +250,7 @@ def test_further_scans_have_noise_of_their_own_and_go_on_from_each_other():
 
 
 def test_a_further_press_beside_the_block_is_refused():
-    _, answer = planted_scan(None, seed=8, program=SHORT)
+    _, answer = planted_scan(None, seed=8, program=SHORT, divisions=COARSE)
     beside = replace(SHORT, x_m=np.array([0.02, 0.093, 0.07]))
     with pytest.raises(InputError, match="Press 1 of the program: x is 93 mm; a tip of 5 mm needs"):
         further_scan(answer, beside)

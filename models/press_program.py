@@ -136,7 +136,7 @@ def grid_program(
     seed : of the pauses
     margin_share : of the edges, from the rim to the first points
     repeats : how often the whole grid is pressed, one time after the other
-    shuffled : whether the order is random, in place of row by row
+    shuffled : random order, in place of row by row
     force_shares : of the peak force; they take turns too, each for as many points as there are
         radii, so that every radius gets every force
 

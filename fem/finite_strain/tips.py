@@ -1,10 +1,9 @@
 """How a tip holds the surface under it: with a given pressure, or flat as a rigid punch does.
 
-With the contact weights alone the pressure under the tip is given, p, and the surface takes the
-shape that it likes: at small strain that shape is nearly flat, since p is the punch's own pressure,
-and the error of the reading is of second order. At finite strain it is not flat at all, and a
-singular pressure that stays what it was sinks ever deeper the finer the mesh. So the pressure is
-given the freedom to change,
+With the contact weights alone the pressure under the tip is given, p, and the surface's shape is
+free: at small strain it is nearly flat, since p is the punch's own pressure, and the error of the
+reading is of second order. At finite strain it is not flat at all, and a singular pressure that
+does not change sinks ever deeper the finer the mesh. So the pressure is free to change,
 
     p(x) (1 + sum_k lambda_k phi_k(x)),    int p phi_k = 0,   int p phi_k phi_l = delta_kl,
 

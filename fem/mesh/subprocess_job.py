@@ -45,8 +45,8 @@ def run_job(job: str, time_limit_s: float, **given: Any) -> dict[str, np.ndarray
             ) from error
         if done.returncode < 0:
             raise MeshError(
-                f"{_JOBS[job]} crashed ({signal.Signals(-done.returncode).name}): it cannot "
-                "bear how the surface is damaged; repair it and export it again."
+                f"{_JOBS[job]} crashed ({signal.Signals(-done.returncode).name}): the surface "
+                "is damaged; repair it and export it again."
             )
         if done.returncode or not target.exists():
             lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]

@@ -118,8 +118,8 @@ def further_scan(
     """
     if "program" not in answer:
         raise InputError(
-            "the trial was made by an older palpmap, which did not keep what presses it made; make "
-            "it anew with palpmap blind"
+            "the trial was made by an older palpmap, which did not keep its presses; make it anew "
+            "with palpmap blind"
         )
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
     body = HiddenBody(truth=_map_from(answer["body"]))

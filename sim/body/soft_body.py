@@ -7,7 +7,7 @@ that of two meshes extrapolated (`fem.palpation.richardson`), the surface that o
 meshes are the laboratory's own (finer than the identifier's and cut differently), and so is its
 stiffness map.
 
-`block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps what it has solved.
+`block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps its solutions.
 """
 
 from __future__ import annotations

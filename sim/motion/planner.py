@@ -105,7 +105,7 @@ def refuse_too_deep(plan: ScanPlan, body: Body, settings: ScanSettings) -> None:
         f"the scan setting depth_m provides for {provided * 1e3:.3g} mm"
         if allowed[worst] == provided
         else f"the body is {thickness[worst] * 1e3:.3g} mm thick there, of which at most "
-        f"{100 * settings.deepest_share:.0f} % may be gone through, as its law is for small depths"
+        f"{100 * settings.deepest_share:.0f} % may be pressed, as its law is for small depths"
     )
     raise InputError(
         f"Press {worst} at {_mm(plan.points_m[worst])} mm: {force:.3g} N would go "

@@ -21,7 +21,7 @@ class Reached:
     Attributes
     ----------
     q : (n,) rad, configuration, inside the limits also where the goal was not reached
-    converged : whether `error` is below the tolerance
+    converged : true if `error` is below the tolerance
     error : largest component of position error (m) and axis error (rad)
     """
 

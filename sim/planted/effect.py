@@ -62,17 +62,15 @@ class HiddenEffect:
 
 
 def _acts_on(
-    link: str,
-    category: Category,
-    law: str,
-    amplitude: str,
-    typical: float,
-    **more: Any,
+    link: str, category: Category, law: str, amplitude: str, typical: float, **more: Any
 ) -> Callable[[Callable], HiddenEffect]:
     """Make the decorated function the effect of its name; arguments as in `HiddenEffect`."""
-    return lambda act: HiddenEffect(
-        act.__name__, category, law, amplitude, typical, **more, **{link: act}
-    )
+
+    def effect(act: Callable) -> HiddenEffect:
+        more[link] = act
+        return HiddenEffect(act.__name__, category, law, amplitude, typical, **more)
+
+    return effect
 
 
 on_body = partial(_acts_on, "body")

@@ -91,7 +91,7 @@ class PressProgram:
 
     @property
     def start_s(self) -> np.ndarray:
-        """When each press begins, (j,) s."""
+        """Start of each press, (j,) s."""
         duration = self.ramp_s + self.hold_s + self.unload_s
         return np.cumsum(self.pause_s) + np.concatenate([[0.0], np.cumsum(duration)[:-1]])
 

@@ -1,13 +1,13 @@
 """One press at rising dead load: quasi-Newton iterations, line search, steps of the load.
 
-The equilibrium u(F) minimises  Pi(u) = W(u) - F b.u,  residual r = F b - f_int(u). What costs is
-the factorisation of the tangent (20 times as much as an iteration with it), so that a factor is
-kept, at following iterates and loads too, as the first approximation of a BFGS recursion, and is
-renewed when the iterations contract too slowly. Every step must lower Pi or the slope along it.
-With `refactor_above = 0` each iterate has its own tangent: Newton's method.
+The equilibrium u(F) minimises  Pi(u) = W(u) - F b.u,  residual r = F b - f_int(u). The expensive
+step is the factorisation of the tangent (20 times an iteration with it). So a factor is kept, at
+following iterates and loads too, as the first approximation of a BFGS recursion, and is renewed
+when the iterations contract too slowly. Every step must lower Pi or the slope along it. With
+`refactor_above = 0` each iterate has its own tangent: Newton's method.
 
-A rigid tip adds linear constraints, which every step obeys (`fem.finite_strain.tangent_solver`), so
-that what is sought is a minimum without constraints all the same.
+A rigid tip adds linear constraints, which every step obeys (`fem.finite_strain.tangent_solver`):
+the search remains one for a minimum without constraints.
 
 At each load the tangent compliance field z = du/dF = K_T^-1 b follows from the converged tangent by
 conjugate gradients with the kept factor as preconditioner. It is the adjoint of the reading b.u,
@@ -34,7 +34,7 @@ _REST = 1e-3  # of the tolerance, at no load: all readings are told in terms of 
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """How far and how patiently to iterate.
+    """Tolerances and limits of the iterations.
 
     Attributes
     ----------

@@ -211,7 +211,7 @@ class FiniteStrainModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled, (p, 3) m; those of a `PalpationModel` on this mesh."""
+        """Sample points of the modulus, (p, 3) m; those of a `PalpationModel` on this mesh."""
         return self.body.stiffness.points_m
 
     def evaluate(

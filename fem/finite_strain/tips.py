@@ -1,4 +1,4 @@
-"""How a tip holds the surface under it: with a given pressure, or flat as a rigid punch does.
+"""Contact of a tip with the surface at finite strain: a given pressure, or a rigid flat punch.
 
 With the contact weights alone the pressure under the tip is given, p, and the surface's shape is
 free: at small strain it is nearly flat, since p is the punch's own pressure, and the error of the
@@ -27,7 +27,7 @@ _INDEPENDENT = 1e-3  # singular values of the constraints below this part of the
 
 
 class TipShape(Protocol):
-    """How a tip holds the surface."""
+    """A tip's hold on the surface."""
 
     def constraints(self, surface: PressedSurface, contacts: Contacts, j: int) -> np.ndarray:
         """Vectors b_k (k, n, 3) with b_k.u = 0 under press j."""

@@ -1,15 +1,14 @@
-"""Where the modulus is sampled in the cells around the tips, and how it runs between the samples.
+"""Samples of the modulus in the cells around the tips, and its interpolation between them.
 
 Elsewhere a cell's samples are the points of the stiffness matrix's rule. Under a tip the strain
-varies so much that how the modulus runs counts too: there it is the quadratic through ten samples,
-in the stiffness matrix as in the near field (`fem.near_field.enrichment`). Were it another in the
-one than in the other, the energy of what the near field adds to the finite elements, a small
-difference of large ones, could come out as nothing.
+varies so much that the course of the modulus within a cell counts: there it is the quadratic
+through ten samples, in the stiffness matrix as in the near field (`fem.near_field.enrichment`).
+With a different course in each, the near field's energy, a small difference of large numbers, could
+vanish.
 
 Through ten samples of a steep field the quadratic may fall below zero in between. There the cell's
-samples s are drawn towards its mean modulus m, s' = m + t (s - m), until it no longer does
-(`QuadraticModulus`); all who compute with the modulus then have s', and derivatives are taken
-through it.
+samples s are drawn towards its mean modulus m, s' = m + t (s - m), until it is positive
+(`QuadraticModulus`); all computations then use s', derivatives included.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ def close_points_m(corners: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class QuadraticModulus:
-    """A modulus that runs through samples (c, s) of some cells wherever they let it be positive.
+    """A quadratic modulus through samples (c, s) of some cells, wherever that is positive.
 
     Attributes
     ----------

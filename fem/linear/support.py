@@ -1,4 +1,4 @@
-r"""How a body is held: bonded, on an elastic foundation, sliding, with further surfaces bonded.
+r"""Supports of a body: bonded, on an elastic foundation, sliding, with further surfaces bonded.
 
 On the support's surface the displacement is a compliance times the traction, normal and tangential,
 

@@ -81,7 +81,7 @@ class Enrichment:
 
 
 class Neighbourhood(NamedTuple):
-    """Where the near field of a press lives.
+    """Cells and frame of a press's near field.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ def _strains(eps, count, place, shape, radius, nu, profile):
         x, y = place[0, k], place[1, k]
         place[2, k] = depth_below(shape, x, y, place[2, k], radius)
         radial[k] = np.sqrt(x * x + y * y)
-    for k in range(count):  # apart, as it holds back the others
+    for k in range(count):  # apart, as it slows the others down
         potential[0, k] = half_space.potential(radial[k], place[2, k], radius, profile)
     for k in range(count):
         slopes = half_space.slopes(radial[k], place[2, k], radius, profile)

@@ -1,8 +1,8 @@
 """Integrals of near fields over cells, each computed once however many presses it serves.
 
 Presses on a grid meet the cells of a regular mesh in few ways: of 81 presses 9 mm apart on cells of
-12 mm, 16 are different. A cell's integrals depend on where its nodes lie in the press's frame, on
-the tip's radius and on the surface's shape under it; where these agree, so do they.
+12 mm, 16 are different. A cell's integrals depend on its nodes in the press's frame, on the tip's
+radius and on the surface's shape under it: equal ones have equal integrals.
 """
 
 from __future__ import annotations

@@ -159,7 +159,7 @@ class PalpationModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled, (p, 3) m.
+        """Sample points of the modulus, (p, 3) m.
 
         In every cell; then in those around the tips, where there are near fields; last at the
         contact points, which only a skin asks for.

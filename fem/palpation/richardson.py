@@ -85,7 +85,7 @@ class RefinedModel:
 
     @property
     def points_m(self) -> np.ndarray:
-        """Where the modulus is sampled: the coarse mesh's points, then the fine one's."""
+        """Sample points of the modulus: the coarse mesh's points, then the fine one's."""
         return np.vstack([self.coarse.points_m, self.fine.points_m])
 
     def evaluate(

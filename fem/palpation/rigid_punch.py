@@ -1,4 +1,4 @@
-r"""How much a flat tip sinks less because its pressure is not quite the half-space's.
+r"""Decrease of a flat tip's compliance by a pressure better than the half-space's.
 
 The compliance C of an assumed pressure is an upper bound: the true pressure of a rigid tip that is
 held upright has the least complementary energy. Adding pressures p_k without resultant lowers it,

@@ -70,7 +70,7 @@ class ScanPlan:
         return self.force_n if self.program is None else float(self.program.force_n[press])
 
     def thickness_m(self, press: int) -> float:
-        """How far a press can go before it comes out of the body's box on the other side, m."""
+        """Length of a press's line inside the body's box, m."""
         point, along = self.points_m[press], self.directions[press]
         end = np.where(along > 0, self.body_size_m, 0.0)
         moving = np.abs(along) > UNIT_TOLERANCE

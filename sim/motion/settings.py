@@ -1,4 +1,4 @@
-"""How a scan is made: times, speeds, noise, sampling."""
+"""Settings of a scan: times, speeds, noise, sampling."""
 
 from __future__ import annotations
 

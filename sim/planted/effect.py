@@ -13,7 +13,7 @@ from sim.body.true_body import HiddenBody
 from sim.planted.bench import Bench
 
 Category = Literal["structured", "compliance", "outsider"]
-"""How hard an effect is to name: `structured` ones leave a pattern in time, force or place of their
+"""Difficulty of an effect: `structured` ones leave a pattern in time, force or place of their
 own, those of `compliance` look like another body, and outsiders are in no catalogue."""
 
 Values = Mapping[str, float]

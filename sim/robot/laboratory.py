@@ -17,7 +17,7 @@ from sim.robot.pinocchio_model import pinocchio_model
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the body's frame stands in the world frame (the arm's base).
+    """Pose of the body's frame in the world frame (the arm's base).
 
     Attributes
     ----------

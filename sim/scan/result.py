@@ -46,7 +46,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class PressStatistics:
-    """How well one press was made, judged by the simulator's truth.
+    """Quality of one press, judged by the simulator's truth.
 
     Attributes
     ----------

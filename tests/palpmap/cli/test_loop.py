@@ -147,7 +147,7 @@ def test_the_version_with_the_effect_is_fitted_and_reported(offset, added, tmp_p
     told = palpmap("review", tmp_path / "run", "--summary", "--json")
     last = json.loads(told.stdout)["last_values"]["fit/chi2_per_dof"]
     assert last == pytest.approx(record["chi2_per_dof"], rel=1e-6)
-    assert "contact offset" in result.stdout
+    assert "contact_offset.offset_m" in result.stdout
     assert (tmp_path / "run" / "report.html").exists()
 
 

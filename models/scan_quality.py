@@ -23,7 +23,7 @@ LISTED = 5
 
 
 @dataclass(frozen=True)
-class Finding:
+class Doubt:
     """A doubt about some presses.
 
     Attributes
@@ -40,7 +40,7 @@ class Finding:
     sentence: str
 
 
-def scan_findings(scan: Scan) -> list[Finding]:
+def scan_findings(scan: Scan) -> list[Doubt]:
     """Return all doubts about a Scan, single readings first."""
     rows = np.flatnonzero(scan.in_contact)
     used = scan.rows(rows)
@@ -60,7 +60,7 @@ def scan_findings(scan: Scan) -> list[Finding]:
     for kind, test, words in tests:
         presses = [press for press in test(used) if press not in bad]
         if presses:
-            found.append(Finding(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
+            found.append(Doubt(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
     return found + _free_travel(used) + _missing_phases(used) + _repeated(used)
 
 
@@ -133,9 +133,9 @@ def _named(presses: Sequence[int], scan: Scan) -> str:
     return f"Press {some} ({len(presses)} of {len(scan.press_ids)})"
 
 
-def _bad_reading(scan: Scan, row: int, column: str, found: float, expected: float) -> Finding:
+def _bad_reading(scan: Scan, row: int, column: str, found: float, expected: float) -> Doubt:
     press, unit = int(scan.press[row]), "N" if column == "force_n" else "m"
-    return Finding(
+    return Doubt(
         "bad_reading",
         (press,),
         (row,),
@@ -242,7 +242,7 @@ def _collapsed(scan: Scan) -> list[int]:
     return found
 
 
-def _free_travel(scan: Scan) -> list[Finding]:
+def _free_travel(scan: Scan) -> list[Doubt]:
     """Find travel that was counted from above the surface: the tip moves and feels nothing."""
     free = {}
     for press, rows in _by_press(scan):
@@ -264,10 +264,10 @@ def _free_travel(scan: Scan) -> list[Finding]:
         f"{_named(list(free), scan)}: the tip travels without force at first: displacement_m is "
         f"counted from above the surface; count it from first touch (now at about {about} mm)."
     )
-    return [Finding("free_travel", tuple(free), (), sentence)]
+    return [Doubt("free_travel", tuple(free), (), sentence)]
 
 
-def _missing_phases(scan: Scan) -> list[Finding]:
+def _missing_phases(scan: Scan) -> list[Doubt]:
     found = []
     presses = _by_press(scan)
     for phase in ("load", "hold", "unload"):
@@ -275,11 +275,11 @@ def _missing_phases(scan: Scan) -> list[Finding]:
         if without and (phase == "load" or len(without) < len(presses) / 2):
             others = "" if len(without) == len(presses) else ", as the others have"
             sentence = f"{_named(without, scan)}: no row of phase {phase}{others}; check the cut."
-            found.append(Finding("missing_phase", tuple(without), (), sentence))
+            found.append(Doubt("missing_phase", tuple(without), (), sentence))
     return found
 
 
-def _repeated(scan: Scan) -> list[Finding]:
+def _repeated(scan: Scan) -> list[Doubt]:
     pairs = identical_presses(scan)
     if not pairs:
         return []
@@ -290,4 +290,4 @@ def _repeated(scan: Scan) -> list[Finding]:
         f"(press {later} as press {first}); the same noise twice makes the map look surer than it "
         "is: keep each press once."
     )
-    return [Finding("repeated_press", presses, (), sentence)]
+    return [Doubt("repeated_press", presses, (), sentence)]

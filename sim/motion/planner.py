@@ -14,7 +14,7 @@ from sim.motion.press_path import PressPath, press_path
 from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
-from sim.robot.contact_coupling import Body
+from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import Reached, TipKinematics
 from sim.robot.laboratory import Laboratory
 
@@ -83,7 +83,7 @@ def plan_motion(
     return tuple(presses)
 
 
-def refuse_too_deep(plan: ScanPlan, body: Body, settings: ScanSettings) -> None:
+def refuse_too_deep(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
     """Refuse a scan in which a press would go deeper than body or settings allow.
 
     Raises

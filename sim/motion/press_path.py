@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.robot.inverse_kinematics import TipKinematics
-from sim.robot.rig import SERVO_RAD_PER_S
+from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 KNOTS = 11
 

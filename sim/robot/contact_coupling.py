@@ -39,7 +39,7 @@ FAR_M = 1.0
 RENEW_FRACTION = 0.02
 
 
-class Body(Protocol):
+class PressedBody(Protocol):
     """Soft body as the coupling needs it; `press` counts from 0."""
 
     def displacement(self, press: int, force_n: float) -> float:
@@ -64,7 +64,7 @@ class MatchedContact:
     calls : number of pairs exchanged in the present press
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, body: Body) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, body: PressedBody) -> None:
         self._model, self._data, self._body = model, data, body
         self._pair = model.pair(PAIR).id
         model.pair_solimp[self._pair, :2] = IMPEDANCE

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from sim.robot.rig import SERVO_RAD_PER_S
+from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 FILTER_HZ = 10.0
 RETURN_S = 0.15

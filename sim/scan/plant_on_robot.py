@@ -29,7 +29,7 @@ from sim.planted.bench import Bench
 from sim.planted.catalogue import HIDDEN
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.laboratory import build_laboratory
-from sim.robot.rig import SERVO_RAD_PER_S
+from sim.robot.simulated_arm import SERVO_RAD_PER_S
 from sim.scan.scan_program import DWELL_S
 
 SEARCH_DIVISIONS = (8, 8, 4)

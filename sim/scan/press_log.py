@@ -19,7 +19,7 @@ from models.scan import Scan
 from sim.motion.planner import PlannedPress
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
-from sim.robot.contact_coupling import Body
+from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
 
@@ -56,7 +56,7 @@ def press_result(
     planned: PlannedPress,
     settings: ScanSettings,
     kinematics: TipKinematics,
-    body: Body,
+    body: PressedBody,
     rng: np.random.Generator,
 ) -> PressResult:
     """Reduce one press's log.
@@ -152,7 +152,7 @@ def _statistics(
     log: PressLog,
     plan: ScanPlan,
     planned: PlannedPress,
-    body: Body,
+    body: PressedBody,
     true_depth: np.ndarray,
     zero: float,
 ) -> PressStatistics:

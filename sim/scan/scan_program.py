@@ -15,11 +15,11 @@ from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
-from sim.robot.contact_coupling import Body, MatchedContact
+from sim.robot.contact_coupling import MatchedContact, PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
-from sim.robot.rig import Rig
+from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.press_log import PressLog, press_result
 from sim.scan.result import PHASES, Frame, PressResult, ScanRun
 
@@ -36,7 +36,7 @@ COLUMNS = 17
 
 def run_scan(
     plan: ScanPlan,
-    soft_body: Body,
+    soft_body: PressedBody,
     settings: ScanSettings | None = None,
     on_frame: Callable[[Frame], None] | None = None,
     on_press: Callable[[PressResult], None] | None = None,
@@ -88,7 +88,7 @@ class _Program:
     def __init__(
         self,
         plan: ScanPlan,
-        body: Body,
+        body: PressedBody,
         settings: ScanSettings,
         on_frame: Callable[[Frame], None] | None,
     ) -> None:
@@ -118,7 +118,9 @@ class _Program:
         self.encoder_rng = np.random.default_rng(encoder_seed)
         self.pauses_s = settings.pauses(len(plan))
         self.kinematics = TipKinematics(laboratory.arm)
-        self.rig = Rig(laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed))
+        self.rig = SimulatedArm(
+            laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed)
+        )
         self.contact = MatchedContact(self.rig.model, self.rig.data, body)
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
         self.links = [self.rig.model.body(name).id for name in LINKS]

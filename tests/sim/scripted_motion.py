@@ -12,7 +12,7 @@ from sim.motion.planner import transit_duration
 from sim.motion.quintic import quintic
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import Laboratory
-from sim.robot.rig import Rig
+from sim.robot.simulated_arm import SimulatedArm
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def run_script(script: Sequence[TipPose], laboratory: Laboratory) -> Tracking:
         A pose that the arm cannot reach, or not within its duration.
     """
     kinematics = TipKinematics(laboratory.arm)
-    rig = Rig(laboratory, 0.0, np.random.default_rng(0))
+    rig = SimulatedArm(laboratory, 0.0, np.random.default_rng(0))
     rig.data.mocap_pos[0] = (0.0, 0.0, -1.0)
     start = laboratory.home
     wanted, tips, force = [], [], 0.0

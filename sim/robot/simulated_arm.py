@@ -23,7 +23,7 @@ SERVO_RAD_PER_S = 60.0
 BLOCK = 4096
 
 
-class Rig:
+class SimulatedArm:
     """Arm in motion.
 
     Parameters

@@ -12,7 +12,8 @@ from fem.errors import SolverError
 from fem.linear.assembly import Stiffness
 from fem.linear.support import Foundation
 from fem.mesh.mesh import Mesh
-from fem.palpation.skin import SkinnedSurface
+from fem.palpation.layered_half_space import SkinCompliance, skin_compliance
+from fem.palpation.skin import Membrane, Skin
 from fem.solve.block_matrix import BlockMatrix
 from fem.solve.direct import Pattern, Solver
 from fem.solve.mixed_precision import (
@@ -92,6 +93,11 @@ class ConstrainedBody:
         return Foundation(self.stiffness, self._resting)
 
     @cached_property
-    def skinned(self) -> SkinnedSurface:
-        """The surface that may bear a skin."""
-        return SkinnedSurface(self.stiffness, *self._skin)
+    def membrane(self) -> Membrane:
+        """The membrane of the surface that may bear a skin."""
+        return Membrane(self.stiffness, self._skin[0])
+
+    def near_skin(self, skin: Skin) -> SkinCompliance:
+        """D of each press by a skin, less the membrane's part."""
+        contacts, nu = self._skin[1], self.stiffness.poisson_ratio
+        return skin_compliance(contacts.radius_m, *skin, nu, contacts.profile_code, True)

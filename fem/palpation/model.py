@@ -221,7 +221,7 @@ class PalpationModel:
             asked = (support.normal, support.tangential)
             compliance += first_order_rest(asked, springs, response.support_sensitivity)
         if skin is not None:
-            compliance += body.skinned.near(skin).value / local
+            compliance += body.near_skin(skin).value / local
         for array in (compliance, field, amplitude):
             array.setflags(write=False)
         return response
@@ -270,7 +270,7 @@ class PalpationModel:
             direction, strength = material.fibres
             values += body.stiffness.fibre_values(direction, np.asarray(strength))
         if material.skin is not None:
-            values += material.skin.stretch_m * body.skinned.membrane.values(material.modulus)
+            values += material.skin.stretch_m * body.membrane.values(material.modulus)
         return values
 
     def near_fields(

@@ -71,10 +71,10 @@ class Response:
         skin, own = self._material.skin, len(stiffness.points_m)
         by_local = np.zeros((presses, presses))
         if skin is not None:
-            skinned = self._body.skinned
-            np.fill_diagonal(by_local, -skinned.near(skin).value / self._material.local**2)
+            near = self._body.near_skin(skin)
+            np.fill_diagonal(by_local, -near.value / self._material.local**2)
             for j, field in enumerate(nodal):
-                result[j, :own] -= skin.stretch_m * skinned.membrane.energies(field)
+                result[j, :own] -= skin.stretch_m * self._body.membrane.energies(field)
         if not self.model.enrichments:
             result[:, own:] = by_local
             return result
@@ -123,7 +123,7 @@ class Response:
         return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
 
     def _by_skin(self, skin: Skin) -> np.ndarray:
-        near, local = self._body.skinned.near(skin), self._material.local
+        near, local = self._body.near_skin(skin), self._material.local
         stretch = self._stretch_energies * (skin.factor >= 1)
         by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
         return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
@@ -131,7 +131,7 @@ class Response:
     @cached_property
     def _stretch_energies(self) -> np.ndarray:
         """Twice the energy of a membrane of t (f - 1) = 1 m under each press, (j,)."""
-        membrane, modulus = self._body.skinned.membrane, self._material.modulus
+        membrane, modulus = self._body.membrane, self._material.modulus
         nodal = self._body.stiffness.prolong(self._free)
         return np.array([membrane.energies(field) @ modulus for field in nodal])
 

@@ -31,12 +31,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem.contact.contacts import Contacts
 from fem.errors import MeshError
 from fem.linear.assembly import Stiffness, shape_derivatives
 from fem.linear.support import triangle_rule
 from fem.mesh.mesh import TET_EDGES, TRIANGLE_EDGES
-from fem.palpation.layered_half_space import SkinCompliance, skin_compliance
 
 
 class Skin(NamedTuple):
@@ -55,19 +53,6 @@ class Skin(NamedTuple):
     def stretch_m(self) -> float:
         """Return t (f - 1) of the membrane, m; 0 for a skin softer than the body."""
         return self.thickness_m * max(self.factor - 1, 0)
-
-
-class SkinnedSurface:
-    """A surface that may bear a skin, and the presses on it."""
-
-    def __init__(self, stiffness: Stiffness, surface: str, contacts: Contacts) -> None:
-        self.membrane = Membrane(stiffness, surface)
-        self._contacts, self._nu = contacts, stiffness.poisson_ratio
-
-    def near(self, skin: Skin) -> SkinCompliance:
-        """D of each press, less the membrane's part."""
-        return skin_compliance(self._contacts.radius_m, skin.thickness_m, skin.factor, self._nu,
-                               self._contacts.profile_code, beyond_membrane=True)  # fmt: skip
 
 
 class Membrane:

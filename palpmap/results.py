@@ -63,7 +63,7 @@ class Shown:
 def _printed(renderables: Sequence[RenderableType]) -> Console:
     from rich.console import Console
 
-    console = Console(file=StringIO(), width=100, highlight=False, record=True)
+    console = Console(file=StringIO(), width=100, highlight=False, record=True, force_jupyter=False)
     for renderable in renderables:
         console.print(renderable)
     return console

@@ -91,9 +91,9 @@ class Diagnosis(Shown):
         return self.record.to_dict()
 
     def _renderables(self) -> Sequence[RenderableType]:
-        from palpmap.report.diagnose_console import diagnosis_table
+        from palpmap.report.diagnose_console import diagnosis_screen
 
-        return diagnosis_table(self.to_dict(), self.step)
+        return diagnosis_screen(self.record, self.step)
 
     def with_effect(self, name: str) -> Diagnosis:
         """Return the diagnosis of the model with one more effect, all fitted anew.
@@ -189,7 +189,7 @@ class Explanation(Shown, forward_selection.Explanation):
     def _renderables(self) -> Sequence[RenderableType]:
         from palpmap.report.explain_console import explain_summary
 
-        return explain_summary(self.to_dict(), self, self.problem)
+        return explain_summary(self.record, self, self.problem)
 
     def _picture(self) -> Figure:
         return self.plot_ladder()
@@ -268,6 +268,6 @@ class Limits(Shown):
         return self.record.to_dict()
 
     def _renderables(self) -> Sequence[RenderableType]:
-        from palpmap.report.limits_console import limits_table
+        from palpmap.report.limits_console import limits_screen
 
-        return limits_table(self.to_dict(), self.fit)
+        return limits_screen(self.record, self.fit)

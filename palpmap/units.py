@@ -1,7 +1,7 @@
 """Numbers as a reader sees them: kPa for Pa, mm for m, mN for N; a value, its error, its interval.
 
 The sentences of `identify` write their own lengths and forces (`identify.effects.units`,
-`identify.residual.statement`); what palpmap shows of them comes through here.
+`identify.residual.statement`); palpmap takes these from here.
 """
 
 from identify.effects.units import percent

@@ -24,6 +24,7 @@ from models.catalogue import Catalogue
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.result.explain_record import explain_record
+from palpmap.result.records import ExplainRecord
 from palpmap.run_folder import RunFolder
 from palpmap.runs.explain_run import write_explain_files
 from palpmap.study.open_study import Problem
@@ -48,6 +49,7 @@ TOGETHER = {
     "report/test_explain_report": (
         "report/test_explain_recording",
         "report/test_explain_stop",
+        "report/test_four_faces",
         "cli/test_suspects",
     ),
 }
@@ -154,7 +156,7 @@ class Explained:
     problem: Problem
     explained: Explanation
     assessment: Assessment
-    record: dict
+    record: ExplainRecord
 
 
 @pytest.fixture(scope="session")
@@ -202,5 +204,5 @@ def explained_case(tmp_path_factory) -> Explained:
     record = explain_record(explained, problem, assessment)
     with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:
         record.write(run / "result.json")
-        write_explain_files(run.path, problem, explained, record.to_dict())
-    return Explained(folder / "run", problem, explained, assessment, record.to_dict())
+        write_explain_files(run.path, problem, explained, record)
+    return Explained(folder / "run", problem, explained, assessment, record)

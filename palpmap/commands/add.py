@@ -1,6 +1,6 @@
 """`palpmap add` and `palpmap history`: effects added to a study, one version after the other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,18 +8,18 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.user_effect import load_effect
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.residual.statement import length
 from identify.select.step import Step
 from models.catalogue import Catalogue
 from models.errors import InputError
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study
+from palpmap.report.draw import console
 from palpmap.result.explain_record import parameters_of, step_record
-from palpmap.result.explain_words import interval, readable
 from palpmap.result.history import VersionRecord, read_history, write_history
 from palpmap.result.presses_words import counted, left_out_sentences
-from palpmap.result.records import ParameterRecord
+from palpmap.result.records import CountRecord
+from palpmap.result.tables import ladder_table, parameter_table
 from palpmap.study.open_study import Problem
 from palpmap.study.study import load_study
 from palpmap.study.versions import history_file, next_version, version_of
@@ -57,20 +57,23 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     problem = before.problem
     _record(study, target, name, before.step, after.step, problem)
     found = parameters_of(after.step, problem, fit.parameters)
+    steps = [step_record(before.step), step_record(after.step)]
+    old = parameters_of(before.step, problem)
     record = {
         "study": str(target),
-        "before": step_record(before.step).to_dict(),
-        "after": step_record(after.step).to_dict(),
+        "before": steps[0].to_dict(),
+        "after": steps[1].to_dict(),
         "parameters": {name: p.to_dict() for name, p in found.items()},
         "earns_its_place": earns,
         **counted(problem),
     }
     output.result(
         record,
-        *_change_table(before.step, after.step, problem, found),
+        console(ladder_table(steps, ("before", "after"), "error")),
+        console(parameter_table(found, before=old, title="change of the parameters")),
         catalogue[name].evidence(fit.at.values[name], problem.model.readings),
         *([] if earns else [f"{name} does not earn its place: chi-square hardly falls."]),
-        *left_out_sentences(record),
+        *left_out_sentences(CountRecord(**counted(problem))),
         f"Next version: {target}",
         f"Next: {to_type('diagnose', target)}",
     )
@@ -133,50 +136,13 @@ def _unused(path: Path) -> Path:
     return path
 
 
-def _change_table(
-    before: Step, after: Step, problem: Problem, new: Mapping[str, ParameterRecord]
-) -> tuple["RenderableType", ...]:
-    from rich import box
-    from rich.table import Table
-
-    error = Table(box=box.SIMPLE, title="the error", title_justify="left")
-    for column in ("", "before", "after"):
-        error.add_column(column, justify="right" if column else "left")
-    pairs = [
-        ("rms", before.fit.rms_m, after.fit.rms_m),
-        ("cross-validation", before.cross_validation.rms_m, after.cross_validation.rms_m),
-        ("noise alone", before.comparison.expected_rms_m, after.comparison.expected_rms_m),
-    ]
-    for label, was, now in pairs:
-        error.add_row(label, length(was, signed=False), length(now, signed=False))
-    error.add_row("chi2/dof", f"{before.fit.chi2_per_dof:.3g}", f"{after.fit.chi2_per_dof:.3g}")
-    found = Table(box=box.SIMPLE, title="what changed in the map", title_justify="left")
-    for column in ("parameter", "before", "after", "95 % interval"):
-        found.add_column(column, justify="left" if column == "parameter" else "right")
-    old = parameters_of(before, problem)
-    for name, p in new.items():
-        scale, unit = readable(p.unit)
-        earlier = f"{scale * old[name].value:.4g}{unit}" if name in old else "absent"
-        now = f"{scale * p.value:.4g}{unit}"
-        found.add_row(name, earlier, now, interval(p.to_dict()))
-    return error, found
-
-
 def _history_table(versions: Sequence[VersionRecord]) -> "RenderableType":
-    from rich import box
-    from rich.table import Table
-
     if not versions:
         return "No effects were added yet; `palpmap add STUDY EFFECT` adds one."
-    table = Table(box=box.SIMPLE, title="the ladder", title_justify="left")
-    for column in ("version", "added", "rms", "cross-validation", "chi2/dof"):
-        table.add_column(column, justify="left" if column in ("version", "added") else "right")
+    labels = []
     for number, v in enumerate(versions):
         added = v.added or ", ".join(v.effects) or "map alone"
         if number and v.origin != versions[number - 1].study:
             added += f" (to {v.origin})"
-        table.add_row(
-            v.study, added, length(v.rms_m, signed=False),
-            length(v.held_out_rms_m, signed=False), f"{v.chi2_per_dof:.3g}",
-        )  # fmt: skip
-    return table
+        labels.append(f"{v.study}: {added}")
+    return console(ladder_table(versions, labels, "error of each version"))

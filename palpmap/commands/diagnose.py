@@ -8,7 +8,6 @@ from identify.catalogue.user_effect import load_effect
 from palpmap import api
 from palpmap.console import Output
 from palpmap.experiment import read_study
-from palpmap.result.presses_words import left_out_sentences
 from palpmap.run_folder import RunFolder
 
 
@@ -28,8 +27,5 @@ def run_diagnose(
         with output.task() as task:
             found = api.diagnose(experiment, (*CATALOGUE, *own), seed=seed, progress=task.say)
         found.record.write(run / "diagnosis.json")
-        record = found.to_dict()
-        output.result(
-            {**record, "run": str(run.path)}, *found.renderables(), *left_out_sentences(record)
-        )
+        output.result({**found.to_dict(), "run": str(run.path)}, *found.renderables())
     return found.is_noise and not found.significant

@@ -60,11 +60,10 @@ def run_explain(
             )
         files = {effect.name: path for effect, path in zip(own, effects, strict=True)}
         why.leave(run.path, kept, files)
-        record = why.to_dict()
         output.result(
-            {**record, "run": str(run.path)},
+            {**why.to_dict(), "run": str(run.path)},
             *why.renderables(),
-            *next_lines(record, run.path),
+            *next_lines(why.record, run.path),
             f"Report: {run / 'report.html'}",
             f"Recording: {to_type('review', run.path)}",
         )

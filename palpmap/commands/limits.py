@@ -9,7 +9,6 @@ from palpmap import api
 from palpmap.console import Output
 from palpmap.experiment import read_study
 from palpmap.result.next_scan import write_planned
-from palpmap.result.presses_words import left_out_sentences
 from palpmap.run_folder import RunFolder
 
 
@@ -29,8 +28,5 @@ def run_limits(
             found = api.limits(experiment, (*CATALOGUE, *own), plan=plan, progress=task.say)
         write_planned(found.better, found.problem.experiment.origin_m, run.path)
         found.record.write(run / "limits.json")
-        record = found.to_dict()
-        output.result(
-            {**record, "run": str(run.path)}, *found.renderables(), *left_out_sentences(record)
-        )
+        output.result({**found.to_dict(), "run": str(run.path)}, *found.renderables())
     return True

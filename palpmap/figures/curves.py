@@ -17,7 +17,6 @@ from palpmap.figures.style import (
     plain_log_ticks,
 )
 from palpmap.result.finding import Finding
-from palpmap.result.truth import matched
 from palpmap.study.frame import frame_shift_m
 from palpmap.units import plain_name, scale, unit_of
 
@@ -81,7 +80,6 @@ def draw_convergence(f: Finding) -> Figure | None:
     if len(history) < 2:
         return None
     steps = [step.iteration for step in history]
-    true = {} if f.truth is None else matched(f.fit.map, f.truth)
     # Of the map: effects join it at the end
     free = [n for n, e in f.fit.parameters.items() if e.free and n in f.fit.map.names]
     kinds = {unit: [n for n in free if unit_of(n) == unit] for unit in ("Pa", "m")}
@@ -89,7 +87,7 @@ def draw_convergence(f: Finding) -> Figure | None:
     figure = new_figure(10.4, 4.6)
     grid = figure.subplots(1, 1 + len(panels))
     for axes, (unit, names) in zip(np.atleast_1d(grid)[1:], panels, strict=True):
-        _paths(axes, f, names, true)
+        _paths(axes, f, names)
         kind = "Modulus" if unit == "Pa" else "Position and radius"
         axes.set_title(f"{kind}, {scale(unit)[1]}")
     error = np.atleast_1d(grid)[0]
@@ -105,7 +103,7 @@ def draw_convergence(f: Finding) -> Figure | None:
     return figure
 
 
-def _paths(axes: Axes, f: Finding, names: list[str], true: dict[str, float]) -> None:
+def _paths(axes: Axes, f: Finding, names: list[str]) -> None:
     """Plot each parameter over the iterations; a dotted line marks its true value."""
     panel_grid(axes)
     steps = [step.iteration for step in f.fit.history]
@@ -114,9 +112,9 @@ def _paths(axes: Axes, f: Finding, names: list[str], true: dict[str, float]) -> 
         factor, _ = scale(unit_of(name))
         path = [factor * (step.parameters[name] + shift) for step in f.fit.history]
         axes.plot(steps, path, "o-", color=hue, ms=3.5, label=plain_name(name))
-        if name in true:
-            axes.axhline(factor * (true[name] + shift), color=hue, ls=":", lw=1.6)
-    if true:
+        if name in f.true:
+            axes.axhline(factor * f.true[name], color=hue, ls=":", lw=1.6)
+    if f.true:
         axes.plot([], [], ":", color=GREY, label="true")
     # Below, where it hides no curve
     axes.legend(fontsize=8.5, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.16))

@@ -1,4 +1,6 @@
-"""The ladder of an explanation: the error that falls, the residuals on the way, the evidence."""
+"""The ladder of an explanation: error, residuals and evidence, step by step."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,47 +22,47 @@ from palpmap.figures.style import (
     plain_log_ticks,
 )
 from palpmap.result.evidence import Axis, Curve, Evidence
-from palpmap.result.explain_words import rung_labels
+from palpmap.result.explain_words import step_labels
 
 _MISFIT_COLORS = "magma_r"
 _PHASE_HUES = {"": BLUE, "load": BLUE, "hold": PINK, "unload": GREEN}
 
 
 def draw_ladder(explained: Explanation) -> Figure:
-    """Draw the error and the held-out error, step by step, down to the noise."""
+    """Draw the error and that of the cross-validation, step by step, down to the noise."""
     figure = new_figure(10.4, 4.6)
     axes = figure.subplots()
     panel_grid(axes)
-    rungs = explained.ladder
-    at = np.arange(len(rungs))
-    rms = 1e6 * np.array([rung.fit.rms_m for rung in rungs])
-    apart = 1e6 * np.array([rung.cross_validation.rms_m for rung in rungs])
-    high = [rung.cross_validation.high_rms_m for rung in rungs]
-    noise = 1e6 * rungs[-1].comparison.expected_rms_m
+    steps = explained.ladder
+    at = np.arange(len(steps))
+    rms = 1e6 * np.array([step.fit.rms_m for step in steps])
+    apart = 1e6 * np.array([step.cross_validation.rms_m for step in steps])
+    high = [step.cross_validation.high_rms_m for step in steps]
+    noise = 1e6 * steps[-1].comparison.expected_rms_m
     axes.set_yscale("log")
     axes.axhspan(noise / 30, noise, color="#eef0f3", zorder=0)
     axes.axhline(noise, color=GREY, ls="--", lw=1.4)
     axes.plot(at, rms, "o-", color=BLUE, ms=9, lw=2.2, label="error of the fit (rms)")
-    axes.plot(at, apart, "s--", color=ORANGE, ms=6, lw=1.4, label="error at presses left out")
+    axes.plot(at, apart, "s--", color=ORANGE, ms=6, lw=1.4, label="cross-validation")
     lowest = min(rms.min(), apart.min())
     if all(value is not None for value in high):
         highest = 1e6 * np.array([float(value or 0) for value in high])
-        axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="error at forces left out")
+        axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="forces left out")
         apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
-    for x, value, rung in zip(at, rms, rungs, strict=True):  # beside the dot: the error falls
+    for x, value, step in zip(at, rms, steps, strict=True):  # beside the dot: the error falls
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {rung.fit.chi2_per_dof:.3g}", (x, value), (10, 4),
+            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value), (10, 4),
             textcoords="offset points", ha="left", va="bottom", fontsize=10, color=BLUE,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise
     axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)
-    axes.set_xlim(-0.55, max(len(rungs) - 0.45, 1.45))
+    axes.set_xlim(-0.55, max(len(steps) - 0.45, 1.45))
     axes.annotate(
         f"the noise alone: {noise:.3g} µm", (1, noise), (-6, -4), ha="right", va="top",
         xycoords=("axes fraction", "data"), textcoords="offset points", color="#4b515b",
     )  # fmt: skip
-    axes.set_xticks(at, rung_labels(explained))
+    axes.set_xticks(at, _labels(steps))
     axes.tick_params(axis="x", labelsize=11, length=0)
     plain_log_ticks(axes)
     axes.set_ylabel("measured less modelled displacement, µm")
@@ -70,24 +72,24 @@ def draw_ladder(explained: Explanation) -> Figure:
 
 
 def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
-    """Paint the residual of each press on the surface, at every rung on one colour scale.
+    """Paint the residual of each press on the surface, at every step on one colour scale.
 
     Above: the mean residual; below: the rms over the press's readings in units of the noise, which
-    also shows what averages out within a press.
+    also shows errors that average out within a press.
     """
-    rungs = explained.ladder
-    points = 1e3 * (np.array([p.point_m for p in rungs[0].comparison.presses]) + origin_m)
+    steps = explained.ladder
+    points = 1e3 * (np.array([p.point_m for p in steps[0].comparison.presses]) + origin_m)
     right, up = widest_axes(points)
-    mean = [1e6 * np.array([p.mean_m for p in rung.comparison.presses]) for rung in rungs]
-    rms = [press_rms(rung) for rung in rungs]
+    mean = [1e6 * np.array([p.mean_m for p in step.comparison.presses]) for step in steps]
+    rms = [press_rms(step) for step in steps]
     reach = max(float(np.abs(v).max()) for v in mean)
     largest = max(2.0, max(float(v.max()) for v in rms))
     extent = np.ptp(points[:, [right, up]], axis=0)
-    wide = max(len(rungs), 2)
+    wide = max(len(steps), 2)
     width = min(3.1 * wide + 1.2, 12.5)
     ratio = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
     figure = new_figure(width, 2 * 0.93 * (width - 1.2) / wide * ratio + 0.9)
-    grid = figure.subplots(2, len(rungs), squeeze=False, sharex=True, sharey=True)
+    grid = figure.subplots(2, len(steps), squeeze=False, sharex=True, sharey=True)
     panel = (width - 1.2) / wide * 72 * 0.62  # points across a panel's data
     size = (panel / max(np.sqrt(len(points)), 2)) ** 2 * 0.62
     rows = (
@@ -105,7 +107,7 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
             axes.set_aspect("equal")
             axes.margins(0.12)
             if row == 0:
-                axes.set_title(rung_labels(explained)[column])
+                axes.set_title(_labels(steps)[column])
             else:
                 axes.set_xlabel(f"{'xyz'[right]}, mm")
         grid[row, 0].set_ylabel(f"{'xyz'[up]}, mm")
@@ -114,10 +116,15 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     return figure
 
 
-def press_rms(rung: Step) -> np.ndarray:
+def _labels(steps: Sequence[Step]) -> list[str]:
+    """Return the change of each step, a line each."""
+    return [label.replace(", ", "\n") for label in step_labels([s.fit.effect_names for s in steps])]
+
+
+def press_rms(step: Step) -> np.ndarray:
     """Root mean square of each press's whitened residuals, (j,); 1 is noise."""
-    press = rung.fit.model.readings.press
-    return np.sqrt(np.bincount(press, rung.fit.at.residual**2) / np.bincount(press))
+    press = step.fit.model.readings.press
+    return np.sqrt(np.bincount(press, step.fit.at.residual**2) / np.bincount(press))
 
 
 def widest_axes(points: np.ndarray) -> tuple[int, int]:
@@ -127,7 +134,7 @@ def widest_axes(points: np.ndarray) -> tuple[int, int]:
 
 
 def draw_evidence(evidence: Evidence) -> Figure:
-    """Draw the residual before an addition, what the model with it says more, and what is left."""
+    """Draw the residual before a step, the change of the model, and the residual after it."""
     shown = evidence.shown
     figure = new_figure(10.4, 4.3)
     for number, (axes, (axis, curves)) in enumerate(
@@ -179,8 +186,8 @@ def _evidence_legend(axes: Axes, curves: tuple[Curve, ...]) -> None:
     dots, line = (BLACK, BLACK) if split else (BLUE, ORANGE)
     handles = [
         Line2D([], [], marker="o", ls="", color=dots, label="residual before"),
-        Line2D([], [], lw=2.0, color=line, label="what the effect adds"),
-        Line2D([], [], marker="x", ls="", color=GREY, label="left afterwards"),
+        Line2D([], [], lw=2.0, color=line, label="change of the model"),
+        Line2D([], [], marker="x", ls="", color=GREY, label="residual after"),
     ]
     if split:
         handles += [
@@ -192,7 +199,7 @@ def _evidence_legend(axes: Axes, curves: tuple[Curve, ...]) -> None:
 
 
 def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
-    """Draw how alike the effects look in this scan, beyond the map; None with fewer than two."""
+    """Draw the similarity of the effects in this scan, beyond the map; None of fewer than two."""
     tested = [i for i, score in enumerate(diagnosis.scores) if score.untestable is None]
     if len(tested) < 2:
         return None
@@ -231,7 +238,7 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
 
 
 def alike_order(cosines: np.ndarray) -> np.ndarray:
-    """Order (e,) that puts effects beside those that they look like."""
+    """Order (e,) that puts similar effects side by side."""
     from scipy.cluster.hierarchy import leaves_list, linkage
     from scipy.spatial.distance import squareform
 

@@ -1,7 +1,4 @@
-"""What a missing effect had done to the map: maps, parameters, single presses, before and after."""
-
-from collections.abc import Mapping
-from typing import Any
+"""Maps, parameters and single presses before and after the missing effect."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,11 +21,11 @@ from palpmap.figures.style import (
     panel_grid,
 )
 from palpmap.result.finding import Finding
-from palpmap.result.truth import matched
+from palpmap.result.records import ExplainRecord
 from palpmap.study.frame import frame_shift_m
 from palpmap.units import plain_name, scale, unit_of
 
-_PALE = 0.25  # of the colour, for what no interval counts
+_PALE = 0.25  # of the colour, for shifts outside the intervals
 
 
 def draw_maps(finding: Finding, explained: Explanation) -> Figure:
@@ -48,7 +45,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
         shown.append(("True", finding.truth))
     both = cuts(finding)
     fields = [[sample(finding, cut, m.modulus) / 1e3 for _, m in shown] for cut in both]
-    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    # Colours of the last map: the error of the first may dwarf it
     judged = [v for row in fields for v in row[len(explained.ladder) > 1 :]]
     low = min(float(np.nanmin(v)) for v in judged)
     high = max(*(float(np.nanmax(v)) for v in judged), low + 1e-6)
@@ -118,50 +115,50 @@ def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) ->
 
 
 def draw_parameters(
-    finding: Finding, explained: Explanation, record: Mapping[str, Any]
+    finding: Finding, explained: Explanation, record: ExplainRecord
 ) -> Figure | None:
-    """Draw each free parameter of the map with its 95 % interval at every rung, and the truth.
+    """Draw each free parameter of the map with its 95 % interval at every step, and the truth.
 
-    The last rung's intervals are those of result.json, pale what an unseen effect may add; those
-    of the rungs before are 1.96 standard errors. None where the whole map was held, or where there
-    is nothing beside the intervals of one rung.
+    The last step's intervals are those of result.json, pale with the shift by an undetected effect;
+    those of the steps before are 1.96 standard errors. None of a held map, or of a single step
+    without such shifts.
     """
-    rungs, last, parameters = explained.ladder, explained.final, record["parameters"]
-    shifts = record.get("unseen_shifts", {})
+    steps, last = explained.ladder, explained.final
+    shifts = record.unseen_shifts
     names = [n for n in last.fit.map.names if n in last.fit.std]
-    if not names or (len(rungs) < 2 and not shifts):
+    if not names or (len(steps) < 2 and not shifts):
         return None
-    true = {} if finding.truth is None else matched(last.fit.map, finding.truth)
     columns = min(len(names), 6)
     rows = -(-len(names) // columns)
     figure = new_figure(10.4, 2.5 * rows + 0.3)
     grid = figure.subplots(rows, columns, squeeze=False)
-    at = np.arange(len(rungs))
+    at = np.arange(len(steps))
     for axes in grid.flat[len(names) :]:
         axes.set_axis_off()
     for axes, name in zip(grid.flat, names, strict=False):
         panel_grid(axes)
         factor, unit = scale(unit_of(name))
         shift = frame_shift_m(name, finding.origin_m)
-        value = np.array([factor * (rung.fit.values.get(name, np.nan) + shift) for rung in rungs])
-        error = np.array([1.96 * factor * rung.fit.std.get(name, np.nan) for rung in rungs])
+        value = np.array([factor * (step.fit.values.get(name, np.nan) + shift) for step in steps])
+        error = np.array([1.96 * factor * step.fit.std.get(name, np.nan) for step in steps])
         low, high = value - error, value + error
-        low[-1], high[-1] = (factor * parameters[name][end] for end in ("lower95", "upper95"))
-        colors = [GREY] * (len(rungs) - 1) + [BLUE]
+        bar = record.parameters[name]
+        low[-1], high[-1] = factor * bar.lower95, factor * bar.upper95
+        colors = [GREY] * (len(steps) - 1) + [BLUE]
         for x, v, below, above, hue in zip(at, value, low, high, colors, strict=True):
             axes.vlines(x, below, above, color=hue, lw=1.8)
             axes.plot(x, v, "o", color=hue, ms=5)
         if name in shifts:
-            further = factor * shifts[name]["shift"]
+            further = factor * shifts[name].shift
             ends = low[-1] - further, high[-1] + further
             axes.plot(
-                [len(rungs) - 1] * 2, ends, color=BLUE, alpha=_PALE, lw=7, solid_capstyle="butt"
+                [len(steps) - 1] * 2, ends, color=BLUE, alpha=_PALE, lw=7, solid_capstyle="butt"
             )
-        if name in true:
-            axes.axhline(factor * (true[name] + shift), color=GREEN, ls="--", lw=1.5)
-        words = ["before", *[""] * (len(rungs) - 2), "after"] if len(rungs) > 1 else ["found"]
+        if name in finding.true:
+            axes.axhline(factor * finding.true[name], color=GREEN, ls="--", lw=1.5)
+        words = ["before", *[""] * (len(steps) - 2), "after"] if len(steps) > 1 else ["found"]
         axes.set_xticks(at, words)
-        axes.set_xlim(-0.6, len(rungs) - 0.4)
+        axes.set_xlim(-0.6, len(steps) - 0.4)
         axes.set_title(f"{plain_name(name)}\n{unit}", size=9)
     return figure
 

@@ -1,4 +1,4 @@
-"""What the model leaves unexplained: over the surface, along force, time, phase, order, by test."""
+"""The residual: over the surface, along force, time, phase and order, and by test."""
 
 from typing import Any
 
@@ -31,12 +31,12 @@ SHORT = {
     "time": "follows the time in a press",
     "phase": "follows the phase",
     "order": "follows the order",
-    "press": "a press stands out",
+    "press": "an outlying press",
     "all_presses": "presses differ",
     "neighbours": "neighbours alike",
     "succession": "successors alike",
     "lag": "readings correlated",
-    "reading": "a reading stands out",
+    "reading": "an outlying reading",
 }
 
 
@@ -72,7 +72,7 @@ def draw_places(f: Finding) -> Figure:
         axes.set_xlabel(f"{'xyz'[right]}, mm")
     left.set_ylabel(f"{'xyz'[up]}, mm")
     left.set_title("Where the body gives way more (+) or less (−)")
-    ringed = "; pink ring: stands out" if bad.any() else ""
+    ringed = "; pink ring: outlier" if bad.any() else ""
     other.set_title(f"The same against the noise{ringed}")
     for press, point in zip(presses, points, strict=True):
         if press.bad:
@@ -112,7 +112,7 @@ def draw_along(f: Finding) -> Figure:
 
 
 def draw_tests(f: Finding) -> Figure:
-    """Draw the size of the residuals against the noise, and all questions with their answers."""
+    """Draw the size of the residuals against the noise, and all tests with their results."""
     figure = new_figure(10.4, 4.3)
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.25])
     r = f.fit.residual_m / f.fit.sigma_m
@@ -130,7 +130,7 @@ def draw_tests(f: Finding) -> Figure:
 
 
 def _answers(axes: Axes, c: Comparison) -> None:
-    """Bars of -log10 of each question's adjusted p-value with the line beyond which it fires.
+    """Draw -log10 of each test's adjusted p-value as a bar, and the level of significance.
 
     Each bar ends in a dot, as one of no length would look as if it were missing.
     """
@@ -150,7 +150,7 @@ def _answers(axes: Axes, c: Comparison) -> None:
     ticks = [0, 2, 4, 8, 12]
     axes.set_xticks(ticks, ["1", "0.01", "1e-4", "1e-8", "≤ 1e-12"])
     axes.set_xlim(0, 12.3)
-    axes.set_xlabel("chance that pure noise shows so much (corrected for all questions)")
+    axes.set_xlabel("p-value (corrected for all tests)")
     axes.set_title("Structure found: bars beyond the dashed line")
 
 
@@ -167,7 +167,7 @@ def _steps(axes: Axes, levels: tuple[Level, ...], name: str) -> None:
         high = np.array([v.high for v in levels])
         x, half = (low + high) / 2, np.maximum((high - low) / 2, 0.015 * (high[-1] - low[0]))
     panel_grid(axes)
-    # Two standard errors: what 95 % of the means of pure noise stay within.
+    # Two standard errors: 95 % of the means of pure noise.
     axes.bar(x, 4 * error, 2 * half, -2 * error, color="#d9dde3", label="pure noise, 95 %")
     axes.axhline(0, color=GREY, lw=0.8)
     style: dict[str, Any] = {"color": BLUE, "ms": 5, "lw": 1.4, "capsize": 0}
@@ -183,7 +183,7 @@ def _verdict(c: Comparison, name: str) -> str:
         return "cannot be tested"
     if not test.fires:
         return "like noise"
-    return f"{test.times_noise:.2g} times what noise would show"
+    return f"{test.times_noise:.2g} times the noise"
 
 
 def _widest_axes(points: np.ndarray) -> tuple[int, int]:

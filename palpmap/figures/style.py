@@ -74,7 +74,7 @@ def plain_log_ticks(axes: Axes) -> None:
 
 
 def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Name once, under all panels, what is drawn in any of them: it can hide no curve there."""
+    """Put one legend of all panels under them, where it hides no curve."""
     named = {
         label: handle
         for panel in axes

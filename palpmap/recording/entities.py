@@ -1,4 +1,4 @@
-"""What a recording is made of: entity paths, timelines, and which part of the story each one tells.
+"""Entity paths, timelines and parts of a recording.
 
 The recorder writes these paths, the layout shows them, and the summary looks for them.
 """
@@ -62,7 +62,7 @@ def parameter_entity(name: str, true: bool = False) -> tuple[str, float]:
     name : str
         Parameter name; the ending says the unit: ``_pa`` is shown in kPa, ``_m`` in mm.
     true : bool
-        Whether the entity is for the true value instead of the estimate.
+        The entity is for the true value instead of the estimate.
 
     Examples
     --------

@@ -1,20 +1,19 @@
-"""Recording of an explanation: step by step, the residual on the body, the error, the candidates.
+"""Recording of an explanation: residual on the body, error and candidates, step by step.
 
-The timeline `iteration` counts the rungs of the ladder: 0 is the model that the loop started from,
-each further one has one effect more. `sim_time` plays the scan, then the rungs, one second each.
+The timeline `iteration` counts the steps of the ladder: 0 is the first model, each further one has
+one effect more. `sim_time` plays the scan, then the steps, one second each.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rerun as rr
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from identify.residual.statement import length
+from identify.fit.search import FitIteration
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
 from palpmap.figures.ladder import press_rms
@@ -41,10 +40,12 @@ from palpmap.recording.maps import (
 )
 from palpmap.recording.scene import lifted, vertex_normals
 from palpmap.recording.stream import Log, RecordingFile
-from palpmap.result.explain_words import headline, rung_labels, step_evidence, verdict_detail
+from palpmap.result.explain_words import headline, step_evidence, step_labels, verdict_detail
 from palpmap.result.finding import Finding
+from palpmap.result.records import ExplainRecord
 from palpmap.result.truth import matched
 from palpmap.study.open_study import Problem
+from palpmap.units import rms
 from palpmap.version import __version__
 
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
@@ -52,18 +53,8 @@ _LIFT_M = 0.004
 
 
 @dataclass(frozen=True)
-class _Step:
-    """A rung as `recording_fit.log_iteration` wants it."""
-
-    iteration: int
-    parameters: Mapping[str, float]
-    chi2_per_dof: float
-    rms_m: float
-
-
-@dataclass(frozen=True)
 class _Painted:
-    """What is painted on the body: points (j, 3) m, and by rung mean residual (µm) and rms."""
+    """Dots on the body: points (j, 3) m, and by step mean residual (µm) and rms."""
 
     ids: NDArray[np.int64]
     points_m: NDArray[np.float64]
@@ -72,7 +63,7 @@ class _Painted:
 
     @property
     def limit_um(self) -> float:
-        """Mean residual at the ends of the colour scale, the same for all rungs."""
+        """Mean residual at the ends of the colour scale, the same for all steps."""
         return float(max(np.abs(values).max() for values in self.mean_um))
 
     @property
@@ -85,7 +76,7 @@ def record_explanation(
     path: Path,
     finding: Finding,
     explained: Explanation,
-    record: Mapping[str, Any],
+    record: ExplainRecord,
     problem: Problem,
     figures: Mapping[str, Path],
 ) -> None:
@@ -94,7 +85,7 @@ def record_explanation(
     Parameters
     ----------
     path : .rrd file, replaced
-    finding : the last rung
+    finding : the last step
     record : result.json
     figures : PNG files by name, each shown in a tab
     """
@@ -113,7 +104,7 @@ def record_explanation(
     painted = _painted(explained, surface)
     now = _log_scan(file, finding, surface.dot_m)
     views = _views(finding, explained)
-    # The colours are those of the last map: what an effect had done to the first may dwarf it
+    # Colours of the last map: the error of the first may dwarf it
     span = _span([views[-1], *_true_views(finding)])
     true = {} if finding.truth is None else matched(finding.fit.map, finding.truth)
     names = list(explained.final.fit.values)
@@ -124,14 +115,16 @@ def record_explanation(
     _paint_before(file, painted)
     last = int(finding.scan.press_ids[-1])
     absent = _absent(explained)
-    for number, rung in enumerate(explained.ladder):
+    for number, step in enumerate(explained.ladder):
         log = file.at(sim_time=now + 1 + number, press=last, iteration=number)
-        step = _Step(number, {**absent, **rung.fit.values}, rung.fit.chi2_per_dof, rung.fit.rms_m)
-        log_iteration(log, step, true)
-        _log_rung(log, rung, number, painted)
+        fit = step.fit
+        values = {**absent, **fit.values}
+        point = FitIteration(number, values, fit.chi2, fit.chi2_per_dof, fit.rms_m)
+        log_iteration(log, point, true)
+        _log_step(log, step, number, painted)
         log_map(log, parts.FOUND_MAP, views[number], span)
-        log_outlines(log, parts.FOUND_MAP, _map_parameters(rung), views[number], style.FOUND)
-        modulus = rung.fit.changed_map.modulus(surface.vertices_m)
+        log_outlines(log, parts.FOUND_MAP, _map_parameters(step), views[number], style.FOUND)
+        modulus = step.fit.changed_map.modulus(surface.vertices_m)
         colors = modulus_colors(modulus, span)
         log(parts.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
         _log_events(log, explained, problem, number)
@@ -211,7 +204,7 @@ def _send(
 
 def _views(finding: Finding, explained: Explanation) -> list[MapViews]:
     box = finding.outline.lower_m, finding.outline.upper_m
-    return [map_views(rung.fit.changed_map.modulus, *box) for rung in explained.ladder]
+    return [map_views(step.fit.changed_map.modulus, *box) for step in explained.ladder]
 
 
 def _true_views(finding: Finding) -> list[MapViews]:
@@ -225,8 +218,8 @@ def _span(views: list[MapViews]) -> tuple[float, float]:
     return min(v.range_pa[0] for v in views), max(v.range_pa[1] for v in views)
 
 
-def _map_parameters(rung: Step) -> dict[str, float]:
-    stiffness = rung.fit.map
+def _map_parameters(step: Step) -> dict[str, float]:
+    stiffness = step.fit.map
     return dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
 
 
@@ -237,10 +230,10 @@ def _painted(explained: Explanation, surface: _Surface) -> _Painted:
         np.array([p.press for p in presses], np.int64),
         lifted(points, surface.vertices_m, surface.normals, _LIFT_M),
         [
-            1e6 * np.array([p.mean_m for p in rung.comparison.presses])
-            for rung in explained.ladder
+            1e6 * np.array([p.mean_m for p in step.comparison.presses])
+            for step in explained.ladder
         ],
-        [press_rms(rung) for rung in explained.ladder],
+        [press_rms(step) for step in explained.ladder],
     )  # fmt: skip
 
 
@@ -257,7 +250,7 @@ def _dots(painted: _Painted, colors: NDArray[np.uint8]) -> rr.Points3D:
 
 
 def _rms_colors(painted: _Painted, number: int) -> NDArray[np.uint8]:
-    """Colours (j, 3): dark is noise or less, bright is the largest of all rungs."""
+    """Colours (j, 3): dark is noise or less, bright is the largest of all steps."""
     share = (painted.rms[number] - 1) / (painted.largest_rms - 1)
     return colormaps["magma"](np.clip(0.15 + 0.85 * share, 0.15, 1), bytes=True)[..., :3]
 
@@ -265,7 +258,7 @@ def _rms_colors(painted: _Painted, number: int) -> NDArray[np.uint8]:
 def _style_errors(file: RecordingFile) -> None:
     for name, color, label in (
         ("rms_um", style.MEASURED, "error of the fit"),
-        ("held_out_um", style.FOUND, "error at presses left out"),
+        ("held_out_um", style.FOUND, "error in cross-validation"),
         ("noise_um", style.GREY, "noise alone"),
         ("chi2_per_dof", style.MODELLED, "chi2/dof"),
     ):
@@ -281,43 +274,39 @@ def _absent(explained: Explanation) -> dict[str, float]:
     }
 
 
-def _log_rung(log: Log, rung: Step, number: int, painted: _Painted) -> None:
+def _log_step(log: Log, step: Step, number: int, painted: _Painted) -> None:
     for name, value in (
-        ("rms_um", 1e6 * rung.fit.rms_m),
-        ("held_out_um", 1e6 * rung.cross_validation.rms_m),
-        ("noise_um", 1e6 * rung.comparison.expected_rms_m),
-        ("chi2_per_dof", rung.fit.chi2_per_dof),
+        ("rms_um", 1e6 * step.fit.rms_m),
+        ("held_out_um", 1e6 * step.cross_validation.rms_m),
+        ("noise_um", 1e6 * step.comparison.expected_rms_m),
+        ("chi2_per_dof", step.fit.chi2_per_dof),
     ):
         log(f"{ERROR}/{name}", rr.Scalars(value))
     log_residuals(log, painted.ids, painted.points_m, painted.mean_um[number], painted.limit_um)
     log(f"{MISFIT_MAP}/points", _dots(painted, _rms_colors(painted, number)))
-    log(CANDIDATES, rr.TextDocument(candidates_text(rung), media_type="text/markdown"))
+    log(CANDIDATES, rr.TextDocument(candidates_text(step), media_type="text/markdown"))
 
 
 def _log_events(log: Log, explained: Explanation, problem: Problem, number: int) -> None:
-    rung = explained.ladder[number]
-    label = rung_labels(explained)[number].replace("\n", ", ")
-    log(
-        parts.EVENTS,
-        rr.TextLog(
-            f"{label}: error {length(rung.fit.rms_m, signed=False)}, at presses left out "
-            f"{length(rung.cross_validation.rms_m, signed=False)}, "
-            f"chi2/dof {rung.fit.chi2_per_dof:.3g}",
-            level="INFO",
-        ),
+    step = explained.ladder[number]
+    label = step_labels([s.fit.effect_names for s in explained.ladder])[number]
+    text = (
+        f"{label}: error {rms(step.fit.rms_m)}, in cross-validation "
+        f"{rms(step.cross_validation.rms_m)}, chi2/dof {step.fit.chi2_per_dof:.3g}"
     )
+    log(parts.EVENTS, rr.TextLog(text, level="INFO"))
     if number:
         log(parts.EVENTS, rr.TextLog(step_evidence(explained, problem, number), level="INFO"))
-    level = "INFO" if rung.comparison.is_noise else "WARN"
-    log(parts.EVENTS, rr.TextLog(rung.comparison.statement, level=level))
-    if rung is explained.final:
+    level = "INFO" if step.comparison.is_noise else "WARN"
+    log(parts.EVENTS, rr.TextLog(step.comparison.statement, level=level))
+    if step is explained.final:
         sure = explained.verdict in ("nothing_missing", "explained")
         text = f"{headline(explained)} {verdict_detail(explained)}"
         log(parts.EVENTS, rr.TextLog(text, level="INFO" if sure else "WARN"))
 
 
 def _log_comparison(file: RecordingFile, finding: Finding, explained: Explanation) -> None:
-    """Log what the last model says of each press near its largest force, and its residual."""
+    """Log the last model's displacement and residual of each press near its largest force."""
     fit, mean = explained.final.fit, finding.scan.at_largest_force
     _send(file, parts.MODELLED, finding, 1e3 * mean(fit.at.predicted_m))
     _send(file, parts.RESIDUAL, finding, 1e6 * mean(fit.residual_m))

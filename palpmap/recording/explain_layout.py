@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from palpmap.recording import entities as parts
 from palpmap.recording.layout import Stage, eye_at, from_above, map_view, plot_view
 
-BEFORE = "before"  # the first rung's residual, always there
+BEFORE = "before"  # the first step's residual, always there
 MISFIT_MAP = "misfits"  # rms of each press in units of the noise
 MISFIT_BEFORE = "misfits_before"
 ERROR = "error"
@@ -33,7 +33,7 @@ def explain_layout(
     largest_rms : rms at the bright end of its colour scale, in units of the noise
     figures : names of the figures, each shown in a tab
     parameters : names of the parameters, each plotted beside those of its unit
-    known : whether there is a true map
+    known : there is a true map
     """
     left = _pictures(stage, limit_um, largest_rms, known)
     right = _curves_and_words(figures, parameters)
@@ -100,7 +100,7 @@ def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.
         rrb.Horizontal(
             rrb.TextDocumentView(origin=CANDIDATES, name="Candidates at this step"),
             rrb.Tabs(
-                rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen"),
+                rrb.TextDocumentView(origin=parts.ABOUT, name="Result"),
                 events,
                 plot_view("presses", PRESSES, ("measured_mm", "modelled_mm")),
                 active_tab=0,

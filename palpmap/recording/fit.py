@@ -1,7 +1,7 @@
-"""A fit as it is drawn: parameters and misfit against iteration, residuals on the body."""
+"""Parameters and misfit against iteration, residuals on the body."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from palpmap.recording import entities as parts
 from palpmap.recording.maps import residual_colors
 from palpmap.recording.stream import Log, RecordingFile
+
+if TYPE_CHECKING:
+    from identify.fit.search import FitIteration
 
 _PALETTE = (
     (255, 140, 60),
@@ -23,19 +26,6 @@ _PALETTE = (
     (170, 180, 190),
 )
 _LABELLED = 3  # largest residuals that are named on the map
-
-
-class Iteration(Protocol):
-    """One step of a fit: number, all parameters by name in SI units, and how well they fit."""
-
-    @property
-    def iteration(self) -> int: ...  # noqa: D102
-    @property
-    def parameters(self) -> Mapping[str, float]: ...  # noqa: D102
-    @property
-    def chi2_per_dof(self) -> float: ...  # noqa: D102
-    @property
-    def rms_m(self) -> float: ...  # noqa: D102
 
 
 def style_parameters(file: RecordingFile, names: list[str], true_names: list[str]) -> None:
@@ -53,7 +43,7 @@ def style_parameters(file: RecordingFile, names: list[str], true_names: list[str
             file.static(true_entity, rr.SeriesLines(colors=pale, widths=1, names="true (thin)"))
 
 
-def log_iteration(log: Log, step: Iteration, true_parameters: Mapping[str, float]) -> None:
+def log_iteration(log: Log, step: "FitIteration", true_parameters: Mapping[str, float]) -> None:
     """Log the numbers of one step; the misfit also as log10, as it falls over decades."""
     for name, value in step.parameters.items():
         entity, factor = parts.parameter_entity(name)

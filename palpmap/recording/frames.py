@@ -15,14 +15,14 @@ SURFACE_BYTES = 18e6  # of drawn shapes of the surface in a recording, before co
 _MOST_SHAPES = 10  # drawn shapes a press, beyond which the eye sees no difference
 _RELEASED = 0.08  # share of the largest force, above its noise, below which the body is released
 _STEADY, _OFF = 0.01, 0.05  # shares: change from frame to frame, and from the drawn shape
-_STEP = 1e-5  # m, to which shapes are rounded: what hardly moves repeats, and takes no space
+_STEP = 1e-5  # m, to which shapes are rounded: a body at rest repeats, and takes no space
 _ASIDE = 0.014  # m, by which the arrow stands beside the tip, which would hide it
 _TO_THE_RIGHT = np.array([0.89, -0.46, 0.0])  # as the layout looks at the body
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What the robot did at one time.
+    """State of the robot at one time.
 
     Attributes
     ----------

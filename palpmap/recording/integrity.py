@@ -23,11 +23,11 @@ _END = 0
 
 @dataclass(frozen=True)
 class Integrity:
-    """What of a file can be used.
+    """Usable part of a file.
 
     Attributes
     ----------
-    closed : whether the recording was ended by its writer
+    closed : ended by its writer
     total_bytes, whole_bytes : size of the file, and of its whole messages
     """
 

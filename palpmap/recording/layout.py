@@ -1,4 +1,4 @@
-"""The layout in which a recording opens: the scene and the maps first, then what they rest on."""
+"""The layout in which a recording opens: the scene and the maps first, then their evidence."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ def _scan_side(present: Collection[str], stage: Stage, figures: Sequence[str]) -
             for name in figures
         ]
         events = rrb.Tabs(*tabs, events, active_tab=0)
-    about = rrb.TextDocumentView(origin=parts.ABOUT, name="What is seen")
+    about = rrb.TextDocumentView(origin=parts.ABOUT, name="About")
     rows.append(rrb.Horizontal(about, events, column_shares=[1, 1.6]))
     return rrb.Vertical(*rows, row_shares=[3.0, 1.0, 1.5] if len(rows) == 3 else [3, 1.2])
 
@@ -166,7 +166,7 @@ def eye_at(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.Ey
 
 
 def from_above(entity: str, name: str, stage: Stage) -> rrb.View:
-    """Look from above at what is painted on the body, in the body's frame: x to the right, y up."""
+    """Look from above at the painted body, in its frame: x to the right, y up."""
     size = stage.size_m
     # Nearer to the vertical the viewer turns the picture half around
     above = np.array([0.0, -0.08 * size.max(), 1.3 * size[:2].max() + 0.5 * size[2]])

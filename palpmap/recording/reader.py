@@ -1,4 +1,4 @@
-"""What is in a recording, read back without a viewer."""
+"""Content of a recording, read back without a viewer."""
 
 import warnings
 from collections import defaultdict
@@ -22,7 +22,7 @@ _SCALAR = "Scalars:scalars"
 
 @dataclass(frozen=True)
 class EntitySummary:
-    """One entity: rows on the timelines, whether it has static data, names of its components."""
+    """One entity: rows on the timelines, static data or not, names of its components."""
 
     rows: int
     static: bool
@@ -30,20 +30,20 @@ class EntitySummary:
 
     @property
     def has_content(self) -> bool:
-        """Whether there is more than the style of a curve yet to come."""
+        """True if there is more than the style of a curve yet to come."""
         return self.rows > 0 or any(not name.startswith("Series") for name in self.components)
 
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """What a recording holds.
+    """Content of a recording.
 
     Attributes
     ----------
     path, bytes : file and its size
     name, palpmap, seed : of the run
-    closed : whether the recording was ended; if not, the run was stopped or the file is cut off
-    layout : whether a layout (blueprint) is embedded
+    closed : ended by its writer; if not, the run was stopped or the file is cut off
+    layout : a layout (blueprint) is embedded
     planned_presses, presses, last_press : presses planned and recorded; id of the last, or None
     spans : timeline -> first and last time (s on `sim_time`)
     entities : path -> rows and components
@@ -68,7 +68,7 @@ class RecordingSummary:
 
     @property
     def whole(self) -> bool:
-        """Whether the recording was closed and misses nothing."""
+        """True if the recording was closed and misses nothing."""
         return self.closed and not self.missing and self.layout
 
     def ending(self) -> str:

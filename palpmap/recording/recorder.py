@@ -1,8 +1,9 @@
-"""Recording of a run: one .rrd file that tells what the robot did and what was found."""
+"""Recording of a run: one .rrd file with the motion of the robot and the result."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpmap.recording import entities as names
 from palpmap.recording import style as style
-from palpmap.recording.fit import Iteration, log_iteration, log_residuals, style_parameters
+from palpmap.recording.fit import log_iteration, log_residuals, style_parameters
 from palpmap.recording.frames import Frame, FrameBatch
 from palpmap.recording.layout import Stage, layout
 from palpmap.recording.maps import MapViews, log_map, log_outlines, modulus_colors
@@ -18,6 +19,9 @@ from palpmap.recording.scene import LinkShape, drawn_shape, lifted, link_names, 
 from palpmap.recording.story import story
 from palpmap.recording.stream import Log, RecordingFile
 from palpmap.version import __version__
+
+if TYPE_CHECKING:
+    from identify.fit.search import FitIteration
 
 _LIFT = 0.004  # m, by which the painted residuals stand off the surface
 
@@ -27,7 +31,7 @@ class Recording:
 
     The order is `scene`; then `truth` where it is known; then `frame` and `press_done` for a robot,
     or `measured` for a scan from file; then `iteration` and `comparison` for a fit. Only `scene` is
-    a must, and the layout shows what there is. All of them but `frame` flush the file.
+    a must, and the layout shows the present parts. All of them but `frame` flush the file.
 
     Three timelines: `sim_time` (the clock of the scan; the iterations follow the last press, one
     second apart), `press` (each press at its largest force), `iteration`.
@@ -35,7 +39,7 @@ class Recording:
     Parameters
     ----------
     path : path of the .rrd file; an existing one is replaced
-    name : what the run is called
+    name : of the run
     seed : seed of the run, if it has one
     planned_presses : presses that the whole run makes
     parts : names of `recording_parts.PARTS` that the whole run has; `palpmap review --summary`
@@ -72,7 +76,7 @@ class Recording:
         self._points: dict[int, NDArray[np.float64]] = {}  # press -> contact point
         self._times: dict[int, float] = {}  # press -> time at which it was read
         self._now = 0.0
-        self._last_step: Iteration | None = None
+        self._last_step: FitIteration | None = None
         self._residual_limit_um = 0.0
         self._figures: list[str] = []
         self._file = RecordingFile(self.path, name)
@@ -257,7 +261,7 @@ class Recording:
 
     def iteration(
         self,
-        step: Iteration,
+        step: "FitIteration",
         views: MapViews | None = None,
         surface_modulus_pa: ArrayLike | None = None,
     ) -> None:
@@ -299,7 +303,7 @@ class Recording:
         residual_m: ArrayLike,
         figures: Mapping[str, Path] | None = None,
     ) -> None:
-        """Write what the fitted model says of each recorded press, and the map of the residuals.
+        """Write the modelled displacement of each recorded press, and the map of the residuals.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The text beside the pictures: what is seen, and what was found so far."""
+"""The text beside the pictures: legend, and result so far."""
 
 from collections.abc import Collection, Mapping
 
@@ -44,7 +44,7 @@ def story(
 
     Parameters
     ----------
-    name : what the run is called
+    name : of the run
     present : names of parts that there are
     found, true : parameters in SI units by name; empty where there are none
     """

@@ -28,9 +28,9 @@ class RecordingFile:
         self.stream.save(path)
         self.stream.send_recording_name(name)
 
-    def static(self, entity: str, *what: rr.AsComponents) -> None:
-        """Log what is true at all times."""
-        self.stream.log(entity, *what, static=True)
+    def static(self, entity: str, *components: rr.AsComponents) -> None:
+        """Log for all times."""
+        self.stream.log(entity, *components, static=True)
 
     def at(
         self,
@@ -40,7 +40,7 @@ class RecordingFile:
     ) -> Log:
         """Bind a place: s on `sim_time`, numbers on the others; None leaves a timeline out."""
 
-        def log(entity: str, *what: rr.AsComponents) -> None:
+        def log(entity: str, *components: rr.AsComponents) -> None:
             self.stream.reset_time()
             if sim_time is not None:
                 self.stream.set_time(parts.SIM_TIME, duration=float(sim_time))
@@ -48,7 +48,7 @@ class RecordingFile:
                 self.stream.set_time(parts.PRESS, sequence=int(press))
             if iteration is not None:
                 self.stream.set_time(parts.ITERATION, sequence=int(iteration))
-            self.stream.log(entity, *what)
+            self.stream.log(entity, *components)
 
         return log
 

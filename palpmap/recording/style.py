@@ -1,4 +1,4 @@
-"""Colours of what is drawn, and the style of the curves."""
+"""Colours, and the style of the curves."""
 
 import rerun as rr
 

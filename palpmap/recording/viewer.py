@@ -47,7 +47,7 @@ def viewer_program() -> str:
 
 
 def has_display() -> bool:
-    """Tell whether a window can be opened."""
+    """Return True if a window can be opened."""
     if sys.platform != "linux":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -135,7 +135,7 @@ def _reason(viewer: subprocess.Popen[bytes], words: str, error: Exception) -> st
 
 
 def _stop(viewer: subprocess.Popen[bytes]) -> None:
-    """End the viewer and what it started: the `rerun` script runs the real program as a child."""
+    """End the viewer and its children: the `rerun` script runs the real program as a child."""
     if os.name == "posix":
         with suppress(ProcessLookupError):
             os.killpg(viewer.pid, signal.SIGKILL)

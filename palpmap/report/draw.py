@@ -1,6 +1,7 @@
 """Draws any table of a result: on the console, as Markdown, and as HTML within a page."""
 
 import base64
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from palpmap.result.tables import Table
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
     from rich.console import RenderableType
 
 SCREEN_DPI = 88
@@ -69,12 +71,20 @@ def _environment() -> "Environment":
         loader=PackageLoader("palpmap.report"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    made.filters |= {"data_uri": _data_uri, "screen_width": _screen_width, "rms": units.rms}
+    made.filters |= {"data_uri": _data_uri, "screen_width": _screen_width}
+    made.filters |= {"rms": units.rms, "percent": units.percent, "prose": _prose}
     return made
 
 
 def _data_uri(png: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def _prose(text: str) -> "Markup":
+    """Return a sentence as HTML, escaped, its `commands` as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _screen_width(png: bytes) -> int:

@@ -1,28 +1,27 @@
-"""An explanation on one screen: the error that falls, what was found, what it rests on."""
+"""An explanation on one screen: ladder, verdict, evidence, parameters and reservations."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from identify.residual.statement import length
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
+from palpmap import units
+from palpmap.report.draw import console
 from palpmap.result.evidence import added_names
 from palpmap.result.explain_words import (
     VERDICTS,
+    bound_notes,
     headline,
-    interval,
-    readable,
-    rung_labels,
+    outlier_notes,
     stated_lengths,
     step_evidence,
     steps_of,
     unseen_effects,
     unseen_inclusions,
-    unseen_shift,
     verdict_detail,
-    without_suspects,
 )
 from palpmap.result.presses_words import presses_sentences
+from palpmap.result.records import ExplainRecord
+from palpmap.result.tables import explained_table, ladder_table, verdict_table
 from palpmap.study.open_study import Problem
 
 if TYPE_CHECKING:
@@ -30,91 +29,51 @@ if TYPE_CHECKING:
 
 _WIDTH = 30
 
-_FITTED = {
-    "unexplained": "fitted, but not all is explained",
-    "ambiguous": "fitted with one of what cannot be told apart",
-}
 
-
-def step_line(rung: Step) -> str:
+def step_line(step: Step) -> str:
     """Return one line: the effects, the error and its bar, chi-square per degree of freedom."""
-    noise = rung.comparison.expected_rms_m
-    bar = "█" * min(round(_WIDTH / 4 * rung.fit.rms_m / noise), _WIDTH)
-    what = "+ " + rung.fit.effect_names[-1] if rung.fit.effect_names else "map alone"
+    noise = step.comparison.expected_rms_m
+    bar = "█" * min(round(_WIDTH / 4 * step.fit.rms_m / noise), _WIDTH)
+    names = step.fit.effect_names
     return (
-        f"  {what:<22} {length(rung.fit.rms_m, signed=False):>9}  {bar}  "
-        f"chi2/dof {rung.fit.chi2_per_dof:.3g}"
+        f"  {f'+ {names[-1]}' if names else 'map alone':<22} {units.rms(step.fit.rms_m):>9}  "
+        f"{bar}  chi2/dof {step.fit.chi2_per_dof:.3g}"
     )
 
 
 def explain_summary(
-    record: Mapping[str, Any], explained: Explanation, problem: Problem
+    record: ExplainRecord, explained: Explanation, problem: Problem
 ) -> tuple["RenderableType", ...]:
     """Return the explanation as rich renderables that fit one screen."""
     from rich.text import Text
 
-    sentence, style = headline(explained), VERDICTS[explained.verdict][1]
-    lines: list[RenderableType] = [_ladder_table(explained)]
-    lines.append(Text(f"{sentence} {verdict_detail(explained)}".strip(), style=f"bold {style}"))
-    if explained.verdict != "unexplained" or explained.added:
-        for number in steps_of(explained):
-            names = added_names(explained.ladder[number - 1], explained.ladder[number])
-            if set(names) & set(explained.final.fit.effect_names):
-                titles = " and ".join(problem.catalogue[name].title for name in names)
-                lines.append(Text(f"- {titles}: {step_evidence(explained, problem, number)}"))
-    lines.extend(Text(f"- {says}") for says in presses_sentences(record))
-    lines.append(_parameter_table(record))
+    style = VERDICTS[explained.verdict][1]
+    verdict = f"{headline(explained)} {verdict_detail(explained)}".strip()
+    said = [*_evidence(explained, problem), *presses_sentences(record)]
+    further = [*explained.final.comparison.notes]
     if unseen := unseen_effects(record):
-        lines.append(Text(f"- {unseen}"))
-    held = [name for name, p in record["parameters"].items() if p["at_bound"]]
-    if held:
-        lines.append(Text(f"At a bound, so not found: {', '.join(held)}", style="yellow"))
-    lines.extend(Text(f"- {note}") for note in explained.final.comparison.notes)
-    lines.extend(Text(says, style="yellow") for says in stated_lengths(record))
-    if unseen := unseen_inclusions(record):
-        lines.append(Text(unseen, style="yellow"))
-    if record["suspects_left"]:
-        presses = ", ".join(map(str, record["suspects_left"]))
-        text = f"Presses that stand out by themselves: {presses}. {without_suspects(record)}"
-        lines.append(Text(text.strip(), style="yellow"))
-    return tuple(lines)
-
-
-def _ladder_table(explained: Explanation) -> "RenderableType":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, title="the error", title_justify="left")
-    for name in ("model", "rms", "cross-validation", "noise alone", "chi2/dof"):
-        table.add_column(name, justify="left" if name == "model" else "right")
-    for label, rung in zip(rung_labels(explained), explained.ladder, strict=True):
-        table.add_row(
-            label.replace("\n", ", "),
-            length(rung.fit.rms_m, signed=False),
-            length(rung.cross_validation.rms_m, signed=False),
-            length(rung.comparison.expected_rms_m, signed=False),
-            f"{rung.fit.chi2_per_dof:.3g}",
-        )
-    return table
-
-
-def _parameter_table(record: Mapping[str, Any]) -> "RenderableType":
-    from rich import box
-    from rich.table import Table
-
-    title = _FITTED.get(record["verdict"], "found")
-    table = Table(
-        box=box.SIMPLE, title=title, title_justify="left", pad_edge=False, padding=(0, 1, 0, 0)
+        further.insert(0, unseen)
+    cautions = [*bound_notes(record), *stated_lengths(record), unseen_inclusions(record),
+                *outlier_notes(record)]  # fmt: skip
+    return (
+        console(ladder_table(record.ladder, title="error of each step")),
+        Text(verdict, style=f"bold {style}"),
+        *(Text(f"- {text}") for text in said),
+        console(explained_table(record)),
+        console(verdict_table(record.candidates, title="verdict on each effect")),
+        *(Text(f"- {text}") for text in further),
+        *(Text(text, style="yellow") for text in cautions if text),
     )
-    table.add_column("parameter", overflow="fold")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("95 % interval", justify="right", no_wrap=True)
-    told = bool(record.get("unseen_shifts"))
-    if told:
-        table.add_column("unseen effect", justify="right", no_wrap=True)
-    for name, p in record["parameters"].items():
-        scale, unit = readable(p["unit"])
-        value = f"{scale * p['value']:.4g}{unit}"
-        unseen = [unseen_shift(name, record)] if told else []
-        table.add_row(name, value, interval(p), *unseen)
-    return table
+
+
+def _evidence(explained: Explanation, problem: Problem) -> list[str]:
+    """Return the evidence of each step whose effects are still in the model."""
+    if explained.verdict == "unexplained" and not explained.added:
+        return []
+    says = []
+    for number in steps_of(explained):
+        names = added_names(explained.ladder[number - 1], explained.ladder[number])
+        if set(names) & set(explained.final.fit.effect_names):
+            titles = " and ".join(problem.catalogue[name].title for name in names)
+            says.append(f"{titles}: {step_evidence(explained, problem, number)}")
+    return says

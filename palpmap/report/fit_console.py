@@ -6,9 +6,8 @@ from identify.residual.comparison import Comparison
 from identify.residual.statement import length, sigmas
 from palpmap import units
 from palpmap.report.draw import console
-from palpmap.report.fit_report import found_table
 from palpmap.result.finding import Finding
-from palpmap.result.tables import Table
+from palpmap.result.tables import Table, parameter_table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -20,7 +19,8 @@ def summary(finding: Finding) -> tuple["RenderableType", ...]:
 
     c = finding.comparison
     statement = Text(c.statement, style="green" if c.is_noise else "yellow")
-    parameters = found_table(finding, f"{finding.name}: found map")
+    title = f"{finding.name}: found map"
+    parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
     return console(parameters), console(_residual_table(c)), statement, *notes
 

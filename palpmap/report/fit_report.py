@@ -10,7 +10,7 @@ from identify.residual.statement import length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
 from palpmap.result.finding import Finding
-from palpmap.result.tables import Cell, Table, number, parameter_rows, parameter_table
+from palpmap.result.tables import Cell, Table, number, parameter_table
 
 
 def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) -> None:
@@ -28,7 +28,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         name=finding.name,
         f=finding,
         pictures=pictures,
-        parameters=found_table(finding),
+        parameters=parameter_table(finding.parameters, true=finding.true),
         tests=_test_table(finding.comparison),
         presses=_press_table(finding),
         readings=_reading_table(finding),
@@ -38,11 +38,6 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         ),
         how=Table.of(("", ""), finding.how.items()),
     )
-
-
-def found_table(f: Finding, title: str = "") -> Table:
-    """Return the parameters, beside the truth where that is known."""
-    return parameter_table(parameter_rows(f.fit, f.origin_m, truth=f.truth), title)
 
 
 def _test_table(c: Comparison) -> Table:

@@ -1,4 +1,4 @@
-"""What a fit rests on, in sentences for the report."""
+"""Assumptions of a fit, in sentences for the report."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ SMALL_STRAIN = 0.1
 def limits_of(
     fit: FitResult, study: Study, displacement_m: np.ndarray, height_m: float
 ) -> tuple[str, ...]:
-    """Say in sentences what the result rests on."""
+    """Return the assumptions of the result in sentences."""
     limits = [
         "The map is a background and Gaussian inclusions; other shapes are only approximated.",
         f"Poisson's ratio {study.body.poisson_ratio:g} was given, not found.",
@@ -29,7 +29,7 @@ def limits_of(
     limits.append(text + (beyond if share > SMALL_STRAIN else "") + ".")
     if study.body.shape == "surface":
         limits.append(
-            "Meshes of one closed surface differ by about 0.3 % in what a press feels, as each "
+            "Meshes of one closed surface differ by about 0.3 % in compliance, as each "
             "cuts the surface's curves elsewhere; small tips on strongly curved places feel the "
             "facets more, up to some percent."
         )
@@ -43,7 +43,7 @@ def limits_of(
         largest = float(np.max(np.abs(fit.discretization_error)))
         limits.append(
             f"The coarse mesh is off the finer model by up to {100 * largest:.2g} %; this was "
-            "corrected, and what the finer one may be off by itself widens the intervals."
+            "corrected, and the error of the finer one widens the intervals."
         )
     else:
         limits.append("No finer model was compared: the mesh's own error is not counted.")

@@ -1,7 +1,7 @@
-"""What an added effect rests on: the residual before it beside what the model with it says more.
+"""Evidence of an added effect: the residual before it beside the change of the model by it.
 
 Along several axes (time in the press, force, order, ...) the readings are binned; the axis that is
-shown is the one along which the change of the model stands out most.
+shown is the one along which the change of the model shows most.
 """
 
 from collections.abc import Iterable, Mapping
@@ -15,7 +15,7 @@ from identify.select.forward_selection import Explanation
 from identify.select.step import Step
 
 BINS = 12
-_MOST_BINS = 24  # along what happens within a press
+_MOST_BINS = 24  # along the time or force within a press
 _LEAST = 4  # readings that a bin must have
 _SPLIT = 0.1  # share that a picture of several curves must show more to be preferred
 _PHASES = ("load", "hold", "unload")
@@ -61,12 +61,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one addition changed, along the axis on which it shows best and the next best.
+    """Change by one addition, along the axis on which it shows best and the next best.
 
     Attributes
     ----------
     name : of the effect
-    before, after : the rungs on either side
+    before, after : the steps on either side
     shown : (axis, its curves), the best first
     share : share of the change of the model, beyond its mean, that the best axis shows
     """
@@ -79,23 +79,23 @@ class Evidence:
 
     @property
     def change_m(self) -> np.ndarray:
-        """What the model says more with the effect than without, at the readings, (m,) m."""
+        """Change of the model by the effect, at the readings, (m,) m."""
         return self.before.fit.residual_m - self.after.fit.residual_m
 
 
 def steps(explained: Explanation) -> Iterable[tuple[str, Step, Step]]:
-    """Yield the name of what was added, the rung before and the rung after it."""
+    """Yield the name of each added effect, the step before and the step after it."""
     for before, after in zip(explained.ladder[:-1], explained.ladder[1:], strict=True):
         yield added_name(before, after), before, after
 
 
 def added_name(before: Step, after: Step) -> str:
-    """Return the effect that the rung after has and the one before has not."""
+    """Return the first effect that a step adds."""
     return next(name for name in after.fit.effect_names if name not in before.fit.effect_names)
 
 
 def added_names(before: Step, after: Step) -> tuple[str, ...]:
-    """Return all effects that the rung after has and the one before has not."""
+    """Return all effects that a step adds."""
     had = before.fit.effect_names
     return tuple(name for name in after.fit.effect_names if name not in had)
 
@@ -123,7 +123,7 @@ def evidence_of(name: str, before: Step, after: Step, most: int = 2) -> Evidence
     return Evidence(name, before, after, shown, float(shares[best[0]]))
 
 
-def axes_of(rung: Step, values: Mapping[str, float]) -> list[Axis]:
+def axes_of(step: Step, values: Mapping[str, float]) -> list[Axis]:
     """Return the axes that a scan has; forces are the best estimates of the true ones.
 
     Sorted by the measured force, pure noise shows a slope (`identify.residual.whitened`).
@@ -132,7 +132,7 @@ def axes_of(rung: Step, values: Mapping[str, float]) -> list[Axis]:
     ----------
     values : found for the effect; a frequency folds the time of the scan
     """
-    fit, readings = rung.fit, rung.fit.model.readings
+    fit, readings = step.fit, step.fit.model.readings
     none = np.zeros(len(readings.press), int)
     phase = np.array([_PHASES.index(p) for p in readings.phase])
     force = fit.at.latent_force_n

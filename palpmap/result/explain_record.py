@@ -12,6 +12,7 @@ from identify.select.forward_selection import Explanation
 from identify.select.outlying_presses import WithoutSuspects
 from identify.select.score_test import Score
 from identify.select.step import Step
+from palpmap.result.finding import parameter_records
 from palpmap.result.next_scan import PLANNED, finer_cells, next_presses_records
 from palpmap.result.presses_words import counted, presses_record
 from palpmap.result.records import (
@@ -27,7 +28,6 @@ from palpmap.result.records import (
     ValueRecord,
     WithoutSuspectsRecord,
 )
-from palpmap.study.frame import frame_shift_m
 from palpmap.study.open_study import Problem
 
 
@@ -129,7 +129,7 @@ def limit_record(
 
 
 def without_record(without: WithoutSuspects) -> WithoutSuspectsRecord:
-    """Return what is found without the presses that stand out."""
+    """Return the result without the outlying presses."""
     return WithoutSuspectsRecord(
         verdict=without.verdict,
         added=without.added,
@@ -202,15 +202,8 @@ def parameters_of(
     ----------
     estimates : of the step; None for intervals from the covariance alone
     """
-    held, found = step.fit.at_bound, {}
-    for name, entry in (estimates or step.fit.intervals(curved=False)).items():
-        shift = frame_shift_m(name, problem.experiment.origin_m)
-        found[name] = ParameterRecord(
-            value=entry.value + shift,
-            std=entry.std,
-            lower95=entry.lower95 + shift,
-            upper95=entry.upper95 + shift,
-            unit=entry.unit,
-            at_bound=name in held,
-        )
-    return found
+    return parameter_records(
+        estimates or step.fit.intervals(curved=False),
+        problem.experiment.origin_m,
+        step.fit.at_bound,
+    )

@@ -1,36 +1,40 @@
-"""What an explanation says in words: the verdict, what it rests on, and what it does not know.
+"""Verdict, evidence, doubts and limits of an explanation in sentences.
 
-No sentence here is more certain than result.json.
+No sentence is more certain than result.json.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.design.detection_limits import SHARE
-from identify.effects import units
-from identify.effects.units import percent
-from identify.residual.statement import length
+from identify.effects.units import length, more, percent
 from identify.select.forward_selection import Explanation
 from identify.select.settings import SELECTION
+from palpmap import units
 from palpmap.result.evidence import added_names, kept
+from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
 from palpmap.study.open_study import Problem
 
-_NAMED = 3  # of the effects that may have moved the parameters unseen
+_NAMED = 3  # effects with the largest unseen shifts
 
 VERDICTS = {  # but see `headline`
-    "nothing_missing": ("Nothing is seen to be missing.", "green"),
+    "nothing_missing": ("No missing effect is detected.", "green"),
     "explained": ("Explained.", "green"),
-    "ambiguous": ("Ambiguous: this scan cannot tell these effects apart.", "yellow"),
+    "ambiguous": ("Ambiguous: several effects explain this scan equally well.", "yellow"),
     "unexplained": ("Unexplained: no known effect removes the structure of the residual.", "red"),
+}
+
+FITTED = {
+    "unexplained": "fitted, but not all is explained",
+    "ambiguous": "fitted with one of the equally good effects",
 }
 
 CANDIDATES = {
     "supported": "supported",
-    "indistinguishable": "cannot be told apart",
+    "indistinguishable": "indistinguishable",
+    "helps": "partial, structure remains",
     "not_seen": "not seen",
     "untestable": "cannot be tested",
-    "helps": "helps, but structure remains",
 }
 
 
@@ -39,38 +43,41 @@ def headline(explained: Explanation) -> str:
     if explained.verdict == "unexplained" and explained.final.comparison.is_noise:
         if explained.at_bound or explained.implausible:
             return "Unexplained: the only model that fits has implausible parameter values."
-        return "Unexplained: more is seen to be missing than could be found."
+        return "Unexplained: a missing effect is detected, but no model with one explains it."
     return VERDICTS[explained.verdict][0]
 
 
 def verdict_detail(explained: Explanation) -> str:
-    """Return the verdict's own sentence: which effects, or what is left."""
+    """Return the sentence that names the effects, or describes the residual."""
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
         if explained.traces:
             return (
-                f"The residual is noise, with a trace of {' or '.join(explained.traces)} that is "
-                "not significant, not justified by the information criterion, or within the "
-                "model error."
+                f"The residual is noise, with a trace of {' or '.join(explained.traces)}: not "
+                "significant, not justified by the information criterion, or within the model "
+                "error."
             )
-        return "The residual is noise, and no effect of the catalogue is seen in it."
+        return "The residual is noise, without a trace of any effect of the catalogue."
     if explained.verdict == "explained":
         return f"With {sure} in the model, the residual is noise."
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
-        return text + (f" Beside it: {sure}." if sure else "")
+        return text + (f" In addition: {sure}." if sure else "")
     return f"{_help(explained)}{explained.final.comparison.statement}"
 
 
-def rung_labels(explained: Explanation) -> list[str]:
-    """Return what each rung of the ladder changed: "map alone", "+ viscoelasticity"."""
+def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
+    """Return the change of each step, given the names of its effects.
+
+    >>> step_labels([(), ("skin_layer",), ("viscoelasticity",)])
+    ['map alone', '+ skin_layer', '+ viscoelasticity, − skin_layer']
+    """
     labels, had = [], ()
-    for number, rung in enumerate(explained.ladder):
-        has = rung.fit.effect_names
+    for number, has in enumerate(ladder):
         new = [f"+ {name}" for name in has if name not in had]
         lost = [f"− {name}" for name in had if name not in has]
         start = ["map alone" if not has else "map"] if number == 0 else []
-        labels.append("\n".join([*start, *new, *lost]))
+        labels.append(", ".join([*start, *new, *lost]))
         had = has
     return labels
 
@@ -85,27 +92,27 @@ def listed(names: Sequence[str]) -> str:
 
 
 def _help(explained: Explanation) -> str:
-    """Say how much the additions of an unexplained scan take, and that they are not the answer."""
-    helpers = [a.name for a in explained.accepted]
-    if not helpers:
+    """Return the share of the misfit that the additions of an unexplained scan take."""
+    names = [a.name for a in explained.accepted]
+    if not names:
         return _nearest(explained)
-    one = len(helpers) == 1
+    one = len(names) == 1
     if explained.map_error and explained.added:
         return (
-            f"The presses call for {listed(explained.added)}, whatever the map. In displacement, "
-            "most of the residual is in the map. "
+            f"The single presses call for {listed(explained.added)}, with any map. In "
+            "displacement, most of the residual comes from the map. "
         )
-    if bound := [name for name in helpers if name in explained.at_bound]:
+    if bound := [name for name in names if name in explained.at_bound]:
         return (
-            f"With {listed(helpers)} the error falls, but only with more of {listed(bound)} than "
-            "can be: at the bound of what is possible it is a help, not the answer. "
+            f"With {listed(names)} the error falls, but {listed(bound)} only at the bound of the "
+            "possible values: a help, not the answer. "
         )
-    if implausible := [name for name in helpers if name in explained.implausible]:
+    if implausible := [name for name in names if name in explained.implausible]:
         return (
-            f"With {listed(helpers)} the error falls, but {listed(implausible)} only at "
+            f"With {listed(names)} the error falls, but {listed(implausible)} only at "
             "implausible values: a help, not the answer. "
         )
-    text = f"{listed(helpers)} {'takes' if one else 'take'} "
+    text = f"{listed(names)} {'takes' if one else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if not explained.added:
         return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
@@ -113,7 +120,7 @@ def _help(explained: Explanation) -> str:
 
 
 def _nearest(explained: Explanation) -> str:
-    """Say how little the best-scored effect would take, where that is why none was added."""
+    """Name the best-scored effect where its share is too small for an addition."""
     diagnosis = explained.final.diagnosis
     found = [score for score in diagnosis.scores if score.name in diagnosis.significant]
     if not found:
@@ -121,20 +128,20 @@ def _nearest(explained: Explanation) -> str:
     name = max(found, key=lambda score: score.statistic).name
     share = diagnosis.explained_fraction(name)
     if share >= SELECTION.worthwhile or explained.map_error:
-        return ""  # a refit did not bear it out, or nothing of the body may be offered
+        return ""  # rejected by its refit, or the body's effects may not be offered
     share = percent(share)
     return f"The nearest of the catalogue, {name}, would take {share} of the unexplained error. "
 
 
 def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
-    """Return the sentences of evidence of what was added at rung `number`.
+    """Return the evidence of the effects that step `number` added.
 
-    With the values of the last model that has the effect. Where an effect is not offered as
-    found, the sentence is only what it would mean.
+    The values are those of the last model with the effect. The sentence of an effect that is not
+    offered by name is conditional.
     """
-    rungs, says = explained.ladder, []
-    for name in added_names(rungs[number - 1], rungs[number]):
-        having = [rung for rung in rungs[number:] if name in rung.fit.effect_names]
+    steps, says = explained.ladder, []
+    for name in added_names(steps[number - 1], steps[number]):
+        having = [step for step in steps[number:] if name in step.fit.effect_names]
         values = having[-1].fit.at.values[name]
         text = problem.catalogue[name].evidence(values, problem.model.readings)
         says.append(text if name in explained.added else f"If it were {name}: {text}")
@@ -142,13 +149,12 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
 
 
 def step_notes(explained: Explanation, number: int) -> list[str]:
-    """Return what must be said beside the evidence of the addition that led to rung `number`."""
+    """Return chi-square, cross-validation and reservations of step `number`."""
     before, after = explained.ladder[number - 1], explained.ladder[number]
     text = (
         f"Chi-square goes from {before.fit.chi2:.0f} to {after.fit.chi2:.0f} "
-        f"({after.fit.dof} degrees of freedom); in cross-validation, the error "
-        f"goes from {length(before.cross_validation.rms_m, signed=False)} to "
-        f"{length(after.cross_validation.rms_m, signed=False)}."
+        f"({after.fit.dof} degrees of freedom); the error of the cross-validation goes from "
+        f"{units.rms(before.cross_validation.rms_m)} to {units.rms(after.cross_validation.rms_m)}."
     )
     names = added_names(before, after)
     return [text, *(note for name in names for note in _name_notes(explained, name))]
@@ -157,216 +163,190 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
 def _name_notes(explained: Explanation, name: str) -> list[str]:
     addition = kept(explained, name)
     if addition is None:
-        return [f"{name} lost its place later: beside what was added after it, it is not needed."]
+        return [f"{name} was dropped later: beside the effects added after it, it is not needed."]
+    offered = "so it is not offered as the missing effect."
     if len(addition.group) > len(addition.equivalents):
+        others = listed([n for n in addition.group if n != MODEL_ERROR])
         return [
-            f"{listed(addition.group)} cannot be told apart: beyond what the map takes up, a "
-            "slight error of the model, or another form of the map, looks the same as "
-            f"{listed([n for n in addition.group if n != MODEL_ERROR])}. Do not take a name, or "
-            f"its numbers, for found: {_way_out(explained)}."
+            f"{listed(addition.group)} are indistinguishable here: beyond the share that the map "
+            f"takes up, a slight error of the model, or another form of the map, looks like "
+            f"{others}. Take neither name nor numbers for found: {_way_out(explained)}."
         ]
     if len(addition.group) > 1:
         others = " or ".join(other for other in addition.group if other != name)
         return [
-            f"{name} stands for a group: with {others} in its place the model is as good. Do not "
-            "take its name, or its numbers, for found."
+            f"{name} stands for a group: with {others} instead, the model is as good. Take neither "
+            "its name nor its numbers for found."
         ]
     if addition.shown_by_presses and name in explained.added and explained.verdict == "unexplained":
-        return [f"The presses by themselves call for {name}, whatever the map."]
+        return [f"The single presses call for {name}, with any map."]
     if name in explained.resting_on_outliers:
-        return [
-            f"{name} is only found, or only told from the other candidates, with presses that "
-            "stand out by themselves, so it is not offered as the missing effect."
-        ]
+        return [f"{name} is found, or separated from others, only with outlying presses, {offered}"]
     if name in explained.at_bound:
-        return [
-            f"{name} is at the bound of what is possible, so it is not offered as the missing "
-            "effect."
-        ]
+        return [f"{name} is at the bound of the possible values, {offered}"]
     if name in explained.implausible:
-        values = explained.final.fit.at.values[name]
-        model = explained.final.fit.model
-        (part,) = (part for part in model.effects if part.effect.name == name)
-        why = part.effect.doubt(values, model.readings)
+        final = explained.final.fit
+        (part,) = (part for part in final.model.effects if part.effect.name == name)
+        why = part.effect.doubt(final.at.values[name], final.model.readings)
         return [f"{name} is not offered as the missing effect: {why}."]
     if name not in explained.added:
-        return [
-            f"{name} lowers chi-square but leaves structure, so it is not offered as the missing "
-            "effect."
-        ]
+        return [f"{name} lowers chi-square but leaves structure, {offered}"]
     return []
 
 
 def _way_out(explained: Explanation) -> str:
-    """Say how to tell an effect from an error of the model."""
+    """Return the way to separate an effect from an error of the model."""
     radii = explained.final.fit.model.readings.radius_m
     one = radii.max() <= 1.01 * radii.min()
-    return ("scan with tips of two radii, or " if one else "") + "rule it out by itself"
+    other = "rule it out by another measurement"
+    return f"scan with tips of two radii, or {other}" if one else other
 
 
-def doubts(record: Mapping[str, Any], explained: Explanation) -> list[str]:
-    """Return what speaks against taking the verdict at its word."""
-    notes = list(explained.final.comparison.notes)
-    held = [name for name, p in record["parameters"].items() if p["at_bound"]]
-    if held:
-        notes.append(
-            f"At a bound of what is allowed, so not found: {', '.join(held)}. Nothing that rests "
-            "on it is sure."
-        )
+def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
+    """Return the reservations about the verdict."""
+    notes = [*explained.final.comparison.notes, *bound_notes(record)]
     if unseen := unseen_inclusions(record):
         notes.append(unseen)
     notes.extend(stated_lengths(record))
     if not explained.final.fit.success:
-        notes.append("The last fit did not reach its minimum within its evaluations.")
+        notes.append("The last fit did not converge within its evaluations.")
     if explained.dropped:
         notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
     if explained.traces and explained.accepted:
         notes.append(
-            f"A trace of {' or '.join(explained.traces)} is left. It is small against what was "
-            "explained, and as likely an inaccuracy of the effects that were found."
+            f"A trace of {' or '.join(explained.traces)} remains. It is small against the "
+            "explained part, and may as well be an inaccuracy of the effects that were found."
         )
-    left, presses = record["suspects_left"], ", ".join(map(str, record["suspect_presses"]))
+    return [*notes, *outlier_notes(record)]
+
+
+def bound_notes(record: ExplainRecord) -> list[str]:
+    """Return a sentence on the parameters at a bound, if there are any."""
+    held = [name for name, p in record.parameters.items() if p.at_bound]
+    return [f"At a bound, so not found: {', '.join(held)}."] if held else []
+
+
+def outlier_notes(record: ExplainRecord) -> list[str]:
+    """Return a sentence on the outlying presses, if there are any."""
+    left, first = (
+        ", ".join(map(str, ids)) for ids in (record.suspects_left, record.suspect_presses)
+    )
     if left:
-        notes.append(
-            f"Presses that stand out by themselves: {', '.join(map(str, left))}. Look at them "
-            "before physics is blamed: a slip, or a wrong place, looks like an effect. "
-            + without_suspects(record)
+        says = (
+            f"Outlying presses: {left}. Check them before the physics is blamed: a slip, or a "
+            "wrong place, looks like an effect."
         )
-    elif presses:
-        notes.append(
-            f"Presses {presses} are outliers for the map alone, but not for the last model. "
-            + without_suspects(record)
-        )
-    return notes
+    elif first:
+        says = f"Presses {first} are outliers for the map alone, but not for the last model."
+    else:
+        return []
+    return [f"{says} {without_suspects(record)}".strip()]
 
 
-def unseen_inclusions(record: Mapping[str, Any]) -> str:
-    """Say which inclusions of the map the readings do not ask for, in a sentence; or nothing."""
-    unseen = record["unseen_inclusions"]
+def unseen_inclusions(record: ExplainRecord) -> str:
+    """Return a sentence on the redundant inclusions of the map; empty if there are none."""
+    unseen = record.unseen_inclusions
     if not unseen:
         return ""
     numbers = listed([str(number) for number in unseen])
-    mapped = [name for name in record["parameters"] if name.startswith("inclusion_")]
+    mapped = [name for name in record.parameters if name.startswith("inclusion_")]
     count = sum(name.endswith(".radius_m") for name in mapped)
     if len(unseen) == 1:
-        which = f"Inclusion {numbers} is not seen: without it the model does as well."
+        which = f"Inclusion {numbers} is not seen: without it the model is as good."
     else:
-        which = f"Inclusions {numbers} are not all seen: without any one the model does as well."
-    return f"{which} Say inclusions = {count - 1} under [map], or scan closer."
+        which = f"Inclusions {numbers} are not all seen: without any one the model is as good."
+    return f"{which} Set inclusions = {count - 1} under [map], or scan closer."
 
 
-def unseen_effects(record: Mapping[str, Any]) -> str:
-    """Say what moves the parameters beyond their intervals and is not seen; or nothing."""
-    shifts = record.get("unseen_shifts", {})
+def unseen_effects(record: ExplainRecord) -> str:
+    """Return a sentence on the shifts of the parameters by undetected effects; or empty."""
+    shifts = record.unseen_shifts
     if not shifts:
         return ""
-    errors = {name: record["parameters"][name]["std"] for name in shifts}
+    errors = {name: record.parameters[name].std for name in shifts}
     known = [name for name in shifts if errors[name] > 0]
-    known.sort(key=lambda name: shifts[name]["shift"] / errors[name], reverse=True)
-    effects = list(dict.fromkeys(shifts[name]["effect"] for name in known))[:_NAMED]
+    known.sort(key=lambda name: shifts[name].shift / errors[name], reverse=True)
+    effects = list(dict.fromkeys(shifts[name].effect for name in known))[:_NAMED]
+    hidden = record.not_counted
     return (
-        "No interval counts what is too small to be seen. 'Unseen effect' says how far an effect "
-        f"of at most {percent(SHARE)} of the signal that this scan would not show may have moved a "
-        f"parameter (most: {listed(effects)}); `palpmap limits` names the scan that narrows it."
-        + _not_counted(record)
+        "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
+        f"parameter by an undetected effect of at most {percent(SHARE)} of the signal (most: "
+        f"{listed(effects)}); `palpmap limits` names the scan that narrows it."
+        + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
     )
-
-
-def _not_counted(record: Mapping[str, Any]) -> str:
-    """Name the effects of which the scan cannot even say how far they may have moved the map."""
-    names = record.get("not_counted", ())
-    return f" Not counted, as this scan shows nothing of them: {listed(names)}." if names else ""
 
 
 _LENGTHS = {"tip_radius": "the tip's radius", "body_height": "the body's height"}
 
 
-def stated_lengths(record: Mapping[str, Any]) -> list[str]:
-    """Say which lengths of the study would look like what was found, a sentence for each effect."""
+def stated_lengths(record: ExplainRecord) -> list[str]:
+    """Return a sentence for each effect that a wrong length of the study would mimic."""
     by_effect: dict[str, list[str]] = {}
-    for found in record["stated_lengths"]:
-        change = units.length(abs(found["change_m"]))
-        side = units.more(found["change_m"], "larger", "smaller")
-        by_effect.setdefault(found["effect"], []).append(
-            f"{_LENGTHS[found['length']]} were {change} {side} than stated"
+    for found in record.stated_lengths:
+        change = length(abs(found.change_m))
+        side = more(found.change_m, "larger", "smaller")
+        by_effect.setdefault(found.effect, []).append(
+            f"{_LENGTHS[found.length]} were {change} {side} than stated"
         )
     return [
-        f"Nearly the same as {effect} would be seen if {', or '.join(what)}. Measure that first."
-        for effect, what in by_effect.items()
+        f"The readings would look nearly the same as with {effect} if {', or '.join(parts)}. "
+        "Measure that first."
+        for effect, parts in by_effect.items()
     ]
 
 
-def without_suspects(record: Mapping[str, Any]) -> str:
-    """Return what the loop finds without the presses that stand out, in a sentence."""
-    other = record["without_suspects"]
+def without_suspects(record: ExplainRecord) -> str:
+    """Return the result without the outlying presses, in a sentence."""
+    other = record.without_suspects
     if other is None:
         return ""
-    if other["verdict"] == "nothing_missing":
-        return "Without them nothing is seen to be missing."
-    names = [*other["added"], *(" or ".join(group) for group in other["ambiguous"])]
-    alike = other["verdict"] == record["verdict"]
-    if other["verdict"] == "unexplained":
-        return f"Without them{', too,' if alike else ''} something is left unexplained."
-    same = alike and names == [
-        *record["added"],
-        *(" or ".join(group) for group in record["ambiguous"]),
-    ]
+    if other.verdict == "nothing_missing":
+        return "Without them no missing effect is detected."
+    alike = other.verdict == record.verdict
+    if other.verdict == "unexplained":
+        return f"Without them{', too,' if alike else ''} the scan is unexplained."
+    same = alike and (other.added, other.ambiguous) == (record.added, record.ambiguous)
+    names = [*other.added, *(" or ".join(group) for group in other.ambiguous)]
     return f"Without them the answer is {'the same' if same else listed(names)}."
 
 
-def limits_of_method(explained: Explanation, record: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what the reader must know of how far this can be trusted."""
+def limits_of_method(explained: Explanation, record: ExplainRecord) -> tuple[str, ...]:
+    """Return the limits of the method that a reader must know."""
     limits = [
         "Standard errors count the noise, under the model of the last step. The errors and "
         "intervals of a map fitted WITHOUT an effect that is there do not cover the truth: they "
-        "are as narrow as before, around a wrong value. This is why what is missing has to be "
-        "found before a map is believed.",
-        "Only effects of the catalogue can be found. What is outside it ends, at best, as "
-        "'unexplained'; at worst it looks like a mixture of effects that are inside.",
-        "What the stiffness map can imitate cannot be seen: a constant error of the force's "
-        "gain, for one, is exactly a softer body.",
-        "The errors at presses and at forces left out are linearised around the fit with all "
-        "readings; they are not refitted one by one.",
+        "are as narrow as before, around a wrong value. The missing effect has to be found before "
+        "a map is believed.",
+        "Only effects of the catalogue can be found. An effect outside it ends, at best, as "
+        "'unexplained'; at worst it looks like a mixture of effects inside.",
+        "An effect that the stiffness map can imitate cannot be seen: a constant error of the "
+        "force's gain, for one, is exactly a softer body.",
+        "The errors of the cross-validation and at forces left out are linearised around the fit "
+        "with all readings, not refitted.",
         "The shares and p-values of effects that were not added come from one linear step, with "
-        "everything fitted projected out. Shortlisted effects were refitted; they decide.",
+        "everything fitted projected out. Shortlisted effects were refitted; the refits decide.",
     ]
     if explained.final.fit.model.noise.estimated:
         limits.append(
-            "The noise was estimated from this very scan: chi-square cannot say by itself whether "
-            "the model is right."
+            "The noise was estimated from this very scan: chi-square alone cannot tell a right "
+            "model from a wrong one."
         )
-    if not record.get("limits"):
-        limits.append(
-            "How small an effect this scan can show is not in this report; `palpmap limits` says."
-        )
+    if not record.limits:
+        limits.append("The detection limits of this scan are not in this report: `palpmap limits`.")
     return tuple(limits)
 
 
-def readable(unit: str) -> tuple[float, str]:
-    """Return the factor to a unit for reading, and that unit as it follows a number."""
-    return {"Pa": (1e-3, " kPa"), "m": (1e3, " mm"), "1": (1.0, "")}.get(unit, (1.0, f" {unit}"))
-
-
-def interval(parameter: Mapping[str, Any]) -> str:
-    """Return a parameter's 95 % interval in words, or that it was held."""
-    if not parameter["std"]:
-        return "held"
-    scale, unit = readable(parameter["unit"])
-    return f"{scale * parameter['lower95']:.4g} to {scale * parameter['upper95']:.4g}{unit}"
-
-
-def unseen_shift(name: str, record: Mapping[str, Any], named: bool = False) -> str:
-    """Return how far an unseen effect may have moved a parameter, in words; or nothing.
-
-    `named` says which effect, too.
-    """
-    found = record.get("unseen_shifts", {}).get(name)
-    if found is None:
-        return ""
-    scale, unit = readable(record["parameters"][name]["unit"])
-    return f"± {scale * found['shift']:.2g}{unit}" + (f" ({found['effect']})" if named else "")
+def untestable_sentences(
+    effects: Sequence[CandidateRecord | LimitRecord], start: str = "Cannot be tested"
+) -> tuple[str, ...]:
+    """Return a sentence for each reason that keeps effects from being tested on a scan."""
+    names: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.untestable is not None:
+            names.setdefault(effect.untestable, []).append(effect.name)
+    return tuple(f"{start}, as {why}: {', '.join(n)}." for why, n in names.items())
 
 
 def steps_of(explained: Explanation) -> Sequence[int]:
-    """Return the numbers of the rungs that an addition led to."""
+    """Return the numbers of the steps that an addition led to."""
     return range(1, len(explained.ladder))

@@ -1,6 +1,6 @@
 """All that figures and report show of one run: fit, scan, comparison, truth, body, its making."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,34 +11,36 @@ import numpy as np
 from identify.body.state import BodyState, ChangedMap
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import BodyEffect
-from identify.fit.result import FitResult
+from identify.fit.result import Estimate, FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.residual.comparison import Comparison
 from identify.select.step import Step
 from models.scan import Scan
 from palpmap.result.caveats import limits_of
+from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH
-from palpmap.result.truth import read_truth
+from palpmap.result.truth import matched, read_truth
 from palpmap.run_folder import how_made
+from palpmap.study.frame import frame_shift_m, in_scan_frame
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
 
 _BALL = (
-    "The tip is a ball. Its near travel follows Hertz's law; for what lies further off, its "
-    "contact is held at the size that it has at half of the press's depth."
+    "The tip is a ball. Its near travel follows Hertz's law; further off, its contact "
+    "is held at the size that it has at half of the press's depth."
 )
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The body's box and what of it is body.
+    """The body's box and its inside.
 
     Attributes
     ----------
     lower_m, upper_m : (3,)
         Corners of the box, body frame, m.
     inside : callable
-        Points (p, 3) -> (p,) bool, whether each lies in the body.
+        Points (p, 3) -> (p,) bool, True in the body.
     """
 
     lower_m: np.ndarray
@@ -67,7 +69,7 @@ class Finding:
     how : mapping
         How the run was made: text by heading.
     limits : tuple of str
-        What the reader must know of the limits.
+        Assumptions and limits in sentences.
     """
 
     name: str
@@ -95,7 +97,7 @@ class Finding:
 
         Parameters
         ----------
-        note : what the reader must know of the body's model, or nothing
+        note : assumption of the body's model, or nothing
         """
         outline, used = study_outline(study), scan.used()
         height_m = float(outline.upper_m[2] - outline.lower_m[2])
@@ -111,8 +113,19 @@ class Finding:
         )
 
     @cached_property
+    def parameters(self) -> Mapping[str, ParameterRecord]:
+        """Parameters of the fit, positions in the scan's frame."""
+        return parameter_records(self.fit.parameters, self.origin_m)
+
+    @cached_property
+    def true(self) -> Mapping[str, float]:
+        """True values by the names of the fit, positions in the scan's frame; empty if unknown."""
+        true = {} if self.truth is None else matched(self.fit.map, self.truth)
+        return in_scan_frame(true, self.origin_m)
+
+    @cached_property
     def map(self) -> ChangedMap:
-        """The found map with what the fitted effects of the catalogue make of it."""
+        """The found map with the changes by the fitted effects of the catalogue."""
         low, high = (tuple(corner) for corner in (self.outline.lower_m, self.outline.upper_m))
         state = BodyState((low, high), poisson_ratio=0.0)  # no part of the modulus
         for effect in CATALOGUE:
@@ -125,8 +138,32 @@ class Finding:
         return ChangedMap(self.fit.map, state)
 
 
+def parameter_records(
+    estimates: Mapping[str, Estimate], origin_m: np.ndarray, at_bound: Sequence[str] = ()
+) -> dict[str, ParameterRecord]:
+    """Return estimates with their intervals, positions in the scan's frame.
+
+    Parameters
+    ----------
+    origin_m : (3,) origin of the body's frame in the scan's frame, m
+    at_bound : names of the parameters at a bound
+    """
+    found = {}
+    for name, entry in estimates.items():
+        shift = frame_shift_m(name, origin_m)
+        found[name] = ParameterRecord(
+            value=entry.value + shift,
+            std=entry.std if entry.free else 0.0,
+            lower95=entry.lower95 + shift,
+            upper95=entry.upper95 + shift,
+            unit=entry.unit,
+            at_bound=name in at_bound,
+        )
+    return found
+
+
 def study_outline(study: Study) -> Outline:
-    """Return the body's box; of a surface, also what lies inside it."""
+    """Return the body's box; of a surface, also its inside."""
     if study.body.size_m is not None:
         size = np.array(study.body.size_m)
         return Outline(np.zeros(3), size, lambda points: np.ones(len(points), dtype=bool))

@@ -1,9 +1,8 @@
-"""Scans that the diagnosis proposes, as press programs (docs/files.md)."""
+"""Proposed scans as press programs (docs/files.md)."""
 
 import csv
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,10 @@ from identify.design.assessment import Assessment
 from identify.design.next_presses import Proposal
 from identify.design.predicted_limits import BetterScans
 from identify.design.scan_variants import Presses
-from palpmap.result.records import NextPressesRecord
+from palpmap.result.records import ExplainRecord, NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
+from palpmap.units import minutes
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,7 +43,7 @@ def next_presses_records(assessment: Assessment, presses: int) -> tuple[NextPres
     if assessment.outlying:
         repeat = NextPressesRecord(
             change=f"Repeat presses {', '.join(map(str, assessment.outlying))}",
-            why="they stand out by themselves: if they come out otherwise, they had gone wrong",
+            why="they are outliers: if they come out otherwise, they had gone wrong",
             discrimination=None,
             presses=len(assessment.repeat),
             duration_s=assessment.repeat.duration_s,
@@ -71,53 +71,51 @@ def write_planned(better: BetterScans, origin_m: np.ndarray, run: Path) -> None:
 
 
 def _why(proposal: Proposal) -> str:
-    """Say what a scan would bring, as a clause without its subject's name."""
+    """Return the gain of a scan, as a clause without its subject's name."""
     first, second = proposal.pair
     by = f"chi-square would differ by {proposal.discrimination:.3g}"
     if not proposal.told:
-        return f"it does not yet tell them apart: between {first} and {second} {by}"
+        return f"it does not yet separate them: between {first} and {second} {by}"
     if proposal.enough:
-        return f"it tells them apart: {by}" + (
+        return f"it separates them: {by}" + (
             " or more" if len(proposal.told) > 1 else f" between {first} and {second}"
         )
     pairs = ", ".join(f"{a} from {b}" for a, b in proposal.told)
     alike = ", ".join(f"{a} and {b}" for a, b in proposal.alike)
-    return f"it tells {pairs} ({by} or more); still alike would be {alike}"
+    return f"it separates {pairs} ({by} or more); still alike would be {alike}"
 
 
 def _asked(proposal: Proposal, present: int) -> str:
-    """Say what to do, a sentence without its full stop."""
+    """Return the request for a scan, a sentence without its full stop."""
     count, change = len(proposal.design.presses), proposal.design.change
     if count >= present:
         return f"Make the scan {change}"
-    return f"Make the {count} most telling presses of the scan {change}"
+    return f"Make the {count} most informative presses of the scan {change}"
 
 
 def finer_cells(body: Body) -> str | None:
-    """Say how a finer mesh tells the mesh's error from an effect; None where none is possible."""
+    """Return the test by a finer mesh, a sentence without its full stop; None if impossible."""
     present = cell_size_m(body)
     finer = FINER * present
     if finer < smallest_cell_m(body):
         return None
     return (
         f"Explain it again with finer elements, cell_size_m = {finer:.3g} under [body] (now "
-        f"{present:.3g}), which takes several times as long: what the mesh does wrong shrinks, "
+        f"{present:.3g}), which takes several times as long: the error of the mesh shrinks, "
         "an effect of the body keeps its size"
     )
 
 
-def next_lines(record: Mapping[str, Any], run: Path) -> tuple["RenderableType", ...]:
-    """Return what to do next and what it would bring; nothing where nothing is proposed."""
+def next_lines(record: ExplainRecord, run: Path) -> tuple["RenderableType", ...]:
+    """Return the next measurement and its gain; nothing where none is proposed."""
     from rich.text import Text
 
     lines: list[RenderableType] = []
-    if record["finer_cells"]:
-        lines.append(Text(f"Next: {record['finer_cells']}.", style="bold"))
-    if record["next_presses"]:
-        best = record["next_presses"][0]
-        minutes = f"{best['duration_s'] / 60:.2g} min"
-        lines.append(Text(f"Next: {best['change']} ({minutes}): {best['why']}.", style="bold"))
-        lines.append(f"Program: {run / best['program']}")
+    if record.finer_cells:
+        lines.append(Text(f"Next: {record.finer_cells}.", style="bold"))
+    for best in record.next_presses[:1]:
+        asked = f"Next: {best.change} ({minutes(best.duration_s)}): {best.why}."
+        lines += [Text(asked, style="bold"), f"Program: {run / best.program}"]
     return tuple(lines)
 
 

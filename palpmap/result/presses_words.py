@@ -1,16 +1,18 @@
-"""What the presses show by themselves: as data for result.json, and in words."""
-
-from collections.abc import Mapping
-from typing import Any
+"""The fit of the single presses without a map: its record and its sentences."""
 
 from identify.effects.units import force, percent
 from identify.fit.free_compliance import FreeComplianceFit
-from palpmap.result.records import PressesAloneRecord, PressesFitRecord
+from palpmap.result.records import (
+    CountRecord,
+    ExplainRecord,
+    PressesAloneRecord,
+    PressesFitRecord,
+)
 from palpmap.study.open_study import Problem
 
 
 def presses_record(problem: Problem) -> PressesAloneRecord | None:
-    """Return what the presses show alone, None where that was not asked."""
+    """Return the fit of the single presses, None where it was not asked for."""
     law = problem.law
     if law is None:
         return None
@@ -38,59 +40,59 @@ def _record(fit: FreeComplianceFit, largest_n: float) -> PressesFitRecord:
 
 
 def counted(problem: Problem) -> dict[str, int]:
-    """Return how many presses were used and how many were too many, see `CountRecord`."""
+    """Return the numbers of presses used and left out, see `CountRecord`."""
     return {
         "presses_used": problem.model.readings.presses,
         "presses_left_out": problem.experiment.left_out,
     }
 
 
-def left_out_sentences(record: Mapping[str, Any]) -> list[str]:
-    """Say of a record with `counted` in it how many presses were used, if not all were.
+def left_out_sentences(record: CountRecord) -> list[str]:
+    """Return the number of presses used, in a sentence, if not all were.
 
-    >>> left_out_sentences({"presses_used": 200, "presses_left_out": 100})
+    >>> left_out_sentences(CountRecord(presses_used=200, presses_left_out=100))
     ['200 of 300 presses, evenly spread, were used: time and memory grow with their number.']
     """
-    used, left = record["presses_used"], record["presses_left_out"]
+    used, left = record.presses_used, record.presses_left_out
     why = "time and memory grow with their number"
     says = f"{used} of {used + left} presses, evenly spread, were used: {why}."
     return [says] if left else []
 
 
-def presses_sentences(record: Mapping[str, Any]) -> list[str]:
-    """Return what result.json says of the presses, in sentences; none where there is nothing."""
-    says, found = left_out_sentences(record), record["presses_alone"]
+def presses_sentences(record: ExplainRecord) -> list[str]:
+    """Return the fit of the single presses in sentences; none where it was not asked for."""
+    says, found = left_out_sentences(record), record.presses_alone
     if found is None:
         return says
-    before, after = found["before"], found["after"]
-    alone = "The presses by themselves, each with a compliance of its own and no map: "
-    if found["effects"]:
+    before, after = found.before, found.after
+    alone = "Single presses, each with its own compliance and no map: "
+    if found.effects:
         says.append(
-            f"{alone}with {' and '.join(found['effects'])} the error of the middle press falls "
-            f"from {force(before['typical_n'])} to {force(after['typical_n'])}, that of all from "
-            f"{force(before['rms_n'])} to {force(after['rms_n'])} "
-            f"({percent(before['share_of_largest_force'])} and "
-            f"{percent(after['share_of_largest_force'])} of the largest force). What remains is "
-            f"noise in {percent(after['noise_share'])} of the presses, "
-            f"{percent(before['noise_share'])} before."
+            f"{alone}with {' and '.join(found.effects)} the error of the middle press falls "
+            f"from {force(before.typical_n)} to {force(after.typical_n)}, that of all from "
+            f"{force(before.rms_n)} to {force(after.rms_n)} "
+            f"({percent(before.share_of_largest_force)} and "
+            f"{percent(after.share_of_largest_force)} of the largest force). The residual is "
+            f"noise in {percent(after.noise_share)} of the presses, "
+            f"{percent(before.noise_share)} before."
         )
         says += [
             f"{' or '.join(others)} in place of {name} does as well there."
-            for name, others in found["as_good"].items()
+            for name, others in found.as_good.items()
             if others
         ]
     else:
         says.append(
-            f"{alone}no effect of contact, response or instrument is called for by most of them. "
-            f"Their error is {force(after['rms_n'])}, "
-            f"{percent(after['share_of_largest_force'])} of the largest force; it is noise in "
-            f"{percent(after['noise_share'])} of the presses."
+            f"{alone}most of them call for no effect of contact, response or instrument. "
+            f"Their error is {force(after.rms_n)}, "
+            f"{percent(after.share_of_largest_force)} of the largest force; it is noise in "
+            f"{percent(after.noise_share)} of the presses."
         )
-    if found["map_error"]:
+    if found.map_error:
         says.append(
-            f"The map misses the compliance of an ordinary press by {percent(found['map_error'])}: "
+            f"The map misses the compliance of an ordinary press by {percent(found.map_error)}: "
             "more than noise, so that its numbers are rough and no effect of the body is offered. "
-            "Its form (a background with Gaussian inclusions), the body's shape or its thickness "
-            "is not what was pressed."
+            "Either its form (a background with Gaussian inclusions) or the stated shape or "
+            "thickness of the body is wrong."
         )
     return says

@@ -1,18 +1,20 @@
-"""The tables that show a result: typed rows, and the one table that every face draws from them."""
+"""The tables that show a result, made from its records; every face draws the same ones."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from identify.design.undetected_bias import UndetectedBias
-from identify.fit.result import FitResult
-from identify.map.gaussian_map import GaussianMap
-from identify.select.step import Step
 from palpmap import units
-from palpmap.result.truth import matched
-from palpmap.study.frame import frame_shift_m
+from palpmap.result.explain_words import CANDIDATES, FITTED, step_labels
+from palpmap.result.records import (
+    CandidateRecord,
+    ExplainRecord,
+    LimitRecord,
+    ParameterRecord,
+    StepRecord,
+    ValueRecord,
+)
 
 Tone = Literal["", "good", "bad", "dim"]
 
@@ -66,157 +68,190 @@ def number(heading: str) -> Column:
     return Column(heading, right=True)
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """One parameter, positions in the scan's frame.
-
-    Attributes
-    ----------
-    name, unit, value, std : std 0 of a parameter that was held
-    lower95, upper95 : ends of the 95 % interval
-    at_bound : the estimate lies at a bound of what is allowed
-    before, before_std : estimate of an earlier model, None where it had no such parameter
-    true : None where it is not known
-    unseen : largest shift by an effect that the scan does not show
-    """
-
-    name: str
-    unit: str
-    value: float
-    std: float
-    lower95: float
-    upper95: float
-    at_bound: bool = False
-    before: float | None = None
-    before_std: float = 0.0
-    true: float | None = None
-    unseen: UndetectedBias | None = None
-
-    @property
-    def off(self) -> float | None:
-        """Distance to the truth in standard errors."""
-        return _off(self.value, self.std, self.true)
-
-    @property
-    def off_before(self) -> float | None:
-        """Distance of the earlier estimate to the truth in its own standard errors."""
-        return _off(self.before, self.before_std, self.true)
-
-    @property
-    def inside(self) -> bool | None:
-        """Whether the truth lies in the interval; None where it is not known, or held."""
-        return None if self.off is None else self.lower95 <= float(self.true or 0) <= self.upper95
+_ORDER = tuple(CANDIDATES)
+_TONES: Mapping[str, Tone] = {
+    "supported": "good",
+    "indistinguishable": "bad",
+    "helps": "bad",
+    "not_seen": "dim",
+    "untestable": "dim",
+}
+_NOTHING_M = 5e-8  # rms below which the fitted effect is none
+_MOSTLY = 0.5
+_NORMAL_95 = 1.96
 
 
-def _off(value: float | None, std: float, true: float | None) -> float | None:
-    return None if value is None or true is None or not std > 0 else (value - true) / std
-
-
-def parameter_rows(
-    fit: FitResult,
-    origin_m: np.ndarray,
+def parameter_table(
+    found: Mapping[str, ParameterRecord],
     *,
-    truth: GaussianMap | None = None,
-    before: FitResult | None = None,
-    at_bound: Sequence[str] = (),
+    before: Mapping[str, ValueRecord] | None = None,
+    true: Mapping[str, float] | None = None,
     unseen: Mapping[str, UndetectedBias] | None = None,
-) -> tuple[ParameterRow, ...]:
-    """Return the parameters of a fit, those of the map first.
+    title: str = "",
+) -> Table:
+    """Return parameters with their 95 % intervals, positions in the scan's frame.
 
     Parameters
     ----------
-    origin_m : (3,) origin of the body's frame in the scan's frame, m
-    truth : the true map
-    before : fit of an earlier model
-    at_bound : names of the parameters at a bound
+    before : estimates of an earlier model
+    true : true values, shown with the distance of the estimates in their standard errors
     unseen : largest shift of each parameter by an effect that the scan does not show
     """
-    true = {} if truth is None else matched(fit.map, truth)
-    earlier = {} if before is None else before.values
-    errors = {} if before is None else before.std
-    rows = []
-    for name, entry in fit.parameters.items():
-        moved = frame_shift_m(name, origin_m)
-        rows.append(
-            ParameterRow(
-                name,
-                entry.unit,
-                entry.value + moved,
-                entry.std if entry.free else 0.0,
-                entry.lower95 + moved,
-                entry.upper95 + moved,
-                at_bound=name in at_bound,
-                before=earlier[name] + moved if name in earlier else None,
-                before_std=errors.get(name, 0.0),
-                true=true[name] + moved if name in true else None,
-                unseen=(unseen or {}).get(name),
-            )
+    before, true, unseen = before or {}, true or {}, unseen or {}
+
+    def cells(name: str, p: ParameterRecord) -> tuple[str | Cell, ...]:
+        was, truth, shift = before.get(name), true.get(name), unseen.get(name)
+        return (
+            units.plain_name(name),
+            "" if was is None else units.with_error(was.value, was.std, p.unit),
+            units.quantity(p.value, p.unit),
+            units.interval(p.lower95, p.upper95, p.unit) if p.std else "held",
+            Cell("at its bound", "bad") if p.at_bound else "",
+            "" if shift is None else f"{units.spread(shift.shift, p.unit)} ({shift.effect})",
+            "" if truth is None else units.quantity(truth, p.unit),
+            "" if was is None or truth is None else _off(was, truth),
+            "" if truth is None else _off(p, truth),
         )
-    return tuple(rows)
+
+    found_now = "After" if before else "Found"
+    head = ("Before", found_now, "95 % interval", "", "Unseen effect", "True", "Off before", "Off")
+    rows = (cells(name, p) for name, p in found.items())
+    return Table.of(("Parameter", *map(number, head)), rows, title)
 
 
-def parameter_table(rows: Sequence[ParameterRow], title: str = "") -> Table:
-    """Return the parameters: value, interval, and what else is known of them."""
-    now = "After" if any(row.before is not None for row in rows) else "Found"
-    head = ("Before", now, "95 % interval", "Unseen effect", "True", "Off before", "Off")
-    cells = (_parameter_cells(row) for row in rows)
-    return Table.of(("Parameter", *map(number, head)), cells, title)
-
-
-def _parameter_cells(row: ParameterRow) -> tuple[str | Cell, ...]:
-    unit, unseen = row.unit, row.unseen
-    interval = units.interval(row.lower95, row.upper95, unit) if row.std else "held"
-    return (
-        units.plain_name(row.name),
-        "" if row.before is None else units.with_error(row.before, row.before_std, unit),
-        units.quantity(row.value, unit),
-        Cell(f"{interval}, at its bound", "bad") if row.at_bound else interval,
-        f"{units.spread(unseen.shift, unit)} ({unseen.effect})" if unseen else "",
-        "" if row.true is None else units.quantity(row.true, unit),
-        _off_cell(row.off_before, row.off_before is not None and abs(row.off_before) <= 1.96),
-        _off_cell(row.off, bool(row.inside)),
+def _off(p: ValueRecord, true: float) -> str | Cell:
+    """Return the distance to the truth, good inside the interval; empty of a fixed value."""
+    if not p.std > 0:
+        return ""
+    if isinstance(p, ParameterRecord):
+        inside = p.lower95 <= true <= p.upper95
+    else:
+        inside = abs(p.value - true) <= _NORMAL_95 * p.std
+    return Cell(
+        f"{round((p.value - true) / p.std, 1) + 0.0:+.1f} s.e.", "good" if inside else "bad"
     )
 
 
-def _off_cell(off: float | None, inside: bool) -> str | Cell:
-    return "" if off is None else Cell(f"{off:+.1f} s.e.", "good" if inside else "bad")
+def explained_table(record: ExplainRecord) -> Table:
+    """Return the parameters of an explanation's last model."""
+    title = FITTED.get(record.verdict, "found")
+    return parameter_table(record.parameters, unseen=record.unseen_shifts, title=title)
+
+
+def ladder_table(
+    steps: Sequence[StepRecord], labels: Sequence[str] | None = None, title: str = ""
+) -> Table:
+    """Return errors and chi-square of every step; a step is named by its change."""
+    labels = labels or step_labels([step.effects for step in steps])
+    rows = (
+        (
+            label,
+            units.rms(step.rms_m),
+            units.rms(step.held_out_rms_m),
+            "" if step.held_out_high_rms_m is None else units.rms(step.held_out_high_rms_m),
+            units.rms(step.noise_rms_m),
+            f"{step.chi2_per_dof:.3g}",
+        )
+        for label, step in zip(labels, steps, strict=True)
+    )
+    head = ("Error (rms)", "Cross-validation", "Forces left out", "Noise", "Chi2/dof")
+    return Table.of(("Model", *map(number, head)), rows, title)
+
+
+def candidate_table(candidates: Sequence[CandidateRecord], title: str = "") -> Table:
+    """Return the verdict on every effect, the supported ones first, with its reason."""
+    ordered = sorted(candidates, key=lambda c: (_ORDER.index(c.verdict), -c.score))
+    rows = ((*_candidate_cells(c), _why(c)) for c in ordered)
+    head = ("Effect", "Verdict", number("Share of the unexplained"), number("p-value"))
+    return Table.of((*head, "Looks like", "Evidence"), rows, title)
+
+
+def score_table(candidates: Sequence[CandidateRecord], title: str = "") -> Table:
+    """Return the verdict on every effect that can be tested, in the given order."""
+    rows = [_candidate_cells(c, most=3) for c in candidates if c.untestable is None]
+    head = ("Effect", "Verdict", number("Share"), number("p-value"), "Looks like")
+    return Table.of(head, rows, title)
+
+
+def _candidate_cells(c: CandidateRecord, most: int | None = None) -> tuple[str | Cell, ...]:
+    tested = c.untestable is None
+    return (
+        c.name,
+        Cell(CANDIDATES[c.verdict], _TONES[c.verdict]),
+        units.percent(c.explained_fraction) if tested else "",
+        units.p_value(c.p_value) if tested else "",
+        ", ".join(c.confused_with[:most]) if tested else "",
+    )
+
+
+def _why(c: CandidateRecord) -> str:
+    """Return the evidence; of an effect that is not seen its size, as the values are noise."""
+    if c.verdict != "not_seen":
+        return c.evidence
+    if c.rms_m < _NOTHING_M:
+        return "No more than noise: its best fit is none."
+    text = f"No more than noise (at best {units.rms(c.rms_m)} rms"
+    if c.visible < _MOSTLY:
+        text += f", of which the map can imitate all but {units.percent(c.visible)}"
+    return f"{text})."
+
+
+def verdict_table(candidates: Sequence[CandidateRecord], title: str = "") -> Table:
+    """Return the names of the effects by verdict."""
+    rows = (
+        (Cell(CANDIDATES[verdict], _TONES[verdict]), ", ".join(names))
+        for verdict in _ORDER
+        if (names := [c.name for c in candidates if c.verdict == verdict])
+    )
+    return Table.of(("Verdict", "Effects"), rows, title)
 
 
 @dataclass(frozen=True)
-class LadderRow:
-    """One step of the ladder: its errors in m, rms, and chi-square per degree of freedom.
+class ShiftColumn:
+    """Column of a table of limits: the shift of a parameter by an ignored effect."""
 
-    `high_m` is the error at forces left out, None where there are too few.
-    """
-
-    label: str
-    rms_m: float
-    cross_validation_m: float
-    high_m: float | None
-    noise_m: float
-    chi2_per_dof: float
+    name: str
+    heading: str
+    shown: Callable[[float], str]
 
     @classmethod
-    def of(cls, label: str, step: Step) -> "LadderRow":
-        """Return the row of a step."""
-        return cls(
-            label, step.fit.rms_m, step.cross_validation.rms_m, step.cross_validation.high_rms_m,
-            step.comparison.expected_rms_m, step.fit.chi2_per_dof,
-        )  # fmt: skip
+    def of(cls, name: str) -> "ShiftColumn":
+        """Return the column of a parameter of the map, in kPa or mm."""
+        unit = units.unit_of(name)
+        heading = f"{units.plain_name(name)}, {units.scale(unit)[1]}"
+        return cls(name, heading, lambda value: units.shift(value, unit))
 
 
-def ladder_table(rows: Sequence[LadderRow], title: str = "") -> Table:
-    """Return the errors and chi-square of every step."""
-    head = ("Error (rms)", "Cross-validation", "Forces left out", "Noise", "Chi2/dof")
-    cells = (
+def limit_table(
+    limits: Sequence[LimitRecord],
+    shifts: Sequence[ShiftColumn] | None = None,
+    letters: Mapping[str, str] | None = None,
+    title: str = "",
+) -> Table:
+    """Return the detection limit of every effect, and its shift of the map if it is ignored.
+
+    Parameters
+    ----------
+    shifts : columns of the shifts, None for all parameters of the map
+    letters : letter of each planned scan by its program
+    """
+    if shifts is None:
+        shifts = [ShiftColumn.of(n) for n in dict.fromkeys(n for e in limits for n in e.map_bias)]
+    rows = (
         (
-            row.label,
-            units.rms(row.rms_m),
-            units.rms(row.cross_validation_m),
-            "" if row.high_m is None else units.rms(row.high_m),
-            units.rms(row.noise_m),
-            f"{row.chi2_per_dof:.3g}",
+            e.name,
+            "never" if e.smallest_share is None else units.percent(e.smallest_share),
+            *(c.shown(e.map_bias[c.name]) if c.name in e.map_bias else "" for c in shifts),
+            _better(e, letters or {}),
+            "" if e.in_mixed_scan is None else units.percent(e.in_mixed_scan),
+            e.untestable or ", ".join(e.confused_with),
         )
-        for row in rows
+        for e in limits
     )
-    return Table.of(("Model", *map(number, head)), cells, title)
+    head = ("Seen from", *(c.heading for c in shifts), "Better scan", "Mixed scan")
+    return Table.of(("Effect", *map(number, head), "Looks like"), rows, title)
+
+
+def _better(limit: LimitRecord, letters: Mapping[str, str]) -> str:
+    scan = limit.better_scan
+    return "" if scan is None else f"{units.percent(scan.smallest_share)} {letters[scan.program]}"

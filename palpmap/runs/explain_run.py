@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from matplotlib import rc_context
 
@@ -15,7 +14,7 @@ from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.residual import draw_along, draw_tests
 from palpmap.figures.style import STYLE, png
 from palpmap.recording.explain import record_explanation
-from palpmap.report.explain_report import Told, write_explain_report
+from palpmap.report.explain_report import write_explain_report
 from palpmap.result.evidence import evidences
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import write_programs
@@ -46,31 +45,31 @@ def write_explanation(
     write_programs(assessment, problem.experiment.origin_m, run)
     record.write(run / "result.json")
     version_of(study, explained.final.fit, run / "study.toml", files)
-    write_explain_files(run, problem, explained, record.to_dict())
+    write_explain_files(run, problem, explained, record)
 
 
 def write_explain_files(
-    run: Path, problem: Problem, explained: Explanation, record: Mapping[str, Any]
+    run: Path, problem: Problem, explained: Explanation, record: ExplainRecord
 ) -> None:
-    """Write the last rung's fit.json and comparison.json, figures, report.html, recording.rrd.
+    """Write the last step's fit.json and comparison.json, figures, report.html, recording.rrd.
 
     Parameters
     ----------
     run : run folder
-    record : what result.json says; the report says no more than that
+    record : result.json
     """
     finding = step_finding(run, problem, explained.final)
     write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained, record)
     paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
-    write_explain_report(Told(finding, explained, record, problem, pictures), run / "report.html")
+    write_explain_report(run / "report.html", finding, explained, record, problem, pictures)
     shown = {name: path for name, path in paths.items() if name.startswith(_RECORDED)}
     record_explanation(run / "recording.rrd", finding, explained, record, problem, shown)
 
 
 def explain_pictures(
-    finding: Finding, explained: Explanation, record: Mapping[str, Any]
+    finding: Finding, explained: Explanation, record: ExplainRecord
 ) -> dict[str, bytes]:
     """Draw all figures of an explanation: PNG by name."""
     first = explained.ladder[0]

@@ -1,5 +1,7 @@
 """From the body's frame to the frame of the scan."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 _AXES = {"x_m": 0, "y_m": 1, "z_m": 2}
@@ -22,3 +24,8 @@ def frame_shift_m(name: str, origin_m: np.ndarray) -> float:
     """
     axis = _AXES.get(name.rpartition(".")[2])
     return 0.0 if axis is None else float(origin_m[axis])
+
+
+def in_scan_frame(values: Mapping[str, float], origin_m: np.ndarray) -> dict[str, float]:
+    """Return parameters of the body's frame in the frame of the scan."""
+    return {name: value + frame_shift_m(name, origin_m) for name, value in values.items()}

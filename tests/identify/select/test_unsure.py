@@ -10,6 +10,7 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.design.assessment import assess
+from identify.design.undetected_bias import UndetectedBias
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
@@ -31,6 +32,7 @@ from palpmap.result.explain_words import (
     verdict_detail,
     without_suspects,
 )
+from palpmap.result.records import ExplainRecord, ParameterRecord, WithoutSuspectsRecord
 from tests.palpmap.report.test_explain_report import grouped
 
 
@@ -45,7 +47,7 @@ def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_th
     assert record.verdict == "indistinguishable"
     assert record.confused_with == (SUSPECT_PRESSES,)
     (note,) = _name_notes(found, name)
-    assert "presses that stand out" in note
+    assert "only with outlying presses" in note
 
 
 def bad(step, *presses):
@@ -72,9 +74,9 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     assert suspects_left(suspected, None) == (two,)
     problem = explained_case.problem
     assessment = assess(suspected, problem.catalogue, suspects_left(suspected, None))
-    record = explain_record(suspected, problem, assessment).to_dict()
+    record = explain_record(suspected, problem, assessment)
     told = " ".join(doubts(record, suspected))
-    assert f"stand out by themselves: {two}." in told
+    assert f"Outlying presses: {two}." in told
     assert "not for the last model" not in told
 
 
@@ -103,14 +105,19 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
 
 
 def test_the_same_answer_is_one_with_the_same_verdict():
-    record: dict[str, Any] = {"verdict": "explained", "added": ["breathing"], "ambiguous": []}
-    other = {"verdict": "explained", "added": ["breathing"], "ambiguous": []}
-    assert "is the same" in without_suspects({**record, "without_suspects": other})
-    structured = {**record, "verdict": "unexplained", "without_suspects": other}
+    other = WithoutSuspectsRecord(
+        verdict="explained", added=("breathing",), ambiguous=(), chi2_per_dof=1.0, parameters={},
+        residual="",
+    )  # fmt: skip
+    record = ExplainRecord(
+        verdict="explained", added=("breathing",), ambiguous=(), without_suspects=other
+    )
+    assert "is the same" in without_suspects(record)
+    structured = record.changed(verdict="unexplained")
     assert "is breathing" in without_suspects(structured)
-    left = {**other, "verdict": "unexplained"}
-    assert "too" not in without_suspects({**record, "without_suspects": left})
-    assert "too" in without_suspects({**structured, "without_suspects": left})
+    left = other.changed(verdict="unexplained")
+    assert "too" not in without_suspects(record.changed(without_suspects=left))
+    assert "too" in without_suspects(structured.changed(without_suspects=left))
 
 
 @pytest.mark.parametrize(("radii", "says"), [((5e-3, 5e-3), True), ((3e-3, 10e-3), False)])
@@ -122,13 +129,17 @@ def test_two_radii_are_advised_where_there_is_one(radii, says):
 
 
 def test_effects_that_the_scan_shows_nothing_of_are_named_beside_the_shifts():
-    record = {
-        "parameters": {"background_pa": {"std": 10.0, "unit": "Pa"}},
-        "unseen_shifts": {"background_pa": {"shift": 80.0, "effect": "tool_compliance"}},
-        "not_counted": ["breathing", "force_drift"],
-    }
+    background = ParameterRecord(
+        value=5e3, std=10.0, lower95=4980.0, upper95=5020.0, unit="Pa", at_bound=False
+    )
+    record = ExplainRecord(
+        verdict="explained", added=(), ambiguous=(),
+        parameters={"background_pa": background},
+        unseen_shifts={"background_pa": UndetectedBias(80.0, "tool_compliance", 0.03)},
+        not_counted=("breathing", "force_drift"),
+    )  # fmt: skip
     assert "nothing of them: breathing and force_drift." in unseen_effects(record)
-    assert "Not counted" not in unseen_effects({**record, "not_counted": []})
+    assert "Not counted" not in unseen_effects(record.changed(not_counted=()))
 
 
 def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explained_case):

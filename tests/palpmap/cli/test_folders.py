@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identify.design.scan_variants import presses_of
+from identify.design.predicted_limits import BetterScans, Improvement
+from identify.design.scan_variants import Design, presses_of
 from identify.effects.readings import Readings
 from models.press_program import grid_program, read_program, write_program
 from models.scan import Scan
 from models.scan_file import read_scan, write_scan
 from palpmap.blind import tournament
 from palpmap.blind.trial import Trial, make_trial
-from palpmap.commands import limits as detection
-from palpmap.result.next_scan import write_presses
+from palpmap.result.next_scan import write_planned, write_presses
 from palpmap.result.presses_words import presses_sentences
+from palpmap.result.records import ExplainRecord
 from palpmap.study.study import load_study, write_study
 from palpmap.study.virtual_lab import default_study, program_plan_of
 from tests.palpmap.cli.test_loop import palpmap, sentence_of
@@ -110,15 +111,12 @@ def test_units_that_look_odd_are_asked_about_with_the_study_not_where_scans_are_
 
 
 def test_presses_that_were_too_many_are_counted_aloud():
-    says = presses_sentences(
-        {"presses_used": 200, "presses_left_out": 25, "presses_alone": None}
-    )  # fmt: skip
+    record = ExplainRecord(verdict="explained", added=(), ambiguous=())
+    says = presses_sentences(record.changed(presses_used=200, presses_left_out=25))
     assert says == [
         "200 of 225 presses, evenly spread, were used: time and memory grow with their number."
     ]
-    assert not presses_sentences(
-        {"presses_used": 81, "presses_left_out": 0, "presses_alone": None}
-    )  # fmt: skip
+    assert not presses_sentences(record.changed(presses_used=81))
 
 
 def without(scan: Scan, *phases: str) -> Scan:
@@ -177,13 +175,9 @@ def test_programs_of_planned_scans_are_those_of_the_latest_limits(study, tmp_pat
     readings = Readings.of(read_scan(study.parent / "scan.csv"))
     presses = presses_of(readings)
     for force in (1.0, 2.0):
-        design = SimpleNamespace(
-            name="two_forces",
-            change="",
-            presses=replace(presses, force_n=force * presses.force_n),
-        )
-        plan: Any = SimpleNamespace(design=design)
-        problem: Any = SimpleNamespace(experiment=SimpleNamespace(origin_m=np.zeros(3)))
-        detection._planned(plan, problem, tmp_path)
+        harder = replace(presses, force_n=force * presses.force_n)
+        limits: Any = (SimpleNamespace(name="breathing", smallest_share=0.1),)
+        better = BetterScans(mixed=Improvement(Design("two_forces", "", harder), limits))
+        write_planned(better, np.zeros(3), tmp_path)
     written = read_program(tmp_path / "scan_two_forces.csv")
     assert_allclose(written.force_n, 2 * presses.force_n, rtol=1e-5)

@@ -132,7 +132,7 @@ def test_add_shows_the_error_before_and_after(offset, added):
     assert after == pytest.approx(1, abs=0.25)
     for value in (before, after):
         assert f"{value:.3g}" in added.stdout
-    assert "background_pa" in added.stdout
+    assert "background" in added.stdout
 
 
 def test_the_version_with_the_effect_is_fitted_and_reported(offset, added, tmp_path):

@@ -133,7 +133,7 @@ def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_ca
         explained_case.problem,
         explained_case.assessment,
         WithoutSuspects.of((3, 8), explained),
-    ).to_dict()
-    told = " ".join(doubts({**record, "suspect_presses": [3, 8]}, explained))
+    )
+    told = " ".join(doubts(record.changed(suspect_presses=(3, 8)), explained))
     assert "Presses 3, 8 are outliers for the map alone, but not for the last model" in told
     assert "Without them the answer is the same" in told

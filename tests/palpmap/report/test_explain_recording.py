@@ -144,16 +144,18 @@ def test_the_layout_is_rendered_to_a_picture(explained_case, capsys):
 
 
 def test_errors_fall_as_on_the_ladder(explained_case, chunks):
-    ladder = explained_case.record["ladder"]
+    ladder = explained_case.record.ladder
     for name, key in (
         ("rms_um", "rms_m"),
         ("held_out_um", "held_out_rms_m"),
         ("noise_um", "noise_rms_m"),
     ):
         series = scalar_series(chunks, f"{ERROR}/{name}", parts.ITERATION)
-        assert_allclose(series, [[k, 1e6 * rung[key]] for k, rung in enumerate(ladder)], rtol=1e-12)
+        assert_allclose(
+            series, [[k, 1e6 * getattr(step, key)] for k, step in enumerate(ladder)], rtol=1e-12
+        )
     chi2 = scalar_series(chunks, parts.CHI2, parts.ITERATION)[:, 1]
-    assert_allclose(chi2, [rung["chi2_per_dof"] for rung in ladder], rtol=1e-12)
+    assert_allclose(chi2, [step.chi2_per_dof for step in ladder], rtol=1e-12)
 
 
 def test_residuals_are_painted_on_one_scale_before_and_after(explained_case, chunks):
@@ -179,11 +181,11 @@ def test_measured_is_modelled_and_residual(chunks):
 
 
 def test_parameters_and_their_truth_are_those_of_the_record(explained_case, chunks):
-    found = explained_case.record["parameters"]
+    found = explained_case.record.parameters
     for name in ("background_pa", "viscoelasticity.g", "viscoelasticity.tau_s"):
         entity, factor = parts.parameter_entity(name)
         last = scalar_series(chunks, entity, parts.ITERATION)[-1]
-        assert_allclose(last, [1, factor * found[name]["value"]], rtol=1e-12)
+        assert_allclose(last, [1, factor * found[name].value], rtol=1e-12)
     entity, _ = parts.parameter_entity("background_pa", true=True)
     assert_allclose(scalar_series(chunks, entity, parts.ITERATION)[:, 1], 5.0)
     entity, _ = parts.parameter_entity("viscoelasticity.g")

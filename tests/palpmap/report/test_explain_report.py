@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from io import StringIO
 
@@ -13,18 +13,22 @@ from rich.console import Console
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import assess
+from identify.design.detection_limits import Limit
+from identify.design.geometry_confounders import GeometryConfounder
+from identify.design.undetected_bias import UndetectedBias
 from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
+from identify.select.forward_selection import Explanation
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
-from palpmap.report.explain_report import Told, write_explain_report
-from palpmap.report.explain_tables import candidate_table
+from palpmap.report.explain_report import write_explain_report
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
+from palpmap.result.explain_record import limit_record
 from palpmap.result.explain_words import (
     CANDIDATES,
     _name_notes,
@@ -32,11 +36,14 @@ from palpmap.result.explain_words import (
     unseen_inclusions,
     verdict_detail,
 )
-from palpmap.result.finding import step_finding
+from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import finer_cells
+from palpmap.result.records import ExplainRecord, NextPressesRecord
+from palpmap.result.tables import candidate_table
 from palpmap.result.truth import read_truth
 from palpmap.runs.explain_run import explain_pictures
 from palpmap.study.body_model import smallest_cell_m
+from palpmap.study.open_study import Problem
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
@@ -64,6 +71,16 @@ class Page(HTMLParser):
             self._in_heading = False
 
 
+@dataclass(frozen=True)
+class Told:
+    """What a report tells of."""
+
+    finding: Finding
+    explained: Explanation
+    record: ExplainRecord
+    problem: Problem
+
+
 @pytest.fixture(scope="module")
 def page(explained_case):
     return Page((explained_case.folder / "report.html").read_text(encoding="utf-8"))
@@ -73,12 +90,12 @@ def page(explained_case):
 def told(explained_case):
     c = explained_case
     finding = step_finding(c.folder, c.problem, c.explained.final)
-    pictures = {name: PIXEL for name in ("ladder", "residuals", "maps", "evidence_1")}
-    return Told(finding, c.explained, c.record, c.problem, pictures)
+    return Told(finding, c.explained, c.record, c.problem)
 
 
 def written(told, path):
-    write_explain_report(told, path / "report.html")
+    pictures = {name: PIXEL for name in ("ladder", "residuals", "maps", "evidence_1")}
+    write_explain_report(path / "report.html", *vars(told).values(), pictures)
     return Page((path / "report.html").read_text(encoding="utf-8"))
 
 
@@ -118,8 +135,8 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert assessment.finer_mesh
     assert not assess(told.explained, told.problem.catalogue).finer_mesh
     text = " ".join(_name_notes(explained, "tool_compliance"))
-    assert "tool_compliance and mesh_error cannot be told apart" in text
-    assert "looks the same as tool_compliance" in text
+    assert "tool_compliance and mesh_error are indistinguishable here" in text
+    assert "looks like tool_compliance" in text
     assert "scan with tips of two radii" in text
     body = told.problem.study.body
     assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(body))
@@ -128,8 +145,8 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
 
 
 def test_the_loop_explains_the_case(explained_case):
-    assert explained_case.record["verdict"] == "explained"
-    assert explained_case.record["added"] == ["viscoelasticity"]
+    assert explained_case.record.verdict == "explained"
+    assert explained_case.record.added == ("viscoelasticity",)
 
 
 def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_case, page):
@@ -142,19 +159,21 @@ def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_c
 
 
 def test_the_report_says_what_the_record_says(explained_case, page):
-    for rung in explained_case.record["ladder"]:
-        assert f"{1e6 * rung['rms_m']:.0f} µm" in page.text
-        assert f"{rung['chi2_per_dof']:.3g}" in page.text
-    for candidate in explained_case.record["candidates"]:
-        assert candidate["name"] in page.text
-    creep = next(c for c in explained_case.record["candidates"] if c["name"] == "viscoelasticity")
-    assert creep["evidence"] in page.text
+    for step in explained_case.record.ladder:
+        assert f"{1e6 * step.rms_m:.0f} µm" in page.text
+        assert f"{step.chi2_per_dof:.3g}" in page.text
+    for candidate in explained_case.record.candidates:
+        assert candidate.name in page.text
+    creep = next(c for c in explained_case.record.candidates if c.name == "viscoelasticity")
+    assert creep.evidence in page.text
     assert "do not cover the truth" in page.text
 
 
 def test_texts_from_files_are_escaped(told, tmp_path):
-    candidates = [{**c, "evidence": NASTY} for c in told.record["candidates"]]
-    record = {**told.record, "candidates": candidates, "residual": NASTY}
+    candidates = tuple(
+        c.changed(evidence=NASTY, verdict="supported") for c in told.record.candidates
+    )
+    record = told.record.changed(candidates=candidates, residual=NASTY)
     page = written(
         replace(told, finding=replace(told.finding, name=NASTY), record=record), tmp_path
     )
@@ -194,13 +213,13 @@ def test_an_axis_shows_what_varies_along_it_and_nothing_of_noise():
 
 def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
     explained = grouped(told.explained, "hysteresis")
-    record = {**told.record, "verdict": "ambiguous", "added": []}
+    record = told.record.changed(verdict="ambiguous", added=())
     page = written(replace(told, explained=explained, record=record), tmp_path)
     assert "viscoelasticity or hysteresis" in page.text
-    assert "Do not take its name" in page.text
+    assert "Take neither its name nor its numbers" in page.text
     assert "If it were viscoelasticity: The tip keeps sinking" in page.text
     assert "another effect of the group would give another map" in page.text
-    assert "the residual is noise" not in page.text.split("What the last model")[0]
+    assert "the residual is noise" not in page.text.split("Residual of the last model")[0]
 
 
 def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_case):
@@ -216,17 +235,16 @@ def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_ca
 
 def test_the_page_says_of_every_effect_what_result_json_says(told):
     """Also of effects that only help or cannot be tested, which this scan has none of."""
-    candidates = told.record["candidates"]
-    changed = [
-        {**candidates[0], "verdict": "helps"},
-        {**candidates[1], "verdict": "untestable", "untestable": "the scan has no time stamps"},
+    candidates = told.record.candidates
+    changed = (
+        candidates[0].changed(verdict="helps"),
+        candidates[1].changed(verdict="untestable", untestable="the scan has no time stamps"),
         *candidates[2:],
-    ]
+    )
     for shown in (candidates, changed):
-        text = candidate_table({**told.record, "candidates": shown})
-        rows = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in text.split("<tr>")]
-        words = {row[0]: re.sub("<.*?>", "", row[1]) for row in rows if len(row) > 2}
-        assert {c["name"]: CANDIDATES[c["verdict"]] for c in shown}.items() <= words.items()
+        rows = candidate_table(shown).rows
+        words = {row[0].text: row[1].text for row in rows}
+        assert words == {c.name: CANDIDATES[c.verdict] for c in shown}
 
 
 def test_nothing_missing_is_no_proof(told, tmp_path):
@@ -236,31 +254,29 @@ def test_nothing_missing_is_no_proof(told, tmp_path):
         ladder=told.explained.ladder[1:],
         accepted=(),
     )
-    page = written(replace(told, explained=explained), tmp_path)
+    record = told.record.changed(verdict="nothing_missing")
+    page = written(replace(told, explained=explained, record=record), tmp_path)
     assert "no proof" in page.text
     assert not any(heading.startswith("Step") for heading in page.headings)
 
 
 def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(told, tmp_path):
-    record = {
-        **told.record,
-        "next_presses": [
-            {"change": "tips of 3 and 10 mm", "why": NASTY, "discrimination": 321.0,
-             "program": "next_scan_1.csv"}
-        ],
-        "limits": [
-            {"name": "skin_layer", "smallest_share": 0.013, "confused_with": ["mesh_error"],
-             "map_bias": {"background_pa": -240.0, "inclusion_1.z_m": 8e-3},
-             "bias_at_share": 0.03},
-            {"name": "force_gain", "smallest_share": None, "confused_with": [], "map_bias": {}},
-        ],
-    }  # fmt: skip
+    program = NextPressesRecord(
+        change="tips of 3 and 10 mm", why=NASTY, discrimination=321.0, presses=30,
+        duration_s=90.0, program="next_scan_1.csv",
+    )  # fmt: skip
+    skin = Limit("skin_layer", 0.013, {}, 0.5, ("mesh_error",),
+                 {"background_pa": -240.0, "inclusion_1.z_m": 8e-3})  # fmt: skip
+    gain = Limit("force_gain", None, {}, 0.0, (), {})
+    limits = (limit_record(skin), limit_record(gain))
+    record = told.record.changed(next_presses=(program,), limits=limits)
     page = written(replace(told, record=record), tmp_path)
     assert "next_scan_1.csv" in page.text
     assert NASTY in page.text
     assert "1.3 %" in page.text
     assert "background, kPa" in page.text
-    assert "mesh_error-0.24+8" in page.text  # the cells of a row, one after the other
+    row = "skin_layer1.3 %-0.24+8mesh_error"  # the cells one after the other
+    assert row in page.text
     assert "force_gainnever" in page.text
     plain = written(told, tmp_path)
     assert "Which presses to make next" not in plain.headings
@@ -269,7 +285,7 @@ def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(tol
 def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):
     found = read_comparison(explained_case.folder / "comparison.json")
     assert found.is_noise
-    assert_allclose(found.rms_m, explained_case.record["ladder"][-1]["rms_m"], rtol=1e-12)
+    assert_allclose(found.rms_m, explained_case.record.ladder[-1].rms_m, rtol=1e-12)
     names = {path.stem for path in (explained_case.folder / "figures").iterdir()}
     assert {"ladder", "residuals", "evidence_1", "maps", "confusion", "parameters"} <= names
 
@@ -306,15 +322,15 @@ def test_figures_of_a_ladder_of_one_rung_can_be_drawn(told):
 
 
 def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_errors(told):
-    record = told.record["parameters"]
-    weight = record["inclusion_1.weight_pa"]
-    bent = {**weight, "lower95": weight["value"] - 2000, "upper95": weight["value"] + 9000}
-    shown = {**told.record, "parameters": {**record, "inclusion_1.weight_pa": bent}}
+    parameters = told.record.parameters
+    weight = parameters["inclusion_1.weight_pa"]
+    bent = weight.changed(lower95=weight.value - 2000, upper95=weight.value + 9000)
+    shown = told.record.changed(parameters={**parameters, "inclusion_1.weight_pa": bent})
     figure = draw_parameters(told.finding, told.explained, shown)
     assert figure is not None
     axes = next(a for a in figure.axes if "weight" in a.get_title())
     before, after = (np.asarray(bar.get_paths()[0].vertices)[:, 1] for bar in axes.collections)
-    assert_allclose(after, [1e-3 * bent["lower95"], 1e-3 * bent["upper95"]])
+    assert_allclose(after, [1e-3 * bent.lower95, 1e-3 * bent.upper95])
     fit = told.explained.ladder[0].fit
     name = "inclusion_1.weight_pa"
     assert_allclose(np.mean(before), 1e-3 * fit.values[name])
@@ -322,24 +338,24 @@ def test_the_last_bars_are_the_intervals_of_the_table_and_those_before_standard_
 
 
 def with_unseen_effects(told):
-    p = told.record["parameters"]["inclusion_1.weight_pa"]
+    p = told.record.parameters["inclusion_1.weight_pa"]
     shifts = {
-        "background_pa": {"shift": 0.0, "effect": "breathing", "share": 0.001},
-        "inclusion_1.weight_pa": {"shift": 4 * p["std"], "effect": "rigid_tip", "share": 0.014},
+        "background_pa": UndetectedBias(0.0, "breathing", 0.001),
+        "inclusion_1.weight_pa": UndetectedBias(4 * p.std, "rigid_tip", 0.014),
     }
-    return {**told.record, "unseen_shifts": shifts}
+    return told.record.changed(unseen_shifts=shifts)
 
 
 def without_unseen_effects(told):
-    return {**told.record, "unseen_shifts": {}}
+    return told.record.changed(unseen_shifts={})
 
 
 def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, tmp_path):
     record = with_unseen_effects(told)
-    std = record["parameters"]["inclusion_1.weight_pa"]["std"]
+    std = record.parameters["inclusion_1.weight_pa"].std
     page = written(replace(told, record=record), tmp_path)
     assert f"± {4e-3 * std:.2g} kPa (rigid_tip)" in page.text
-    assert "No interval counts what is too small to be seen" in page.text
+    assert "No interval counts undetected effects" in page.text
     assert (
         "No interval counts"
         not in written(replace(told, record=without_unseen_effects(told)), tmp_path).text
@@ -350,7 +366,7 @@ def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, t
     screen = console.file.getvalue()  # type: ignore[attr-defined]
     assert f"± {4e-3 * std:.2g} kPa" in screen
     assert "(most: rigid_tip and breathing)" in " ".join(screen.split())
-    (row,) = (line for line in screen.splitlines() if "inclusion_1.weight_pa" in line)
+    (row,) = (line for line in screen.splitlines() if "inclusion 1 weight" in line)
     assert len(row) <= 80
 
 
@@ -360,8 +376,8 @@ def test_the_pale_bar_is_the_interval_and_what_an_unseen_effect_may_add(told):
     assert figure is not None
     axes = next(a for a in figure.axes if "weight" in a.get_title())
     (pale,) = (line for line in axes.lines if line.get_alpha())
-    p = record["parameters"]["inclusion_1.weight_pa"]
-    ends = [p["lower95"] - 4 * p["std"], p["upper95"] + 4 * p["std"]]
+    p = record.parameters["inclusion_1.weight_pa"]
+    ends = [p.lower95 - 4 * p.std, p.upper95 + 4 * p.std]
     assert_allclose(pale.get_ydata(), 1e-3 * np.array(ends))
     one = replace(told.explained, ladder=told.explained.ladder[1:], accepted=())
     assert draw_parameters(told.finding, one, without_unseen_effects(told)) is None
@@ -403,25 +419,27 @@ def test_the_maps_colours_are_those_of_the_last_one(told):
 
 
 def test_unseen_inclusions_are_counted_without_those_of_effects(told):
-    parameters = {"inclusion_1.radius_m": {}, "extra_inclusion.radius_m": {}}
-    one = {"unseen_inclusions": [1], "parameters": parameters}
+    p = told.record.parameters["inclusion_1.weight_pa"]
+    parameters = {"inclusion_1.radius_m": p, "extra_inclusion.radius_m": p}
+    one = told.record.changed(unseen_inclusions=(1,), parameters=parameters)
     assert "Inclusion 1 is not seen" in unseen_inclusions(one)
-    assert "Say inclusions = 0 under" in unseen_inclusions(one)
-    two = {"unseen_inclusions": [1, 2], "parameters": {**parameters, "inclusion_2.radius_m": {}}}
+    assert "Set inclusions = 0 under" in unseen_inclusions(one)
+    more = {**parameters, "inclusion_2.radius_m": p}
+    two = told.record.changed(unseen_inclusions=(1, 2), parameters=more)
     assert "Inclusions 1 and 2 are not all seen" in unseen_inclusions(two)
-    assert "Say inclusions = 1 under" in unseen_inclusions(two)
+    assert "Set inclusions = 1 under" in unseen_inclusions(two)
     assert unseen_inclusions(told.record) == ""
 
 
-def test_lengths_that_would_look_like_an_effect_are_said_with_their_side():
-    tip = {"effect": "stiffness_gradient", "length": "tip_radius", "change_m": 3.8e-4}
-    body = {"effect": "stiffness_gradient", "length": "body_height", "change_m": -4.9e-3}
-    other = {**tip, "effect": "skin_layer"}
-    assert stated_lengths({"stated_lengths": [tip, body, other]}) == [
-        "Nearly the same as stiffness_gradient would be seen if the tip's radius were 0.38 mm "
-        "larger than stated, or the body's height were 4.9 mm smaller than stated. Measure that "
-        "first.",
-        "Nearly the same as skin_layer would be seen if the tip's radius were 0.38 mm larger than "
-        "stated. Measure that first.",
+def test_lengths_that_would_look_like_an_effect_are_said_with_their_side(told):
+    tip = GeometryConfounder("stiffness_gradient", "tip_radius", 3.8e-4)
+    body = GeometryConfounder("stiffness_gradient", "body_height", -4.9e-3)
+    other = replace(tip, effect="skin_layer")
+    assert stated_lengths(told.record.changed(stated_lengths=(tip, body, other))) == [
+        "The readings would look nearly the same as with stiffness_gradient if the tip's radius "
+        "were 0.38 mm larger than stated, or the body's height were 4.9 mm smaller than stated. "
+        "Measure that first.",
+        "The readings would look nearly the same as with skin_layer if the tip's radius were "
+        "0.38 mm larger than stated. Measure that first.",
     ]
-    assert stated_lengths({"stated_lengths": []}) == []
+    assert stated_lengths(told.record.changed(stated_lengths=())) == []

@@ -298,7 +298,7 @@ def test_the_layout_shows_scene_maps_presses_and_fit(whole_run):
         "Parameters: kPa",
         "Contact force, N",
         "Events",
-        "What is seen",
+        "About",
         "Residual: red +40, blue -40 um",
     } <= names
 

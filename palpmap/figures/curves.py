@@ -136,17 +136,24 @@ def near_largest_force(f: Finding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _curve(axes: Axes, f: Finding, press: int) -> None:
     panel_grid(axes)
     rows = f.fit.press_index == press
-    for phase, mark in MARKS.items():
-        at = rows & (f.scan.phase == phase)
-        if at.any():
-            axes.plot(
-                1e3 * f.fit.displacement_m[at], f.fit.force_n[at], mark, ms=4.5, color=BLUE,
-                mfc=BLUE if phase == "load" else "white", label=f"measured, {phase}", ls="",
-            )  # fmt: skip
+    draw_readings(axes, f.fit.displacement_m[rows], f.fit.force_n[rows], f.scan.phase[rows])
     top = float(f.fit.latent_force_n[rows].max())
     axes.plot(
         [0, 1e3 * f.fit.compliance_m_per_n[press] * top], [0, top], color=ORANGE, lw=1.8,
         label="model",
     )  # fmt: skip
+
+
+def draw_readings(
+    axes: Axes, displacement_m: np.ndarray, force_n: np.ndarray, phase: np.ndarray
+) -> None:
+    """Draw force against displacement of the readings of a press, (m,), a mark for each phase."""
+    for name, mark in MARKS.items():
+        at = phase == name
+        if at.any():
+            axes.plot(
+                1e3 * displacement_m[at], force_n[at], mark, ms=4.5, color=BLUE, ls="",
+                mfc=BLUE if name == "load" else "white", label=f"measured, {name}",
+            )  # fmt: skip
     axes.set_xlabel("displacement, mm")
     axes.set_ylabel("force, N")

@@ -20,6 +20,7 @@ from palpmap.figures.style import (
     new_figure,
     panel_grid,
     plain_log_ticks,
+    widest_axes,
 )
 from palpmap.result.evidence import Axis, Curve, Evidence
 from palpmap.result.explain_words import step_labels
@@ -125,12 +126,6 @@ def press_rms(step: Step) -> np.ndarray:
     """Root mean square of each press's whitened residuals, (j,); 1 is noise."""
     press = step.fit.model.readings.press
     return np.sqrt(np.bincount(press, step.fit.at.residual**2) / np.bincount(press))
-
-
-def widest_axes(points: np.ndarray) -> tuple[int, int]:
-    """Return the two axes along which points (j, 3) spread most, in their own order."""
-    first, second = sorted(np.argsort(-np.ptp(points, axis=0), kind="stable")[:2])
-    return int(first), int(second)
 
 
 def draw_evidence(evidence: Evidence) -> Figure:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from identify.body.state import ChangedMap
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -89,9 +90,9 @@ def _uncertainty(f: Finding) -> Column:
 
 def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
     both = cuts(f)
-    width, height = _size(f, both[1])
+    width, height = cut_size(f, both[1])
     ratio = max(height / width, 0.3)
-    across = _size(f, both[0])
+    across = cut_size(f, both[0])
     upper = across[1] / across[0]
     figure = new_figure(3.9 * len(columns) + 0.6, 3.7 * (upper + ratio) + 1.6)
     grid = figure.subplots(2, len(columns), squeeze=False, height_ratios=[upper, ratio])
@@ -102,7 +103,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
         image = None
         for row, cut in enumerate(both):
             axes = grid[row, i]
-            image = _show(axes, f, cut, fields[row][i], column.colors, span)
+            image = show_cut(axes, f, cut, fields[row][i], column.colors, span)
             _decorate(axes, f, cut, column.title == "True")
             axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
             if i:
@@ -164,7 +165,8 @@ def _centre(inclusion: Inclusion) -> np.ndarray:
     return np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
 
 
-def _size(f: Finding, cut: Cut) -> tuple[float, float]:
+def cut_size(f: Finding, cut: Cut) -> tuple[float, float]:
+    """Width and height of a cut through the body's box, m."""
     extent = f.outline.upper_m - f.outline.lower_m
     return float(extent[cut.axes[0]]), float(extent[cut.axes[1]])
 
@@ -177,9 +179,10 @@ def _where(f: Finding, cut: Cut) -> str:
     return f"from the side, cut at {'xyz'[cut.normal]} = {at:.0f} mm"
 
 
-def _show(
+def show_cut(
     axes: Axes, f: Finding, cut: Cut, values: np.ndarray, colors: str, span: tuple[float, float]
-):
+) -> AxesImage:
+    """Paint the values on a cut, with the scan's coordinates in mm."""
     right, up = cut.axes
     low = 1e3 * (f.outline.lower_m + f.origin_m)
     high = 1e3 * (f.outline.upper_m + f.origin_m)
@@ -201,15 +204,24 @@ def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
     else:
         axes.plot(points[:, right], points[:, up], "v", color="#222222", ms=3.5, clip_on=False)
     if f.truth is not None:
-        _circles(axes, f, f.truth, cut, "--")
+        draw_circles(axes, f, f.truth, cut, "--")
     if not is_truth:
-        _circles(axes, f, f.map, cut, "-")
+        draw_circles(axes, f, f.map, cut, "-")
+    limit_to_body(axes, f, cut)
+
+
+def limit_to_body(axes: Axes, f: Finding, cut: Cut) -> None:
+    """Limit the axes of a cut to the body."""
+    right, up = cut.axes
     low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
     axes.set_xlim(low[right], high[right])
     axes.set_ylim(low[up], high[up])
 
 
-def _circles(axes: Axes, f: Finding, found: GaussianMap | ChangedMap, cut: Cut, line: str) -> None:
+def draw_circles(
+    axes: Axes, f: Finding, found: GaussianMap | ChangedMap, cut: Cut, line: str
+) -> None:
+    """Draw each inclusion one radius around its centre."""
     right, up = cut.axes
     angle = np.linspace(0, 2 * np.pi, 73)
     for inclusion in found.inclusions:

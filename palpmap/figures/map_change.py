@@ -8,8 +8,15 @@ from identify.body.state import ChangedMap
 from identify.map.gaussian_map import GaussianMap
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
-from palpmap.figures.curves import MARKS
-from palpmap.figures.map import Cut, cuts, sample
+from palpmap.figures.curves import draw_readings
+from palpmap.figures.map import (
+    cut_size,
+    cuts,
+    draw_circles,
+    limit_to_body,
+    sample,
+    show_cut,
+)
 from palpmap.figures.style import (
     BLUE,
     GREEN,
@@ -51,7 +58,8 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     high = max(*(float(np.nanmax(v)) for v in judged), low + 1e-6)
     below = any(np.nanmin(v) < low for row in fields for v in row)
     above = any(np.nanmax(v) > high for row in fields for v in row)
-    heights = [_ratio(finding, cut) for cut in both]
+    sizes = [cut_size(finding, cut) for cut in both]
+    heights = [max(height / width, 0.3) for width, height in sizes]
     width = 3.4 * len(shown) + 1.1
     figure = new_figure(width, 3.3 * sum(heights) + 1.3)
     grid = figure.subplots(2, len(shown), squeeze=False, height_ratios=heights)
@@ -59,8 +67,11 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     for row, cut in enumerate(both):
         for column, (title, stiffness) in enumerate(shown):
             axes = grid[row, column]
-            image = _show(axes, finding, cut, fields[row][column], (low, high))
-            _circles(axes, finding, stiffness, cut)
+            image = show_cut(axes, finding, cut, fields[row][column], MODULUS_COLORS, (low, high))
+            draw_circles(axes, finding, stiffness, cut, "-")
+            if finding.truth is not None:
+                draw_circles(axes, finding, finding.truth, cut, "--")
+            limit_to_body(axes, finding, cut)
             if row == 0:
                 axes.set_title(_broken(title))
             if column:
@@ -76,42 +87,6 @@ def _broken(title: str, width: int = 34) -> str:
     import textwrap
 
     return "\n".join(textwrap.wrap(title, width))
-
-
-def _ratio(finding: Finding, cut: Cut) -> float:
-    right, up = cut.axes
-    extent = finding.outline.upper_m - finding.outline.lower_m
-    return max(float(extent[up] / extent[right]), 0.3)
-
-
-def _show(axes: Axes, f: Finding, cut: Cut, values: np.ndarray, span: tuple[float, float]):
-    right, up = cut.axes
-    low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
-    axes.set_xlabel(f"{'xyz'[right]}, mm")
-    axes.set_ylabel(f"{'xyz'[up]}, mm")
-    return axes.imshow(
-        values, origin="lower", cmap=MODULUS_COLORS, vmin=span[0], vmax=span[1],
-        extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
-    )  # fmt: skip
-
-
-def _circles(axes: Axes, f: Finding, own: GaussianMap | ChangedMap, cut: Cut) -> None:
-    """Draw each inclusion one radius around its centre; dashed the true ones."""
-    right, up = cut.axes
-    angle = np.linspace(0, 2 * np.pi, 73)
-    pairs: list[tuple[GaussianMap | ChangedMap, str]] = [(own, "-")]
-    if f.truth is not None:
-        pairs.append((f.truth, "--"))
-    limits = axes.get_xlim(), axes.get_ylim()
-    for stiffness, line in pairs:
-        for inclusion in stiffness.inclusions:
-            centre = 1e3 * (np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m]) + f.origin_m)
-            radius = 1e3 * inclusion.radius_m
-            x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)
-            axes.plot(x, y, line, color="black", lw=2.2)
-            axes.plot(x, y, line, color="white", lw=1.1)
-    axes.set_xlim(limits[0])
-    axes.set_ylim(limits[1])
 
 
 def draw_parameters(
@@ -190,17 +165,10 @@ def _press(axes: Axes, first: Step, last: Step, press: int) -> None:
     model = last.fit.model
     rows = model.readings.press == press
     force = model.readings.force_n
-    for phase, mark in MARKS.items():
-        at = rows & (model.readings.phase == phase)
-        if at.any():
-            axes.plot(
-                1e3 * model.displacement_m[at], force[at], mark, ms=4.5, color=BLUE, ls="",
-                mfc=BLUE if phase == "load" else "white", label=f"measured, {phase}",
-            )  # fmt: skip
+    phase = model.readings.phase[rows]
+    draw_readings(axes, model.displacement_m[rows], force[rows], phase)
     if first is not last:
         axes.plot(
             1e3 * first.fit.at.predicted_m[rows], force[rows], color=GREY, lw=1.4, label="before"
         )
     axes.plot(1e3 * last.fit.at.predicted_m[rows], force[rows], color=ORANGE, lw=1.6, label="after")
-    axes.set_xlabel("displacement, mm")
-    axes.set_ylabel("force, N")

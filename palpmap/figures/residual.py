@@ -15,6 +15,7 @@ from palpmap.figures.style import (
     PINK,
     new_figure,
     panel_grid,
+    widest_axes,
 )
 from palpmap.result.finding import Finding
 
@@ -47,7 +48,7 @@ def draw_places(f: Finding) -> Figure:
     mean = 1e6 * np.array([p.mean_m for p in presses])
     signed = np.sign(mean) * np.array([p.sigmas for p in presses])
     bad = np.array([p.bad for p in presses])
-    right, up = _widest_axes(points)
+    right, up = widest_axes(points)
     figure = new_figure(10.4, 4.7)
     left, other = figure.subplots(1, 2, sharex=True, sharey=True)
     extent = np.ptp(points[:, [right, up]], axis=0).max() or 1.0
@@ -184,9 +185,3 @@ def _verdict(c: Comparison, name: str) -> str:
     if not test.fires:
         return "like noise"
     return f"{test.times_noise:.2g} times the noise"
-
-
-def _widest_axes(points: np.ndarray) -> tuple[int, int]:
-    """Return the two axes along which the points spread most, in their own order."""
-    first, second = sorted(np.argsort(-np.ptp(points, axis=0), kind="stable")[:2])
-    return int(first), int(second)

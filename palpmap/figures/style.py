@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from io import BytesIO
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -83,3 +84,9 @@ def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
     figure.legend(
         named.values(), named.keys(), loc="outside lower center", ncols=len(named), fontsize=9
     )
+
+
+def widest_axes(points: np.ndarray) -> tuple[int, int]:
+    """Return the two axes along which points (j, 3) spread most, in their own order."""
+    first, second = sorted(np.argsort(-np.ptp(points, axis=0), kind="stable")[:2])
+    return int(first), int(second)

@@ -479,7 +479,7 @@ def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
     )
     with cluster:
         lines = list(tournament.play_dask([lost, absurd], cluster.scheduler_address))
-    errors = {line["number"]: line["error"] for line in lines}
+    errors = {line.number: line.error for line in lines}
     assert errors[0].startswith("NotADirectoryError: ")  # outside of what `play` catches
     assert "no_such_effect" in errors[1]
     assert (tmp_path / "0001").is_dir()  # a worker made it

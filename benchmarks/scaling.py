@@ -14,7 +14,6 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 from memory import peak_mb
 
-import fem.palpation.constrained_body
 from fem import Contacts, PalpationModel, block_mesh
 
 SIZE_M = (0.096, 0.096, 0.048)
@@ -28,12 +27,10 @@ MEMORY_GB = 12.0  # that the largest needs
 def measure(divisions: tuple[int, int, int]) -> tuple[int, int, float, float, float, float]:
     """Cells, unknowns, seconds of set-up, evaluation and derivatives, GB at most."""
     warm = Contacts([(0.048, 0.048, 0.048)], (0, 0, -1), RADIUS_M)
-    from_size = fem.palpation.constrained_body.LARGE
-    for large in (from_size, 0):  # loads libraries and compiled code of both ways
-        fem.palpation.constrained_body.LARGE = large
-        small = PalpationModel(block_mesh(SIZE_M, (8, 8, 4), order=1), NU, warm, near_field=False)
+    for options in ({}, {"iterative_from": 0}):  # loads libraries and compiled code of both ways
+        mesh = block_mesh(SIZE_M, (8, 8, 4), order=1)
+        small = PalpationModel(mesh, NU, warm, near_field=False, **options)
         _ = small.evaluate(6e3).sensitivity
-    fem.palpation.constrained_body.LARGE = from_size
     place = np.linspace(0.012, 0.084, 9)
     contacts = Contacts([(x, y, SIZE_M[2]) for x in place for y in place], (0, 0, -1), RADIUS_M)
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Records with a schema number in JSON files: read, and said what is wrong where they cannot be."""
+"""Records with a schema number in JSON files, read with an error message for any other file."""
 
 from __future__ import annotations
 

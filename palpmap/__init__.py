@@ -23,9 +23,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from identify.catalogue.catalogue import CATALOGUE
-    from identify.effects.base import Effect, EffectParameter
+    from identify.effects.base import Advice, Effect, EffectParameter, WorkedExample
     from identify.effects.conformance.kit import check_effect
-    from identify.effects.conformance.worked_example import WorkedExample
     from identify.map.gaussian_map import GaussianMap, Inclusion
     from models.errors import InputError
     from models.press_program import PressProgram, grid_program
@@ -56,9 +55,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "identify.catalogue.catalogue": ("CATALOGUE",),
-    "identify.effects.base": ("Effect", "EffectParameter"),
+    "identify.effects.base": ("Advice", "Effect", "EffectParameter", "WorkedExample"),
     "identify.effects.conformance.kit": ("check_effect",),
-    "identify.effects.conformance.worked_example": ("WorkedExample",),
     "identify.map.gaussian_map": ("GaussianMap", "Inclusion"),
     "models.errors": ("InputError",),
     "models.press_program": ("PressProgram", "grid_program"),
@@ -79,6 +77,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CATALOGUE",
+    "Advice",
     "Block",
     "Body",
     "Comparison",

@@ -1,7 +1,8 @@
 """The run folder: what a command leaves behind, and how it was made.
 
-`run.json` holds one entry a command that wrote into the folder: versions, seed, settings, hashes of
-the inputs, start, end and outcome. It is written first, so that a killed run can be read too.
+`run.json` holds one entry a command that wrote into the folder: versions, seed, settings, tuning
+numbers of the analysis, hashes of the inputs, start, end and outcome. It is written first, so that
+a killed run can be read too.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from types import TracebackType
 from filelock import FileLock, Timeout
 from pydantic import Field, JsonValue
 
+from identify.settings import Settings
 from models.errors import InputError
 from palpmap.record import FileRecord, Record
 from palpmap.version import __version__
@@ -50,6 +52,9 @@ class RunRecord(Record):
     seed: int | None = Field(default=None, description="seed of all random numbers")
     settings: Mapping[str, JsonValue] = Field(
         default={}, description="whatever else decides the outcome"
+    )
+    tuning: Mapping[str, JsonValue] = Field(
+        default={}, description="tuning numbers of the analysis, by algorithm and name"
     )
     inputs: Mapping[str, str] = Field(
         default={}, description="SHA-256 of each file read, by its path"
@@ -123,6 +128,7 @@ class RunFolder:
             started=_now(),
             seed=seed,
             settings=settings or {},
+            tuning=Settings().to_dict(),
             inputs=hashes,
             versions=versions(),
         )

@@ -18,7 +18,7 @@ CEILINGS = {
     "models": (0.06, 0),
     "fem": (0.06, 0),
     "sim": (0.06, 0),
-    "identify": (0.12, 99),
+    "identify": (0.03, 0),
     "palpmap": (0.16, 61),
 }
 """Share of sentences with a relative word, and number of house words, that a package may have.

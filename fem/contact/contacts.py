@@ -17,7 +17,7 @@ from fem.errors import MeshError
 from fem.linear.assembly import shape_functions
 from fem.mesh.mesh import Mesh
 
-_RINGS, _SECTORS = 10, 32
+DISC_RULE = (10, 32)  # rings and sectors of the quadrature over a tip
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,9 @@ def contact_frame(direction: np.ndarray) -> np.ndarray:
     return np.array([first, np.cross(direction, first), direction])
 
 
-def contact_weights(mesh: Mesh, contacts: Contacts) -> np.ndarray:
+def contact_weights(
+    mesh: Mesh, contacts: Contacts, rule: tuple[int, int] = DISC_RULE
+) -> np.ndarray:
     """Weights of all contacts as nodal vectors, (j, n, 3), 1.
 
     Raises
@@ -111,7 +113,7 @@ def contact_weights(mesh: Mesh, contacts: Contacts) -> np.ndarray:
         return weights
     surface = PressedSurface(mesh)
     for j in range(len(contacts)):
-        nodes, scalar = surface.weights(contacts, j)
+        nodes, scalar = surface.weights(contacts, j, rule)
         weights[j, nodes] = scalar[:, None] * contacts.directions[j]
     return weights
 
@@ -123,19 +125,22 @@ def _nearest_nodes(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return distance[np.arange(len(points)), nearest], used[nearest]
 
 
-def disc_quadrature(profile: int) -> tuple[np.ndarray, np.ndarray]:
+def disc_quadrature(
+    profile: int, rule: tuple[int, int] = DISC_RULE
+) -> tuple[np.ndarray, np.ndarray]:
     """Points (x, y) of the unit disc, and weights that hold the pressure and sum to one.
 
     With s = sqrt(1 - r^2) the flat punch has uniform weight in s, the Hertz pressure 3 s^2.
     """
-    s, w = np.polynomial.legendre.leggauss(_RINGS)
+    rings, sectors = rule
+    s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w / 2
     if profile == HERTZ:
         w = w * 3 * s**2
-    angle = 2 * np.pi * (np.arange(_SECTORS) + 0.5) / _SECTORS
+    angle = 2 * np.pi * (np.arange(sectors) + 0.5) / sectors
     r = np.sqrt(1 - s**2)
     points = np.stack([np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle))], axis=-1)
-    return points.reshape(-1, 2), np.repeat(w / _SECTORS, _SECTORS)
+    return points.reshape(-1, 2), np.repeat(w / sectors, sectors)
 
 
 class Footprint(NamedTuple):
@@ -208,10 +213,12 @@ class PressedSurface:
         centre, radius = contacts.points_m[j], contacts.radius_m[j]
         return self.under(centre, contact_frame(contacts.directions[j]), disc * radius, radius)
 
-    def weights(self, contacts: Contacts, j: int) -> tuple[np.ndarray, np.ndarray]:
+    def weights(
+        self, contacts: Contacts, j: int, rule: tuple[int, int] = DISC_RULE
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Nodes and scalar weights of press j."""
         centre, radius = contacts.points_m[j], contacts.radius_m[j]
-        disc, weight = disc_quadrature(contacts.profile_code)
+        disc, weight = disc_quadrature(contacts.profile_code, rule)
         under = self._beneath(contacts, j, disc)
         if not under.hit.all():
             x, y, z = centre * 1e3

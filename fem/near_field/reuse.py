@@ -14,7 +14,6 @@ from itertools import pairwise
 import numpy as np
 
 _ALIKE = 1e-8  # of the tip's radius: nodes closer than this are at the same place
-_WORTH_IT = 0.7  # of the cells; where more are different, copies cost more than they save
 
 
 def shared(
@@ -23,6 +22,7 @@ def shared(
     radius_m: np.ndarray,
     compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
     axes: Sequence[int],
+    most_different: float = 0.7,
 ) -> list[tuple[np.ndarray, ...]]:
     """Return each press's arrays, over the cells that lie alike computed but once.
 
@@ -33,6 +33,7 @@ def shared(
     radius_m : (j,) of the tips
     compute : arrays of press j for some of its cells (indices); called by several threads
     axes : the axis of each array that counts the cells
+    most_different : share of the cells; if more are different, copies cost more than they save
     """
     kinds = {kind: number for number, kind in enumerate(dict.fromkeys(alike))}
     keys = np.concatenate(
@@ -43,7 +44,7 @@ def shared(
     )
     _, first, back = np.unique(keys, return_index=True, return_inverse=True)
     counts = [len(nodes) for nodes in local]
-    if len(first) > _WORTH_IT * len(keys):
+    if len(first) > most_different * len(keys):
         with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
             return list(pool.map(compute, range(len(counts)), map(np.arange, counts)))
     begin = np.cumsum([0, *counts])

@@ -34,11 +34,12 @@ class ConstrainedBody:
 
     def __init__(
         self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: np.ndarray, solver: Solver,
-        resting: str, skin: tuple[str, Contacts],
+        resting: str, skin: tuple[str, Contacts], iterative_from: int = LARGE,
     ) -> None:  # fmt: skip
         self.stiffness = Stiffness(mesh, nu, held)
         self.loads = self.stiffness.restrict(weights)
         self._solver, self._resting, self._skin = solver, resting, skin
+        self._iterative_from = iterative_from
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -60,7 +61,7 @@ class ConstrainedBody:
 
         A way that fails is not tried again.
         """
-        if len(self.loads) < LARGE:
+        if len(self.loads) < self._iterative_from:
             return []
         s = self.stiffness
         ways: list[PreconditionerFactory] = []

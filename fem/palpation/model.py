@@ -33,7 +33,7 @@ from fem.mesh.mesh import Mesh
 from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field.points import FUNCTIONS
 from fem.near_field.sums import couple, scatter
-from fem.palpation.constrained_body import ConstrainedBody
+from fem.palpation.constrained_body import LARGE, ConstrainedBody
 from fem.palpation.fibres import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.palpation.response import Response
 from fem.palpation.skin import Skin
@@ -89,6 +89,7 @@ class PalpationModel:
     solver : direct solver, default `fem.solve.direct.default_solver()`
     support : of the body, in place of `fixed_surface`
     skin_surface : name of the surface that bears a skin, where one is evaluated
+    iterative_from : number of unknowns from which iterations replace factors in double precision
     """
 
     def __init__(
@@ -101,11 +102,13 @@ class PalpationModel:
         solver: Solver | None = None,
         support: Support | None = None,
         skin_surface: str = "top",
+        iterative_from: int = LARGE,
     ) -> None:
         self.mesh = mesh
         self.contacts = contacts
         self.support = support or Support(fixed_surface)
         self._skin_surface = skin_surface
+        self._iterative_from = iterative_from
         self._solver = solver or default_solver()
         self._weights = contact_weights(mesh, contacts)
         self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
@@ -139,6 +142,7 @@ class PalpationModel:
             solver=self._solver,
             support=self.support,
             skin_surface=self._skin_surface,
+            iterative_from=self._iterative_from,
         )
 
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> ConstrainedBody:
@@ -150,6 +154,7 @@ class PalpationModel:
             self._solver,
             self.support.surface,
             (self._skin_surface, self.contacts),
+            self._iterative_from,
         )
 
     @cached_property

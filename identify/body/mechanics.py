@@ -1,4 +1,4 @@
-"""The models behind a measurement, evaluated for a map and a body as the effects have changed it.
+"""Finite element models of the body, evaluated for a map and a changed body.
 
 The finite element model gives C (j,) for a modulus field and dC_j/dE at its samples; a body effect
 changes the field, the law, the support or the body's place (`BodyState`).
@@ -18,20 +18,16 @@ from fem.palpation.response import Response
 from fem.palpation.rigid_punch import shape_gain
 from identify.body.compliance import positive_modulus
 from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
-from identify.body.lagrange import lagrange_weights
 from identify.body.response import BodyResponse
-from identify.body.shifted_block import Shift, ShiftedBlock
+from identify.body.settings import BODY, BodySettings
+from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
 from identify.body.state import BodyState, ChangedMap
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
-# Poisson ratios at which models are built; C is interpolated between the nearest three.
-_NODES = np.array([0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497])
-_LOCAL_DEPTH = 0.5  # of the contact radius: where the modulus under the tip is taken
-_KEPT_RATIOS = 32  # of the compliances of other models: those of the last maps
-_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin where others have ended
+_KEPT_RATIOS = 32  # compliances of other models, of the last maps
+_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
-_BELIEVED = (0.6, 1.6)  # compliance of the finer model over the coarse one's
 
 
 @dataclass(frozen=True)
@@ -40,13 +36,14 @@ class BodyMechanics:
 
     Attributes
     ----------
-    coarse : is evaluated and differentiated
-    fine : more exact; None does without
+    coarse : model for evaluation and derivatives
+    fine : finer model for the defect correction, or None
     at_poisson_ratio : builds the coarse model with another Poisson's ratio
     ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
     model_error : (j,) the finer model's own relative error, as estimated
-    tip_gain : (j,) relative part of the compliance that the pressure of a rigid, upright flat tip
-        takes off at this estimate (`fem.palpation.rigid_punch`); 0 of other contacts
+    tip_gain : (j,) relative reduction of the compliance by the pressure of a rigid, upright flat
+        tip at this estimate (`fem.palpation.rigid_punch`); 0 for other contacts
+    settings : of the models
     """
 
     coarse: PalpationModel
@@ -55,6 +52,7 @@ class BodyMechanics:
     ratio: np.ndarray | float = 1.0
     model_error: np.ndarray | float = 0.0
     tip_gain: np.ndarray | float = 0.0
+    settings: BodySettings = BODY
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _shifted: ShiftedBlock | None = None
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
@@ -64,7 +62,7 @@ class BodyMechanics:
     def of(
         cls, coarse: PalpationModel, fine: FineModel | None = None, ratio: np.ndarray | float = 1.0
     ) -> BodyMechanics:
-        """Return the mechanics whose models of another Poisson's ratio differ in nothing else."""
+        """Return the mechanics with models of any other Poisson's ratio on the same mesh."""
 
         def at(nu: float) -> PalpationModel:
             return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
@@ -73,14 +71,14 @@ class BodyMechanics:
 
     @cached_property
     def local_points(self) -> np.ndarray:
-        """Where the modulus under each tip is taken, (j, 3) m."""
+        """Points of the local modulus under each tip, (j, 3) m."""
         contacts = self.coarse.contacts
-        depth = _LOCAL_DEPTH * contacts.radius_m[:, None]
+        depth = self.settings.local_depth * contacts.radius_m[:, None]
         return contacts.points_m + depth * contacts.directions
 
     @property
     def poisson_ratio(self) -> float:
-        """The ratio with which the models were built."""
+        """Poisson's ratio of the models."""
         return self.coarse.stiffness.poisson_ratio
 
     def state(self) -> BodyState:
@@ -101,11 +99,11 @@ class BodyMechanics:
         factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
-            nu, own = state.poisson_ratio, response.compliance
-            factor = factor * self.poisson_factor(stiffness, state, nu, own)
+            nu = state.poisson_ratio
+            factor = factor * self.poisson_factor(stiffness, state, nu, response.compliance)
         if any(state.shift_m):
-            own = response.compliance
-            factor *= np.exp(self.log_shift_factor(stiffness, state, state.shift_m, own))
+            base = response.compliance
+            factor *= np.exp(self.log_shift_factor(stiffness, state, state.shift_m, base))
         changed = ChangedMap(stiffness, state)
         return BodyResponse(
             compliance=factor * response.compliance,
@@ -121,7 +119,7 @@ class BodyMechanics:
     def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
         """Return the mechanics with the coarse model carried to the finer one at this estimate.
 
-        Fibres, support and skin are left out: what the meshes make of them differs little.
+        Fibres, support and skin are left out: their effect differs little between the meshes.
         """
         plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
         coarse = self._solved(stiffness, plain)
@@ -132,14 +130,13 @@ class BodyMechanics:
         if any(shift):
             there, finer = self.shifted.fine_at(shift)
             known = self._solve(there, stiffness, plain).compliance
-            fine = fine_solution(finer, changed, there, known)
+            fine = fine_solution(finer, changed, there, known, self.settings)
             log_factor = self.log_shift_factor(stiffness, plain, shift, coarse.compliance)
             ratio = fine.compliance / (coarse.compliance * np.exp(log_factor))
         else:
-            fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance)
+            fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)
             ratio = fine.compliance / coarse.compliance
-        # Where the meshes differ by more, neither resolves the map, and nothing is extrapolated
-        kept = np.clip(ratio, *_BELIEVED)
+        kept = np.clip(ratio, *self.settings.believed_ratio)
         return replace(
             self,
             ratio=kept,
@@ -152,13 +149,14 @@ class BodyMechanics:
     ) -> np.ndarray:
         """Compliance (j,) at another Poisson's ratio over that at the model's own.
 
-        `base` (j,) is the coarse model's there; the factor holds for what is carried by `ratio`.
+        `base` (j,) is the coarse model's there; the factor holds for a compliance times `ratio`.
         """
         if nu == self.poisson_ratio:
             return np.ones(len(self.coarse.contacts))
         if not -1 < nu < 0.5:
             raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
-        others = _NODES[np.abs(_NODES - self.poisson_ratio) > 1e-6]
+        nodes = np.array(self.settings.poisson_ratios)
+        others = nodes[np.abs(nodes - self.poisson_ratio) > 1e-6]
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
         weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
         logs = [
@@ -166,7 +164,8 @@ class BodyMechanics:
             for node in nearest.tolist()
         ]
         coarse = np.exp(weights @ logs)
-        return coarse * self.ratio ** (mesh_error_growth(nu, self.poisson_ratio) - 1)
+        growth = mesh_error_growth(nu, self.poisson_ratio, self.settings)
+        return coarse * self.ratio ** (growth - 1)
 
     def _other(self, nu: float) -> PalpationModel:
         model = self._others.pop(nu, None) or self.at_poisson_ratio(nu)
@@ -198,7 +197,9 @@ class BodyMechanics:
     def shifted(self) -> ShiftedBlock:
         """The models of the body elsewhere."""
         if self._shifted is None:
-            object.__setattr__(self, "_shifted", ShiftedBlock(self.coarse, self.fine))
+            object.__setattr__(
+                self, "_shifted", ShiftedBlock(self.coarse, self.fine, self.settings)
+            )
         assert self._shifted is not None
         return self._shifted
 
@@ -222,7 +223,7 @@ class BodyMechanics:
         return self._ratios[key]
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
-        """Solve on the coarse model, or return what was solved there not long ago."""
+        """Return the solution on the coarse model, a recent one from memory."""
         key = (stiffness, _solved_state(state))
         response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
         self._solutions[key] = response
@@ -250,7 +251,7 @@ class BodyMechanics:
 
 
 def _solved_state(state: BodyState) -> BodyState:
-    """Return the part of a state that a finite element model is solved for."""
+    """Return the part of a state that enters a finite element solution."""
     return state.changed(
         poisson_ratio=0.0,
         mesh_error_share=0.0,
@@ -261,7 +262,7 @@ def _solved_state(state: BodyState) -> BodyState:
 
 
 def _tip_gain(response: Response, changed: ChangedMap) -> np.ndarray | float:
-    """Relative part (j,) of the compliance that a rigid tip's own pressure takes off."""
+    """Relative reduction (j,) of the compliance by a rigid tip's own pressure."""
     contacts = response.model.contacts
     if contacts.profile != "flat":
         return 0.0

@@ -1,7 +1,7 @@
-"""What a body answers to all presses: compliances, their derivatives, and changes of first order.
+"""Response of a body to all presses: compliances, derivatives, and changes of first order.
 
-Small changes of a state are carried over to first order by the sensitivities of one solution, which
-is all that a score test needs; a fit evaluates the changed state itself (`BodyMechanics`).
+The sensitivities of one solution give small changes of a state to first order, enough for a score
+test; a fit evaluates the changed state itself (`BodyMechanics`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ from identify.map.gaussian_map import GaussianMap
 if TYPE_CHECKING:
     from identify.body.mechanics import BodyMechanics
 
-_NU_STEP = 0.01
-
 
 @dataclass(frozen=True)
 class BodyResponse:
@@ -43,15 +41,14 @@ class BodyResponse:
     _map: GaussianMap
     _state: BodyState
     _response: Response
-    _scale: np.ndarray  # (j,) what the finite elements' own compliance is multiplied by
+    _scale: np.ndarray  # (j,) factor on the finite elements' own compliance
 
     @cached_property
     def by_map(self) -> np.ndarray:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
-        own = _gradient(self._response, gradient, self._state)
-        return self._scale[:, None] * own
+        return self._scale[:, None] * _gradient(self._response, gradient, self._state)
 
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
@@ -93,13 +90,13 @@ class BodyResponse:
 
     def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
-        # A copy: what the fits have solved is used, and stays kept for them
+        # A copy: solutions of the fits are used, and stay in memory for them
         aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
         other = aside.evaluate(self._map, state)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 
     def compliance_on(self, model: PalpationModel) -> np.ndarray:
-        """Compliance (j,) if the presses, or the body, were those of another coarse model."""
+        """Compliance (j,) of the presses, or the body, of another coarse model."""
         other = self._mechanics._solve(model, self._map, self._state)
         return self.compliance * (other.compliance / self._response.compliance)
 
@@ -125,25 +122,26 @@ class BodyResponse:
 
     def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
         """Change of the logarithm of the compliance (j,) by another place of the body."""
-        own, plain = self._state, self._response.compliance
-        # From its stated place on, which is all that a score asks for, one model a side will do
+        state, plain = self._state, self._response.compliance
+        # From the stated place, enough for a score, one model a side suffices
         there, here = (
-            self._mechanics.log_shift_factor(self._map, own, s, plain, not any(own.shift_m))
-            for s in (shift_m, own.shift_m)
+            self._mechanics.log_shift_factor(self._map, state, s, plain, not any(state.shift_m))
+            for s in (shift_m, state.shift_m)
         )
         return there - here
 
     def _by_poisson_ratio(self) -> np.ndarray:
         """Difference quotient towards the compressible side, (j,)."""
         nu, plain = self._state.poisson_ratio, self._response.compliance
+        step = self._mechanics.settings.poisson_step
         factor = self._mechanics.poisson_factor
-        other = factor(self._map, self._state, nu - _NU_STEP, plain)
-        own = factor(self._map, self._state, nu, plain)
-        return self.compliance * (1 - other / own) / _NU_STEP
+        other = factor(self._map, self._state, nu - step, plain)
+        here = factor(self._map, self._state, nu, plain)
+        return self.compliance * (1 - other / here) / step
 
 
 def _gradient(response: Response, by_parameter: np.ndarray, state: BodyState) -> np.ndarray:
-    """Return dC/dp (j, k) of parameters p that change the modulus, and the fibres with it."""
+    """Return dC/dp (j, k) of parameters p of the modulus, and of the fibres with it."""
     gradient = response.gradient(by_parameter)
     if state.fibre_share:
         angle = state.fibre_angle_rad

@@ -1,8 +1,8 @@
 """Models of a block that lies elsewhere under the same presses.
 
-Presses, map and study share one frame. Where the body is not where the study says, its sides are
-nearer to some presses and further from others; what lies below them is the map's, and stays. So
-the sides of the mesh are moved, and nothing else.
+Presses, map and study share one frame. The sides of a body beside its stated place are nearer to
+some presses and further from others; the map below the presses stays. Only the sides of the mesh
+are moved.
 """
 
 from __future__ import annotations
@@ -15,21 +15,18 @@ import numpy as np
 from fem import PalpationModel, RefinedModel
 from fem.mesh.block import moved_sides
 from identify.body.discretization_error import FineModel
-from identify.body.lagrange import lagrange_weights
+from identify.body.settings import BODY, BodySettings
 from identify.optimize.result import InadmissibleError
 
 Shift = tuple[float, float]
-#: of a side's length: where models are built; C is interpolated between them
-_PLACES = np.array([0.01, 0.025, 0.06, 0.12])
-_ROOM = 0.95  # of the gap between tips and edges may be closed
-_LEAST_M = 1e-4
-_STEP_M = 1e-4  # between shifts that have a finer model of their own
 _KEPT = 6  # coarse models, the last ones used: four are at work at a time, of 0.1 GB each
 _SIDES = {"x0", "x1", "y0", "y1"}
 
 
-def room_m(points_m: np.ndarray, radius_m: np.ndarray, box_m: np.ndarray) -> np.ndarray:
-    """How far the body may move before a tip hangs over an edge, (2, 2) m: x and y, -, +.
+def room_m(
+    points_m: np.ndarray, radius_m: np.ndarray, box_m: np.ndarray, settings: BodySettings = BODY
+) -> np.ndarray:
+    """Largest shifts of the body with all tips within its edges, (2, 2) m: x and y, -, +.
 
     Parameters
     ----------
@@ -38,7 +35,16 @@ def room_m(points_m: np.ndarray, radius_m: np.ndarray, box_m: np.ndarray) -> np.
     """
     low = (points_m[:, :2] - radius_m[:, None]).min(axis=0) - box_m[0, :2]
     high = box_m[1, :2] - (points_m[:, :2] + radius_m[:, None]).max(axis=0)
-    return _ROOM * np.maximum(np.column_stack([high, low]), 0.0)
+    return settings.shift_room * np.maximum(np.column_stack([high, low]), 0.0)
+
+
+def lagrange_weights(at: float, nodes: np.ndarray) -> np.ndarray:
+    """Weights (n,) of the values at distinct nodes (n,) in Lagrange's polynomial.
+
+    >>> lagrange_weights(0.5, np.array([0.0, 1.0, 2.0])).round(3).tolist()
+    [0.375, 0.75, -0.125]
+    """
+    return np.array([np.prod([(at - b) / (a - b) for b in nodes if b != a]) for a in nodes])
 
 
 @dataclass(frozen=True)
@@ -47,11 +53,12 @@ class ShiftedBlock:
 
     Attributes
     ----------
-    coarse, fine : of the block as it is stated, see `BodyMechanics`
+    coarse, fine : of the block at its stated place, see `BodyMechanics`
     """
 
     coarse: PalpationModel
     fine: FineModel | None
+    settings: BodySettings = BODY
     _models: dict[Shift, PalpationModel] = field(default_factory=dict)
     _fine: dict[Shift, tuple[PalpationModel, FineModel]] = field(default_factory=dict)
 
@@ -62,9 +69,8 @@ class ShiftedBlock:
 
         Parameters
         ----------
-        straight : take the chord to the nearest model on that side, good for small shifts and half
-            the work
-        log_ratio : gives the same for shifts along x or y for which there are models
+        straight : take the chord to the nearest model on that side, for small shifts; half the work
+        log_ratio : returns the same for shifts along x or y with a model
         """
         total = np.zeros(len(self.coarse.contacts))
         for axis, shift in enumerate(shift_m):
@@ -87,10 +93,10 @@ class ShiftedBlock:
         if not mesh.surfaces.keys() >= _SIDES:
             raise InadmissibleError("only a block can lie elsewhere")
         box = mesh.box_m
-        room = room_m(contacts.points_m, contacts.radius_m, box)[axis]
-        if room.min() < _LEAST_M:
+        room = room_m(contacts.points_m, contacts.radius_m, box, self.settings)[axis]
+        if room.min() < self.settings.least_shift_m:
             raise InadmissibleError("a tip stands at an edge of the body as the study states it")
-        places = _PLACES * (box[1, axis] - box[0, axis])
+        places = np.array(self.settings.shifts) * (box[1, axis] - box[0, axis])
         down, up = (np.unique(np.minimum(places, most)) for most in room)
         both = np.concatenate([-down, up])
         return both[np.argsort(np.abs(both), kind="stable")]
@@ -104,8 +110,9 @@ class ShiftedBlock:
         return model
 
     def near(self, shift_m: Shift) -> Shift:
-        """Return the shift nearby that has a finer model."""
-        x, y = (_STEP_M * round(shift / _STEP_M) for shift in shift_m)
+        """Return the nearest shift with a finer model."""
+        step = self.settings.shift_step_m
+        x, y = (step * round(shift / step) for shift in shift_m)
         return x, y
 
     def fine_at(self, shift_m: Shift) -> tuple[PalpationModel, FineModel]:

@@ -1,4 +1,4 @@
-"""The body that a body effect changes: what the mechanics need to know to give compliances."""
+"""State of the body beyond its map, as body effects change it."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class BodyState:
         energy (share E / 2) (a . strain . a)^2
     base_normal_m_per_pa, base_tangential_m_per_pa : the base gives way by so much per traction
     skin_thickness_m, skin_factor : a top layer of modulus factor * E
-    mesh_error_share : share of the model's own discretisation error that is added to C
-    rigid_tip_share : share of what the pressure of a rigid, upright flat tip takes off C
-    shift_m : how far the body lies from where the study says, along x and y
-    background_pa : modulus that sizes of additions are measured against, where it is known
+    mesh_error_share : share of the model's own discretisation error in C
+    rigid_tip_share : share of the reduction of C by the pressure of a rigid, upright flat tip
+    shift_m : shift of the body from its stated place, along x and y
+    background_pa : background modulus as the scale of an effect's size, if known
     """
 
     box_m: tuple[tuple[float, float, float], tuple[float, float, float]]

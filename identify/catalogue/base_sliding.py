@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length
 
 
-class BaseSliding(Effect):
+class BaseSliding(Advice, Effect):
     """Springs below the whole base, along it."""
 
     name = "base_sliding"

@@ -1,4 +1,4 @@
-"""The body moves up and down by itself."""
+"""The body moves up and down on its own."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length, seconds
 
 _LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
 _OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
-_RESOLUTION = 1.5  # in 1 / T: so near to a locked frequency none can be told from it
-_COHERENT = 0.3  # |mean| of the presses' phases: they keep step with a frequency
-_CHANCE = 2.5  # times 1 / sqrt(presses): what starts at random reach in 0.2 % of frequencies
+_RESOLUTION = 1.5  # in 1 / T: no separation from a locked frequency so near
+_COHERENT = 0.3  # |mean| of the presses' phases: in step with a frequency
+_CHANCE = 2.5  # times 1 / sqrt(presses): reached by random starts at 0.2 % of frequencies
 
 
-class Breathing(Effect):
+class Breathing(Advice, Effect):
     """One sine over the whole scan."""
 
     name = "breathing"

@@ -50,7 +50,7 @@ class ForceBias(Effect):
         return (replace(self.parameters[0], lower=-most, upper=most, typical=0.03 * most),)
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """Say what the sensor reads at no force."""
+        """Say the reading of the sensor at no force."""
         bias = values["bias_n"]
         return (
             f"The force sensor reads {force(abs(bias))} too {more(bias, 'much', 'little')} in "

@@ -17,9 +17,9 @@ _SHARPNESS = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0, 16.0, 25.0)
 class ForceSaturation(Effect):
     """A loss that grows with a power of the reading.
 
-    Sharpness 1 is a quadratic loss and 2 the first term of a tanh; high ones are all but clipping,
-    of which no form can be undone: where the sensor is clipped, its reading says nothing, and noise
-    in it is multiplied by the slope 1 + loss (sharpness + 1).
+    Sharpness 1 is a quadratic loss and 2 the first term of a tanh; high ones are almost
+    clipping, which cannot be undone: a clipped reading holds no information, and its noise is
+    multiplied by the slope 1 + loss (sharpness + 1).
     """
 
     name = "force_saturation"
@@ -61,12 +61,12 @@ class ForceSaturation(Effect):
     def force(
         self, readings: Readings, force_n: np.ndarray, *, loss: float, sharpness: float
     ) -> np.ndarray:
-        """Put back what was not read."""
+        """Add the lost force."""
         level = np.abs(force_n) / max(readings.largest_force_n, 1e-9)
         return force_n * (1 + loss * level**sharpness)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
-        """From a gradual loss to all but clipping."""
+        """From a gradual loss to almost clipping."""
         return [{"sharpness": sharpness} for sharpness in _SHARPNESS]
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
@@ -75,7 +75,7 @@ class ForceSaturation(Effect):
         return replace(loss, upper=1.0), sharpness
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """Say what the sensor loses at the largest force and at half of it."""
+        """Say the loss of the sensor at the largest force and at half of it."""
         loss, n = values["loss"], values["sharpness"]
         share, half = loss / (1 + loss), loss * 0.5**n / (1 + loss * 0.5**n)
         most = force(readings.largest_force_n)

@@ -6,11 +6,11 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 
 
-class InclusionEdge(Effect):
+class InclusionEdge(Advice, Effect):
     """A flatter top and a steeper flank of all inclusions of the map, their integral kept."""
 
     name = "inclusion_edge"
@@ -47,7 +47,7 @@ class InclusionEdge(Effect):
         return state.changed(inclusion_shape=replace(shape, edge=shape.edge + edge))
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """Say what the inclusions are like."""
+        """Say the shape of the inclusions."""
         edge = values["edge"]
         if edge < 0:
             return (

@@ -9,7 +9,7 @@ from identify.effects.units import percent
 
 
 class MeshError(Effect):
-    """Not physics: what the finite elements get wrong, as estimated from two meshes."""
+    """Not physics: the error of the finite elements, as estimated from two meshes."""
 
     name = "mesh_error"
     title = "Error of the mesh"
@@ -35,7 +35,7 @@ class MeshError(Effect):
         return state.changed(mesh_error_share=state.mesh_error_share + share)
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """Say what share of the estimated error the data ask for."""
+        """Say the share of the estimated error in the data."""
         return (
             f"The misfit has the pattern of the mesh's own error, {percent(values['share'])} of "
             "its estimated size: take finer cells (cell_size_m under [body] in the study) before "

@@ -40,7 +40,7 @@ class PoissonRatio(Effect):
         return state.changed(poisson_ratio=state.poisson_ratio + change)
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Stay between 0 and what the finite elements take."""
+        """Stay within the range of the finite elements."""
         nu = state.poisson_ratio
         return (replace(self.parameters[0], lower=-nu, upper=max(_LARGEST - nu, 0.0)),)
 

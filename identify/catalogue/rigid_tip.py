@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import percent
 
 
-class RigidTip(Effect):
+class RigidTip(Advice, Effect):
     """The pressure under a flat tip is the body's own, not the even half-space's."""
 
     name = "rigid_tip"

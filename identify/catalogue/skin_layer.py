@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length
 
 _THICKNESSES_M = (0.0005, 0.001, 0.002)
 
 
-class SkinLayer(Effect):
-    """A layer much thinner than the tip is wide; stiffness and thickness all but trade."""
+class SkinLayer(Advice, Effect):
+    """A layer much thinner than the tip is wide; stiffness and thickness almost trade."""
 
     name = "skin_layer"
     title = "Skin layer"

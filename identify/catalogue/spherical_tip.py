@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identify.effects.base import Effect, EffectParameter, Pressing, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Pressing, Values, WorkedExample
 from identify.effects.hertz import beyond_fixed
 from identify.effects.readings import Readings
 from identify.effects.units import length, percent
 
 
-class SphericalTip(Effect):
+class SphericalTip(Advice, Effect):
     """Part of the near travel becomes that of Hertz's ball of the probe's radius R.
 
     On a half-space of plane modulus E* = E / (1 - nu^2) the model's fixed contact travels

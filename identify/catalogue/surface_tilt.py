@@ -65,7 +65,7 @@ class SurfaceTilt(Effect):
         return travel_m + offset_m + slope_x * x + slope_y * y
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """Say how steep the tilt is and what it makes of the far ends."""
+        """Say the slope of the tilt and its effect at the far ends."""
         slope = math.hypot(values["slope_x"], values["slope_y"])
         towards = math.degrees(math.atan2(values["slope_y"], values["slope_x"])) % 360
         x, y, _ = (readings.point_m - _middle(readings)).T

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import force
 
 _MOST = 0.9  # of the median press's largest force
 
 
-class TouchThreshold(Effect):
+class TouchThreshold(Advice, Effect):
     """Travel from the force on at which the robot declares first touch: u(F) - u(threshold).
 
     Soft places have yielded further by then than hard ones, so that no constant offset does as

@@ -21,13 +21,13 @@ _DEMANDED = (
 
 
 def load_effect(path: str | os.PathLike[str]) -> Effect:
-    """Return the effect that a Python file defines. The file's code is executed.
+    """Return the effect in a Python file. The file's code is executed.
 
     Raises
     ------
     InputError
-        There is no such file, it fails when it is executed, it defines no effect or several, the
-        effect lacks an attribute, has a wrong hook or the name of a built-in one.
+        There is no such file, its execution fails, it defines no effect or several, the effect
+        lacks an attribute, has a wrong hook or the name of a built-in one.
     """
     path = Path(path)
     if path.suffix != ".py":
@@ -43,7 +43,7 @@ def load_effect(path: str | os.PathLike[str]) -> Effect:
     if not own:
         raise InputError(
             f"{path}: defines no effect; expected one class derived from "
-            "identify.effects.base.Effect"
+            "Effect (from palpmap import Effect, EffectParameter, WorkedExample)"
         )
     if len(own) > 1:
         names = ", ".join(kind.__name__ for kind in own)

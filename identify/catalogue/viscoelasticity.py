@@ -84,7 +84,7 @@ class Viscoelasticity(Effect):
         return [{"tau_s": float(tau)} for tau in np.geomspace(shortest, longest, count)]
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Bound the time constant by what the scan's timing can show."""
+        """Bound the time constant by the timing of the scan."""
         g, tau = self.parameters
         if readings.time_s is None:
             return g, tau

@@ -111,7 +111,7 @@ def _not_counted(
         limit.name
         for limit in limits
         if not (limit.smallest_share or limit.largest_share)
-        and effects[limit.name].redundant(chain.profile, chain.nonlinear) is None
+        and advice(effects[limit.name]).redundant(chain.profile, chain.nonlinear) is None
     )
 
 

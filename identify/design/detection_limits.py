@@ -1,15 +1,15 @@
-"""What a scan can see of each effect, what it would take it for, and what ignoring it would do.
+"""Detection limits: smallest visible amplitude of each effect, confusions, and bias of the map.
 
 All from the derivatives at the present fit, for this scan or for one that is only planned:
 
     smallest amplitude seen    5 / |A_perp|   (5 standard errors, after the map took its share),
-                               A the effect's own move of the readings at about that amplitude
-    confused with              effects whose A_perp has a cosine above 0.9 with its own
-    bias of the map            (G'G)^-1 G'A a: what the fitted map takes for the effect
+                               A the effect's own change of the readings at about that amplitude
+    confused with              effects with a cosine of both A_perp above 0.9
+    bias of the map            (G'G)^-1 G'A a: change of the fitted map if the effect is ignored
 
-Where that bias is large, the map's own curvature decides what it absorbs (in one case a ball's edge
-was seen from 3.2 % on, not 1.9 %): the map is then fitted to the move itself, and |A_perp| is what
-the fit leaves. Source: the same algebra as the score test, see `identify.select.score_test`.
+For a large bias, the map's own curvature decides on its absorption (in one case a ball's edge was
+seen from 3.2 % on, not 1.9 %): the map is then fitted to the change itself, and |A_perp| is the
+residual of that fit. Source: the same algebra as the score test, see `identify.select.score_test`.
 """
 
 from __future__ import annotations
@@ -19,41 +19,32 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.effects.base import BodyEffect, Effect, EffectParameter
+from identify.design.settings import DETECTION, DetectionSettings
+from identify.effects.base import BodyEffect, Effect, EffectParameter, advice
 from identify.fit.result import FitResult
-from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
 from identify.optimize.result import InadmissibleError
-from identify.select.diagnosis import ALIKE
-from identify.select.score_test import beyond, effect_patterns, fitted_basis
+from identify.select.score_test import beyond, effect_patterns, fitted_basis, unavailable
+from identify.select.settings import DIAGNOSIS
 
-SIGMAS = 5.0
-SHARE = 0.03  # of the signal: the size at which a bias of the map is stated
-_SAMPLE = 12  # candidates of a grid that are looked at
-_NOTHING = 1e-5
-_UNMOVED = 1e-9  # of what the amplitudes together move: beyond rounding, nothing
-_TRIES = 8  # at the amplitude whose own pattern is 5 standard errors long
-_EXACT = 0.1  # of that length
-_FAR_MAP = 0.1  # of a scaled unknown: beyond it the map is fitted to an effect, not projected
-_STEPS, _LONGEST = 4, 0.5  # of such a fit
-_FAR = 0.5  # of the signal: beyond it, what the linear pattern says is good enough
+_UNMOVED = 1e-9  # of the amplitudes' common pattern: rounding
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What a scan can see of one effect.
+    """Detection limit of one effect in a scan.
 
     Attributes
     ----------
     name : of the effect
-    smallest_share : of the signal's rms that 5 standard errors are; None where nothing is seen
-    largest_share : that the effect can have at all, where even that is not seen; else None
-    shape : values of its other parameters, for which this holds: such as a skin's thickness
+    smallest_share : size of 5 standard errors, rms over that of the signal; None if never seen
+    largest_share : largest possible size of an effect that is not seen even then; else None
+    shape : values of its shape parameters for this limit, such as a skin's thickness
     sizes : amplitudes at that size, or else at the largest, by parameter, in their units
-    visible : share of the pattern that the map leaves
-    confused_with : effects that look the same to this scan
-    map_bias : by parameter, in its unit, what ignoring the effect at 3 % of the signal does
-    untestable : why the scan cannot show it at all, or None
+    visible : share of the pattern beyond the map
+    confused_with : effects with a pattern alike
+    map_bias : by parameter, in its unit, bias of the map by an effect of 3 % of the signal
+    untestable : reason why the scan cannot show it at all, or None
     """
 
     name: str
@@ -71,8 +62,8 @@ class Limit:
 class _Seen:
     """The pattern of an effect at one candidate of its shape, in one direction.
 
-    `most` is the share of the signal that is possible at all, where that is too little to be seen,
-    `length` how many standard errors that would be.
+    `most` is the largest possible share of the signal if too little to be seen, `length` its number
+    of standard errors.
     """
 
     shape: Mapping[str, float]
@@ -86,19 +77,26 @@ class _Seen:
 
 
 def detection_limits(
-    fit: FitResult, catalogue: Sequence[Effect], at: Linearised | None = None
+    fit: FitResult,
+    catalogue: Sequence[Effect],
+    at: Linearised | None = None,
+    settings: DetectionSettings = DETECTION,
 ) -> tuple[Limit, ...]:
-    """Return the limits of every effect of a catalogue that the model does not have.
+    """Return the limits of every effect of a catalogue beyond those of the model.
 
     Parameters
     ----------
     at : the model's linearisation; default the fit's own
     """
-    return limits_at(fit.model, at or fit.at, fit.u, catalogue)
+    return limits_at(fit.model, at or fit.at, fit.u, catalogue, settings)
 
 
 def limits_at(
-    model: MeasurementModel, at: Linearised, u: np.ndarray, catalogue: Sequence[Effect]
+    model: MeasurementModel,
+    at: Linearised,
+    u: np.ndarray,
+    catalogue: Sequence[Effect],
+    settings: DetectionSettings = DETECTION,
 ) -> tuple[Limit, ...]:
     """Return the limits of a model linearised at scaled unknowns u (k,)."""
     signal = float(np.sqrt(np.mean(at.predicted_m**2)))
@@ -107,11 +105,11 @@ def limits_at(
     seen: dict[str, _Seen | str] = {}
     for effect in catalogue:
         if effect.name not in model.effect_names:
-            found = _seen(model, at, effect, fitted, normal, signal)
+            found = _seen(model, at, effect, fitted, normal, signal, settings)
             if not isinstance(found, str):
                 found = _middle(
-                    _at_its_size(model, at, u, effect, one, fitted, normal)
-                    if one.share * SIGMAS < _FAR
+                    _at_its_size(model, at, u, effect, one, fitted, normal, settings)
+                    if one.share * settings.sigmas < settings.far_signal
                     else one
                     for one in found
                 )
@@ -120,46 +118,51 @@ def limits_at(
     slope = model.unknowns.slope(u)
     limits = []
     for effect in catalogue:
-        own = seen.get(effect.name)
-        if own is None:
+        chosen = seen.get(effect.name)
+        if chosen is None:
             continue
-        if isinstance(own, str):
-            limits.append(Limit(effect.name, None, {}, 0.0, (), {}, own))
+        if isinstance(chosen, str):
+            limits.append(Limit(effect.name, None, {}, 0.0, (), {}, chosen))
             continue
-        alike = [
-            (float(np.linalg.norm(own.basis @ other)), name)
+        cosines = [
+            (float(np.linalg.norm(chosen.basis @ other)), name)
             for name, other in bases.items()
             if name != effect.name and effect.name in bases
         ]
-        factor = SHARE / own.share if own.share > 0 else 0.0
+        alike = sorted((pair for pair in cosines if pair[0] > DIAGNOSIS.alike), reverse=True)
+        factor = settings.bias_share / chosen.share if chosen.share > 0 else 0.0
         typical = [
             p.typical for p in effect.bounded(model.readings, at.state) if p.null is not None
         ]
-        sizes, reason = SIGMAS * own.sizes * typical, None
-        if own.most is not None:
-            sizes *= own.length / SIGMAS
+        sizes, reason = settings.sigmas * chosen.sizes * typical, None
+        if chosen.most is not None:
+            sizes *= chosen.length / settings.sigmas
             reason = (
-                f"even the largest that is possible, {100 * own.most:.2g} % of the signal, would "
-                f"be only {own.length:.2g} standard errors in this scan"
+                f"even the largest that is possible, {100 * chosen.most:.2g} % of the signal, "
+                f"would be only {chosen.length:.2g} standard errors in this scan"
             )
         limits.append(
             Limit(
                 effect.name,
-                SIGMAS * own.share if np.isfinite(own.share) and reason is None else None,
+                settings.sigmas * chosen.share
+                if np.isfinite(chosen.share) and reason is None
+                else None,
                 dict(zip((p.name for p in effect.amplitudes), sizes.tolist(), strict=True)),
-                own.visible,
-                tuple(name for cosine, name in sorted(alike, reverse=True) if cosine > ALIKE),
-                dict(zip(model.names, (factor * own.bias * slope).tolist(), strict=True)),
+                chosen.visible,
+                tuple(
+                    name for cosine, name in sorted(alike, reverse=True) if cosine > DIAGNOSIS.alike
+                ),
+                dict(zip(model.names, (factor * chosen.bias * slope).tolist(), strict=True)),
                 reason,
-                own.most,
-                dict(own.shape),
+                chosen.most,
+                dict(chosen.shape),
             )
         )
     return tuple(limits)
 
 
 def _middle(candidates: Iterable[_Seen]) -> _Seen:
-    """Return the middle one by what is seen of it, those that are never seen last."""
+    """Return the middle one by its visible share, those never seen last."""
     ranked = sorted(candidates, key=lambda s: np.inf if s.most is not None else s.share)
     return ranked[len(ranked) // 2]
 
@@ -171,18 +174,18 @@ def _seen(
     fitted: np.ndarray,
     normal: np.ndarray,
     signal: float,
+    settings: DetectionSettings,
 ) -> list[_Seen] | str:
-    """Return the typical candidate's pattern alone, or why there is none.
+    """Return the typical candidate's pattern alone, or the reason for none.
 
-    Of an effect whose law bends (`Effect.levels`), the pattern that is seen best of each shape:
-    which of them is typical shows only at their own sizes.
+    Of an effect with a bent law (`Advice.levels`), the best-seen pattern of each shape: the typical
+    one shows only at their own sizes.
     """
-    chain = model.chain
-    reason = effect.untestable(model.readings) or effect.redundant(chain.profile, chain.nonlinear)
+    reason = unavailable(effect, model)
     if reason is not None:
         return reason
     try:
-        pattern = effect_patterns(model, at, effect, _SAMPLE)
+        pattern = effect_patterns(model, at, effect, settings.candidates)
     except InadmissibleError as error:
         return str(error)
     if not pattern.shapes:
@@ -190,7 +193,7 @@ def _seen(
     left, _, visible = beyond(pattern, fitted)
     candidates, unmoved = [], False
     for g in range(len(left)):
-        # The direction of the amplitudes that shows least
+        # The direction of the amplitudes with the shortest pattern
         _, singular, right = np.linalg.svd(left[g], full_matrices=False)
         if singular[0] == 0:
             continue
@@ -201,7 +204,7 @@ def _seen(
         weakest = right[-1] / max(singular[-1], 1e-300)
         column = pattern.columns[g] @ weakest
         share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal
-        if visible[g] < _NOTHING or not np.isfinite(weakest).all():
+        if visible[g] < settings.visible or not np.isfinite(weakest).all():
             share = np.inf
         along = left[g] @ weakest
         basis = along / max(float(np.linalg.norm(along)), 1e-300)
@@ -215,7 +218,7 @@ def _seen(
         return "the scan does not show it at all"
     candidates.sort(key=lambda s: s.share)
     chosen = [candidates[len(candidates) // 2]]
-    if effect.levels(at.state):
+    if advice(effect).levels(at.state):
         by_shape = {tuple(s.shape.items()): s for s in reversed(candidates)}
         chosen = list(by_shape.values())
     chosen = [s for s in chosen if np.isfinite(s.share)]
@@ -227,85 +230,92 @@ def _at_its_size(
     at: Linearised,
     u: np.ndarray,
     effect: Effect,
-    own: _Seen,
+    linear: _Seen,
     fitted: np.ndarray,
     normal: np.ndarray,
+    settings: DetectionSettings,
 ) -> _Seen:
-    """Return the pattern at the amplitude at which it is `SIGMAS` long, as the effect's law has it.
+    """Return the pattern at the amplitude of the detection limit, by the effect's own law.
 
     A skin's share falls off and a Poisson's ratio's grows with its size: the derivative at the null
     alone may be wrong by a factor of two.
     """
+    sigmas = settings.sigmas
     parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
     amplitudes = [parameters[p.name] for p in effect.amplitudes]
     signal = float(np.sqrt(np.mean(at.predicted_m**2)))
     nulls = np.array([p.null for p in amplitudes], float)
     typical = np.array([p.typical for p in amplitudes])
     low, high = (np.array([getattr(p, end) for p in amplitudes]) for end in ("lower", "upper"))
-    sizes = SIGMAS * _inward(own.sizes, amplitudes)
-    found, growth, before = own, 1.0, (0.0, 0.0)
-    for _ in range(_TRIES):
+    sizes = sigmas * _inward(linear.sizes, amplitudes)
+    found, growth, before = linear, 1.0, (0.0, 0.0)
+    for _ in range(settings.tries):
         values = np.clip(nulls + sizes * typical, low, high)
         named = dict(zip((p.name for p in amplitudes), values.tolist(), strict=True))
         try:
-            moved_m = _moved(model, at, effect, {**effect.null, **own.shape, **named})
+            moved_m = _moved(model, at, effect, {**effect.null, **linear.shape, **named})
         except InadmissibleError:
             return found
         moved = at.whitened(moved_m, model.readings.press)
         left, bias = moved - fitted @ (fitted.T @ moved), normal @ moved
-        linear = bias
-        if np.abs(bias).max(initial=0.0) > _FAR_MAP:
-            left, bias = _absorbed(model, at, u, moved_m) or (left, bias)
+        projected = bias
+        if np.abs(bias).max(initial=0.0) > settings.far_map:
+            left, bias = _absorbed(model, at, u, moved_m, settings) or (left, bias)
         length = float(np.linalg.norm(left))
-        if not np.isfinite(length) or length < _NOTHING:
+        if not np.isfinite(length) or length < settings.visible:
             return found
         share = float(np.sqrt(np.mean((moved * at.sigma_m) ** 2))) / signal / length
         found = replace(
-            own,
+            linear,
             share=share,
             sizes=(values - nulls) / typical / length,
             basis=left / length,
             # stated at 3 %: at less than the limit, the derivative is nearer to the truth
-            bias=(linear if share * SIGMAS > SHARE else bias) / length,
+            bias=(projected if share * sigmas > settings.bias_share else bias) / length,
         )
         largest = not np.allclose(values, nulls + sizes * typical)  # that is possible
-        if largest and length < SIGMAS:
+        if largest and length < sigmas:
             return replace(found, most=share * length, length=length)
-        if abs(length / SIGMAS - 1) < _EXACT or (length < SIGMAS and share * length > _FAR):
+        far = length < sigmas and share * length > settings.far_signal
+        if abs(length / sigmas - 1) < settings.accuracy or far:
             return found
         sizes = (values - nulls) / typical
         now = float(np.log(np.linalg.norm(sizes))), float(np.log(length))
         if before != (0.0, 0.0) and now[0] != before[0]:
             growth = float(np.clip((now[1] - before[1]) / (now[0] - before[0]), 0.3, 3.0))
         before = now
-        sizes = sizes * float(np.clip((SIGMAS / length) ** (1 / growth), 0.25, 4.0))
+        sizes = sizes * float(np.clip((sigmas / length) ** (1 / growth), 0.25, 4.0))
     return found
 
 
 def _absorbed(
-    model: MeasurementModel, at: Linearised, u: np.ndarray, moved_m: np.ndarray
+    model: MeasurementModel,
+    at: Linearised,
+    u: np.ndarray,
+    moved_m: np.ndarray,
+    settings: DetectionSettings,
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Fit all unknowns to the model's own readings, moved by (m,) m; None where that is impossible.
+    """Fit all unknowns to the model's own readings, moved by (m,) m; None if impossible.
 
-    By few Gauss-Newton steps, the last of which is small and only projected.
+    By few Gauss-Newton steps, of which the last is small and only projected.
 
     Returns
     -------
-    what is left (m,), whitened, and how far the unknowns went (k,), scaled
+    whitened residual (m,), and change of the scaled unknowns (k,)
     """
-    # At the latent forces, as the move is: at forces with noise, much of it would be noise, too
+    # At the latent forces, like the change: at measured forces, much of it would be noise, too
     force, body = at.latent_force_n, at.body
     base = model.chain.predict(body.compliance, body.local_modulus, force, at.values)
     readings = replace(model.readings, force_n=force)
     model = replace(model, readings=readings, displacement_m=base + moved_m)
     low, high = model.bounds
     here, residual, jacobian = u, at.whitened(moved_m, readings.press), at.jacobian
-    for step_number in range(_STEPS + 1):
+    for step_number in range(settings.fit_steps + 1):
         step = np.linalg.pinv(jacobian, rcond=1e-10) @ residual
         longest = float(np.abs(step).max(initial=0.0))
-        if longest <= _FAR_MAP or step_number == _STEPS:
+        if longest <= settings.far_map or step_number == settings.fit_steps:
             break
-        here = np.clip(here + step * min(1.0, _LONGEST / longest), low, high)
+        here = np.clip(here + step * min(1.0, settings.longest_step / longest), low, high)
         try:
             there = model.linearise(here)
         except InadmissibleError:
@@ -315,7 +325,7 @@ def _absorbed(
 
 
 def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndarray:
-    """Turn a direction of amplitudes to the side on which their bounds leave most room."""
+    """Turn a direction of amplitudes to the side of most room within their bounds."""
     rooms = []
     for sign in (1.0, -1.0):
         room = []
@@ -329,15 +339,14 @@ def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndar
 def _moved(
     model: MeasurementModel, at: Linearised, effect: Effect, values: Mapping[str, float]
 ) -> np.ndarray:
-    """Return what an effect of these values moves the readings by, (m,) m."""
-    own, force = model.chain, at.latent_force_n
+    """Return the change of the readings by an effect of these values, (m,) m."""
+    present, force = model.chain, at.latent_force_n
     c, e = at.body.compliance, at.body.local_modulus
-    base = own.predict(c, e, force, at.values)
+    base = present.predict(c, e, force, at.values)
     if isinstance(effect, BodyEffect):
         dc, de = at.body.exact_change(effect.body(at.state, **values))
-        moved = own.predict(c + dc, e + de, force, at.values)
+        moved = present.predict(c + dc, e + de, force, at.values)
     else:
-        effects = [*own.effects, effect]
-        chain = Chain(own.readings, effects, own.radius_m, own.profile, own.poisson_ratio)
+        chain = replace(present, effects=[*present.effects, effect])
         moved = chain.predict(c, e, force, {**at.values, effect.name: values})
     return moved - base

@@ -1,19 +1,20 @@
-"""Lengths of the study that, were they wrong, would look like what was found.
+"""Geometry confounders: wrong lengths in the study that mimic an effect.
 
-A tip that is wider than stated, or a body that is higher, leaves nearly the pattern of a gradient,
-a skin or a base that gives way: patterns with a cosine of 0.98 and more beyond the map, with tips
-of two radii too. No scan tells them apart, a calliper does. So they are no effects of the
-catalogue, which would only make its groups longer; they are named beside what looks like them.
+A tip wider than stated, or a higher body, has nearly the pattern of a gradient, a skin or a
+compliant base: a cosine of 0.98 and more beyond the map, with tips of two radii too. No scan
+separates them, a calliper does. They are therefore no effects of the catalogue, which would only
+make its groups longer; they are named beside the effect that they mimic.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from fem import Contacts, PalpationModel
 from fem.mesh.mesh import Mesh
+from identify.design.settings import CONFOUNDERS, ConfounderSettings
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.select.accepted_effect import AcceptedEffect
@@ -21,20 +22,18 @@ from identify.select.forward_selection import Explanation
 from identify.select.score_test import fitted_basis
 
 _STEP = 0.02  # of a length, for its derivative
-_MOST = 0.3  # of a length; more is no slip of the study
-_AS_GOOD = 0.9  # of what the effect takes off chi-square
 
 Length = Literal["tip_radius", "body_height"]
 
 
 @dataclass(frozen=True)
 class GeometryConfounder:
-    """A stated length that would explain nearly as much as an effect, if it were wrong.
+    """A stated length whose error would explain nearly as much as an effect.
 
     Attributes
     ----------
-    effect : that was added, see `identify.select.forward_selection.Addition`
-    length : which
+    effect : an accepted effect
+    length : tip radius or body height
     change_m : the true length less the stated one; of all tips alike
     """
 
@@ -43,21 +42,29 @@ class GeometryConfounder:
     change_m: float
 
 
-def geometry_confounders(explained: Explanation) -> tuple[GeometryConfounder, ...]:
-    """Return the lengths that would explain nearly as much as an addition; to first order."""
+def geometry_confounders(
+    explained: Explanation, settings: ConfounderSettings = CONFOUNDERS
+) -> tuple[GeometryConfounder, ...]:
+    """Return the lengths that would explain nearly as much as an accepted effect.
+
+    To first order.
+    """
     known: dict[Length, PalpationModel] = {}
     return tuple(
-        found
-        for addition in explained.accepted
-        for found in _of_addition(explained, addition, known)
+        confounder
+        for accepted in explained.accepted
+        for confounder in _of_effect(explained, accepted, known, settings)
     )
 
 
-def _of_addition(
-    explained: Explanation, addition: AcceptedEffect, known: dict[Length, PalpationModel]
+def _of_effect(
+    explained: Explanation,
+    accepted: AcceptedEffect,
+    known: dict[Length, PalpationModel],
+    settings: ConfounderSettings,
 ) -> Iterator[GeometryConfounder]:
     number = next(
-        (i for i, step in enumerate(explained.ladder) if addition.name in step.fit.effect_names),
+        (i for i, step in enumerate(explained.ladder) if accepted.name in step.fit.effect_names),
         0,
     )
     if number == 0:
@@ -74,9 +81,9 @@ def _of_addition(
         basis = fitted_basis(before.at)
         column = column - basis @ (basis.T @ column)
         size = float(column @ before.at.residual / (column @ column))
-        as_good = size**2 * (column @ column) >= _AS_GOOD * (before.chi2 - after.chi2)
-        if as_good and abs(size) <= _MOST * stated:
-            yield GeometryConfounder(addition.name, length, size)
+        as_good = size**2 * (column @ column) >= settings.as_good * (before.chi2 - after.chi2)
+        if as_good and abs(size) <= settings.largest_change * stated:
+            yield GeometryConfounder(accepted.name, length, size)
 
 
 def _models(
@@ -84,7 +91,7 @@ def _models(
 ) -> dict[Length, tuple[PalpationModel, float, float]]:
     """Return model, step and stated value of each length, m."""
     coarse = fit.model.mechanics.coarse
-    own, mesh, found = coarse.contacts, coarse.mesh, {}
+    present, mesh, found = coarse.contacts, coarse.mesh, {}
 
     def built(length: Length, mesh: Mesh, contacts: Contacts) -> PalpationModel:
         if length not in known:
@@ -92,16 +99,16 @@ def _models(
             known[length] = PalpationModel(mesh, nu, contacts, support=coarse.support)
         return known[length]
 
-    if own.profile == "flat":
-        stated = float(own.radius_m.min())
-        step = -_STEP * stated  # narrower, so that no tip comes to hang over an edge
-        contacts = Contacts(own.points_m, own.directions, own.radius_m + step, own.profile)
+    if present.profile == "flat":
+        stated = float(present.radius_m.min())
+        step = -_STEP * stated  # narrower, so that no tip hangs over an edge
+        contacts = replace(present, radius_m=present.radius_m + step)
         found["tip_radius"] = built("tip_radius", mesh, contacts), step, stated
     if "x0" in mesh.surfaces:  # a block
         top = mesh.nodes[:, 2].max()
         stated = float(top - mesh.nodes[:, 2].min())
         nodes = mesh.nodes.copy()
         nodes[:, 2] += _STEP * (nodes[:, 2] - top)  # the base sinks
-        higher = built("body_height", Mesh(nodes, mesh.cells, mesh.surfaces), own)
+        higher = built("body_height", Mesh(nodes, mesh.cells, mesh.surfaces), present)
         found["body_height"] = higher, _STEP * stated, stated
     return found

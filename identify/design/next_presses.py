@@ -1,4 +1,4 @@
-"""Which presses to make next to tell effects apart that the present scan cannot.
+"""Next presses: planned scans that separate the equivalent effects of the present scan.
 
 Every candidate has been fitted to the present scan. Each predicts a planned scan, made after it.
 The discrimination D of a pair is the difference of its two predictions, once map and parameters of
@@ -6,12 +6,12 @@ the second candidate have been refitted to present and planned readings together
 
     D = |P (r_A - r_B)|^2,   P projecting out candidate B's derivatives on both scans,
 
-in units of chi-square, from which the present scan's own part is taken away. Of the two orders of
-a pair the one with less counts. A refit follows the bent valley of the map's weight and depth, and
-leaves less than this straight step does: D may be promised up to twice too large.
+in units of chi-square, less the part of the present scan. Of the two orders of a pair the smaller D
+counts. A refit follows the bent valley of the map's weight and depth, with a smaller residual than
+this straight step: D may be promised up to twice too large.
 
-Where a design is worth more than is needed, only its most telling presses are kept: those with the
-largest parts of |P (r_A - r_B)|^2, as few as are still worth `ENOUGH`.
+A design with a larger D than needed is reduced to the presses with the largest parts of
+|P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
 """
 
 from __future__ import annotations
@@ -24,40 +24,36 @@ import numpy as np
 
 from identify.design.predicted_limits import planned
 from identify.design.scan_variants import Design
+from identify.design.settings import PLAN, PlanSettings
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
-
-NEEDED = 25.0  # chi-square that tells two effects apart beyond doubt
-ENOUGH = 50.0  # what is planned for: D may come out at half, and scatters by 2 sqrt(D)
-FEWEST = 9  # presses; one that slips must not decide
-
 
 Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scan that would tell candidates apart.
+    """A planned scan with the pairs of candidates that it separates.
 
     Attributes
     ----------
     design : its presses
-    discrimination : the least difference in chi-square between two candidates that it tells apart;
-        between any two where it tells none apart
+    discrimination : least difference of chi-square between two candidates that it separates;
+        between any two if it separates none
     pair : these two
-    told : pairs that it tells apart
-    alike : pairs that would still look alike
+    separated : pairs that it separates
+    alike : other pairs
     """
 
     design: Design
     discrimination: float
     pair: Pair
-    told: tuple[Pair, ...]
+    separated: tuple[Pair, ...]
     alike: tuple[Pair, ...]
 
     @property
     def enough(self) -> bool:
-        """Whether one such scan decides."""
+        """Whether one such scan separates all pairs."""
         return not self.alike
 
 
@@ -65,8 +61,9 @@ def next_presses(
     candidates: Sequence[tuple[str, FitResult]],
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
+    settings: PlanSettings = PLAN,
 ) -> tuple[Proposal, ...]:
-    """Rank planned scans: those that tell more candidates apart, and of these the quickest, first.
+    """Rank planned scans: by the number of separated pairs, then by duration.
 
     Parameters
     ----------
@@ -78,51 +75,57 @@ def next_presses(
         if progress:
             progress(f"planning a scan {design.change}")
         try:
-            found.append(_proposal(candidates, design))
+            found.append(_proposal(candidates, design, settings))
         except InadmissibleError:
             continue
     return tuple(sorted(found, key=_rank))
 
 
 def _rank(proposal: Proposal) -> tuple[int, float]:
-    told = len(proposal.told)
-    return -told, proposal.design.presses.duration_s if told else -proposal.discrimination
+    separated = len(proposal.separated)
+    last = proposal.design.presses.duration_s if separated else -proposal.discrimination
+    return -separated, last
 
 
-def _proposal(candidates: Sequence[tuple[str, FitResult]], design: Design) -> Proposal:
-    whole = _Planned(candidates, design)
-    worth = whole.worth(np.arange(len(design.presses)))
-    wanted = [pair for pair, d in worth.items() if d >= ENOUGH]
-    found = _told(design, worth)
+def _proposal(
+    candidates: Sequence[tuple[str, FitResult]], design: Design, settings: PlanSettings
+) -> Proposal:
+    planned_scan = _Planned(candidates, design)
+    worth = planned_scan.worth(np.arange(len(design.presses)))
+    wanted = [pair for pair, d in worth.items() if d >= settings.aim]
+    whole = _separation(design, worth, settings)
     if not wanted:
-        return found
+        return whole
 
     def enough(presses: np.ndarray) -> bool:
-        worth = whole.worth(presses)
-        return all(worth[pair] >= ENOUGH for pair in wanted)
+        worth = planned_scan.worth(presses)
+        return all(worth[pair] >= settings.aim for pair in wanted)
 
-    order = whole.most_telling_first(min(wanted, key=lambda pair: worth[pair]))
-    few, many = min(FEWEST, len(order)) - 1, len(order)  # `many` presses are enough, `few` not
+    order = planned_scan.most_telling_first(min(wanted, key=lambda pair: worth[pair]))
+    few, many = (
+        min(settings.fewest, len(order)) - 1,
+        len(order),
+    )  # `many` presses are enough, `few` not
     while many - few > 1:
         middle = (few + many) // 2
         few, many = (few, middle) if enough(order[:middle]) else (middle, many)
     if many == len(order):
-        return found
+        return whole
     fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
     # Made on their own these presses come earlier and at other places in the order
-    again = _told(fewer, _Planned(candidates, fewer).worth(np.arange(many)))
-    return again if set(again.told) >= set(wanted) else found
+    again = _separation(fewer, _Planned(candidates, fewer).worth(np.arange(many)), settings)
+    return again if set(again.separated) >= set(wanted) else whole
 
 
-def _told(design: Design, worth: Mapping[Pair, float]) -> Proposal:
-    told = tuple(pair for pair, d in worth.items() if d >= NEEDED)
-    alike = tuple(pair for pair in worth if pair not in told)
-    pair = min(told or alike, key=lambda pair: worth[pair])
-    return Proposal(design, worth[pair], pair, told, alike)
+def _separation(design: Design, worth: Mapping[Pair, float], settings: PlanSettings) -> Proposal:
+    separated = tuple(pair for pair, d in worth.items() if d >= settings.needed)
+    alike = tuple(pair for pair in worth if pair not in separated)
+    pair = min(separated or alike, key=lambda pair: worth[pair])
+    return Proposal(design, worth[pair], pair, separated, alike)
 
 
 class _Planned:
-    """Present and planned readings as every candidate predicts them."""
+    """Present and planned readings, predicted by every candidate."""
 
     def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
         views = {name: planned(fit, design, further=True) for name, fit in candidates}
@@ -161,7 +164,7 @@ class _Planned:
         return found
 
     def most_telling_first(self, pair: Pair) -> np.ndarray:
-        """Return the planned presses (j,), those first that tell most of a pair."""
+        """Return the planned presses (j,), by their part of a pair's discrimination."""
         parts = np.zeros(self.press[-1] + 1)
         for ordered, g, apart in self.ordered:
             if set(ordered) == set(pair):
@@ -170,7 +173,7 @@ class _Planned:
 
 
 def _left(g: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return what of r (m,) is beyond the columns of g (m, k)."""
+    """Return the part of r (m,) beyond the columns of g (m, k)."""
     scale = np.linalg.norm(g, axis=0)
     g = g / np.where(scale > 0, scale, 1.0)
     return r - g @ np.linalg.lstsq(g, r, rcond=1e-10)[0]

@@ -1,4 +1,4 @@
-"""What a scan that is only planned would see, at the estimate of one that was made."""
+"""Detection limits of a planned scan, at the estimate of the present one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def planned(
 ) -> tuple[MeasurementModel, Linearised]:
     """Return the model of a planned scan, and its linearisation at a fit's estimate.
 
-    `further` says that it is made after the present one, not in its place.
+    `further` : made after the present one, not in its place.
     """
     present = fit.model.readings
     timed = present.time_s is not None
@@ -50,7 +50,7 @@ def planned(
 
 
 def designs_on_body(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:
-    """Return the designs without the presses whose tip would hang over the body's edge."""
+    """Return the designs without the presses with a tip over the body's edge."""
     surface = PressedSurface(fit.model.mechanics.coarse.mesh)
     found = []
     for design in designs:
@@ -77,7 +77,7 @@ def _contacts(fit: FitResult, presses: Presses) -> Contacts:
 
 
 def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
-    """Return the body pressed as a design does; the present presses keep their models."""
+    """Return the mechanics of a design's presses; the present presses keep their models."""
     own, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
     same = len(presses) == len(present) and all(
@@ -93,7 +93,7 @@ def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
 
     other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
     other = other.corrected(fit.map, fit.at.state)
-    # The meshes err in what is far from the tip, which is the same length under any tip
+    # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
     error = (own.model_error * now)[apart.argmin(axis=1)]
@@ -102,7 +102,7 @@ def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
 
 @dataclass(frozen=True)
 class Improvement:
-    """A planned scan, and how much smaller an effect it would see; ratio below 1 is better."""
+    """A planned scan and its detection limits."""
 
     design: Design
     limits: tuple[Limit, ...]

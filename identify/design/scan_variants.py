@@ -1,8 +1,7 @@
-"""Scans that could be made next, as variations of the one that was: presses with their timing.
+"""Variants of the present scan: presses with their timing.
 
-A design is a list of presses. Its readings are the trapezoid of force against time that a press
-follows, with as many samples as the present scan has in each phase, so that what another scan
-would show is computed with the same model as what this one shows.
+A design is a list of presses. Its readings follow a trapezoid of force against time, with as many
+samples as the present scan has in each phase, so that one model serves both scans.
 """
 
 from __future__ import annotations
@@ -12,13 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.design.settings import PLAN, PlanSettings
 from identify.effects.readings import Readings
 
 _SAMPLES = {"load": 8, "hold": 8, "unload": 6}
-_PAUSE_S = (0.1, 1.0)
-BETWEEN_SCANS_S = 60.0  # rest between a scan and the next on the same body, to change the tip
-SMALL, LARGE = 0.6, 2.0  # tip radii of a two-tip scan, in units of the present one
-WEAK, STRONG = 0.5, 1.5  # peak forces of a scan with two, in units of the present one
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ class Presses:
 
 @dataclass(frozen=True)
 class Design:
-    """A scan to be made: what changes, in words, and its presses.
+    """A planned scan: its difference from the present one, in words, and its presses.
 
     `name` is a key, `change` completes "make the scan ...".
     """
@@ -63,8 +59,8 @@ class Design:
     presses: Presses
 
 
-def presses_of(readings: Readings, seed: int = 0) -> Presses:
-    """Return the presses of a scan as they were made, with their typical timing.
+def presses_of(readings: Readings, seed: int = 0, settings: PlanSettings = PLAN) -> Presses:
+    """Return the presses of a scan, with their typical timing.
 
     Pauses are drawn anew at random, so that no frequency is locked to the rhythm.
     """
@@ -87,19 +83,24 @@ def presses_of(readings: Readings, seed: int = 0) -> Presses:
         ramp_s=np.full(j, max(spans["load"], 1e-3)),
         hold_s=np.full(j, spans["hold"]),
         unload_s=np.full(j, spans["unload"]),
-        pause_s=rng.uniform(*_PAUSE_S, j),
+        pause_s=rng.uniform(*settings.pause_s, j),
     )
 
 
-def readings_of(presses: Presses, timed: bool = True, after: Readings | None = None) -> Readings:
-    """Return the readings that presses would give, forces as set.
+def readings_of(
+    presses: Presses,
+    timed: bool = True,
+    after: Readings | None = None,
+    settings: PlanSettings = PLAN,
+) -> Readings:
+    """Return the readings of presses, forces as set.
 
-    `after` is the scan that was made before on the same body: clock and order go on from it.
+    `after` is an earlier scan of the same body: clock and order go on from it.
     """
     rows: dict[str, list] = {"press": [], "time": [], "phase": [], "force": []}
     clock = 0.0
     if after is not None and after.time_s is not None:
-        clock = float(after.time_s.max()) + BETWEEN_SCANS_S
+        clock = float(after.time_s.max()) + settings.between_scans_s
     for j in range(len(presses)):
         clock += presses.pause_s[j]
         ramp, hold, unload = presses.ramp_s[j], presses.hold_s[j], presses.unload_s[j]
@@ -127,18 +128,19 @@ def readings_of(presses: Presses, timed: bool = True, after: Readings | None = N
     )
 
 
-def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]:
+def variations(
+    presses: Presses, timed: bool, seed: int = 0, settings: PlanSettings = PLAN
+) -> Iterator[Design]:
     """Yield scans that differ from the present one in one thing each."""
-    j = len(presses)
-    radius = float(np.median(presses.radius_m))
+    j, slower = len(presses), settings.slower
+    small, large = float(np.median(presses.radius_m)) * np.array(settings.radii)
     yield Design(
         "two_radii",
-        f"with two tips, every other press {1e3 * SMALL * radius:.2g} mm and "
-        f"{1e3 * LARGE * radius:.2g} mm in radius",
-        _two_radii(presses),
+        f"with two tips, every other press {1e3 * small:.2g} mm and {1e3 * large:.2g} mm in radius",
+        _two_radii(presses, settings),
     )
     yield Design("same", "once more as it is", presses)
-    force = np.where(np.arange(j) % 2 == 0, WEAK, STRONG) * presses.force_n
+    force = np.where(np.arange(j) % 2 == 0, *settings.forces) * presses.force_n
     yield Design(
         "two_forces", "with every other press half as hard and 1.5 times as hard",
         replace(presses, force_n=force),
@@ -148,27 +150,28 @@ def variations(presses: Presses, timed: bool, seed: int = 0) -> Iterator[Design]
     if presses.hold_s.max() > 0:
         yield Design(
             "long_hold", "with holds four times as long",
-            replace(presses, hold_s=4 * presses.hold_s),
+            replace(presses, hold_s=slower * presses.hold_s),
         )  # fmt: skip
-    slow = np.where(np.arange(j) % 2 == 0, 4.0, 1.0)
+    slow = np.where(np.arange(j) % 2 == 0, slower, 1.0)
     yield Design(
         "two_speeds", "with every other press four times as slow",
         replace(presses, ramp_s=slow * presses.ramp_s, unload_s=slow * presses.unload_s),
     )  # fmt: skip
     order = np.random.default_rng(seed).permutation(j)
     yield Design("shuffled", "with the places in random order", presses.taken(order))
-    few = np.linspace(0, j - 1, min(9, j)).round().astype(int)
+    few = np.linspace(0, j - 1, min(settings.repeated, j)).round().astype(int)
     again = np.concatenate([np.arange(j), few])
     yield Design(
         "repeated", f"with {len(few)} places pressed again at the end", presses.taken(again)
     )
 
 
-def mixed(presses: Presses, seed: int = 0) -> Design:
-    """Return the scan of the same length that differs in all of that: tips, forces and order."""
+def mixed(presses: Presses, seed: int = 0, settings: PlanSettings = PLAN) -> Design:
+    """Return a scan of the same length with two tips, two forces and a random order."""
     order = np.random.default_rng(seed).permutation(len(presses))
-    both = _two_radii(presses)
-    share = np.resize([WEAK, WEAK, STRONG, STRONG], len(presses))  # each tip with each force
+    both = _two_radii(presses, settings)
+    # Each tip with each force
+    share = np.resize(np.repeat(settings.forces, 2), len(presses))
     return Design(
         "mixed",
         "with two tips, two forces and the places in random order",
@@ -176,16 +179,16 @@ def mixed(presses: Presses, seed: int = 0) -> Design:
     )
 
 
-def _two_radii(presses: Presses) -> Presses:
+def _two_radii(presses: Presses, settings: PlanSettings) -> Presses:
     """Return the presses with a small and a large tip in turns."""
-    turns = np.where(np.arange(len(presses)) % 2 == 0, SMALL, LARGE)
+    turns = np.where(np.arange(len(presses)) % 2 == 0, *settings.radii)
     radius = turns * float(np.median(presses.radius_m))
-    # Forces in proportion, so that all go about as deep as they did
+    # Forces in proportion, so that all go about as deep as before
     return replace(presses, radius_m=radius, force_n=presses.force_n * radius / presses.radius_m)
 
 
 def _typical_span(readings: Readings, rows: np.ndarray) -> float:
-    """Median time that the rows of a phase take in a press, its first step included."""
+    """Median duration of a phase in a press, its first step included."""
     assert readings.time_s is not None
     time = readings.time_s[rows]
     press = readings.press[rows]

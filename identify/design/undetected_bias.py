@@ -1,13 +1,13 @@
-"""How far an effect that a scan does not show may have moved the parameters found from it.
+"""Bias of the estimates by an undetected effect.
 
-No interval counts this: an interval is of the noise, under the model as it stands. Per parameter,
-over the effects of a catalogue that the model does not have,
+An interval does not contain this bias: it is that of the noise, under the present model. Per
+parameter, over the effects of a catalogue beyond those of the model,
 
-    max |bias|,    of the effect at its detection limit (or at its largest possible size, where that
-                   is not seen), or at 3 % of the signal if that is less,
+    max |bias|,    of the effect at its detection limit (or at its largest possible size, if even
+                   that is not seen), or at 3 % of the signal if that is less,
 
-for one effect at a time. Below the limit the bias is to first order, at it the map is fitted where
-the effect takes it far (see `identify.design.detection_limits`).
+for one effect at a time. Below the limit the bias is to first order; at the limit the map is fitted
+if the bias is large (see `identify.design.detection_limits`).
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from identify.design.detection_limits import SHARE, Limit
+from identify.design.detection_limits import Limit
+from identify.design.settings import DETECTION
 
 
 @dataclass(frozen=True)
 class UndetectedBias:
-    """The largest shift of one parameter by an effect that the scan does not show.
+    """The largest shift of one parameter by an undetected effect.
 
     Attributes
     ----------
     shift : in the parameter's unit, not negative
-    effect : which effect does that
+    effect : its cause
     share : its size, rms over the signal's
     """
 
@@ -35,20 +36,20 @@ class UndetectedBias:
 
 
 def undetected_biases(limits: Sequence[Limit]) -> Mapping[str, UndetectedBias]:
-    """Return the largest shift of each parameter, by name; none where no effect has a limit.
+    """Return the largest shift of each parameter, by name; empty if no effect has a limit.
 
     Parameters
     ----------
-    limits : of the effects that the fitted model does not have
+    limits : of effects beyond those of the fitted model
     """
     found: dict[str, UndetectedBias] = {}
     for limit in limits:
         unseen_up_to = limit.smallest_share or limit.largest_share
         if unseen_up_to is None:
             continue
-        share = min(unseen_up_to, SHARE)
+        share = min(unseen_up_to, DETECTION.bias_share)
         for name, bias in limit.map_bias.items():
-            shift = abs(bias) * share / SHARE
+            shift = abs(bias) * share / DETECTION.bias_share
             if name not in found or shift > found[name].shift:
                 found[name] = UndetectedBias(shift, limit.name, share)
     return found

@@ -1,1 +1,1 @@
-"""What an effect is: its base class, its parameters, the readings that it acts on."""
+"""Effects: base class, parameters and readings."""

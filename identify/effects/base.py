@@ -1,25 +1,24 @@
-"""What an effect is: a self-describing piece of physics that the linear model lacks.
+"""The base of effects: self-describing pieces of physics beyond the linear model.
 
 The measurement chain of a reading, from the body to the robot's table:
 
-    force    F = force(F_read)                what acted, given what the sensor read  (instrument)
+    force    F = force(F_read)                acting force from the sensor's reading  (instrument)
     body     C = compliance of the body under a contact of given pressure             (body)
     contact  u = contact(C F)                 elastic travel of the tip               (contact)
-    response u = response(u)                  what the history of loading adds        (response)
-    reading  d = reading(u)                   what the robot reports as travel        (instrument)
+    response u = response(u)                  travel with the history of loading      (response)
+    reading  d = reading(u)                   travel as the robot reports it          (instrument)
 
-Travel is counted from first touch; an effect of the instrument may say from which force on the
-robot counts instead, `touch`: u is then contact(C F) less contact(C touch).
+Travel is counted from first touch; an effect of the instrument may give another force as the start
+of the count, `touch`: u is then contact(C F) less contact(C touch).
 
-An effect is an `Effect` with one hook, a method called as the step above; its link follows from it.
-The hook takes its parameters by name, as keyword arguments (protocols `BodyEffect` to
-`TouchEffect`):
+An effect is an `Effect` with one hook, a method named after its step of the chain; the link follows
+from the hook. The hook takes its parameters by name, as keyword arguments (protocols `BodyEffect`
+to `TouchEffect`):
 
     def response(self, readings, force_n, travel_m, *, g, tau_s): ...
 
 With all amplitudes at their null value an effect is the identity, to rounding; the conformance kit
-(`identify.effects.conformance.kit`) checks that, and the rest of what is promised here, for
-built-in effects and for users' own alike.
+(`identify.effects.conformance.kit`) checks this contract for built-in effects and for users' own.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from identify.effects.readings import Readings
 from identify.map.parameters import Parameter
 
 Link = Literal["body", "contact", "response", "instrument"]
-# What an effect may need of a scan, in the words of the sentence that says it is not there.
+# Requirements of an effect on a scan, in the words of the sentence about a lack.
 Need = Literal["time", "unloading", "hold", "several forces", "several presses"]
 Values = Mapping[str, float]
 Hook = Literal["force", "body", "contact", "response", "reading", "touch"]
@@ -57,11 +56,11 @@ class WorkedExample:
 
     Attributes
     ----------
-    says : the reckoning in words
+    says : the calculation in words
     values : of all parameters
-    given : what goes into the hook, by name (`travel_m`, `time_s`, `phase`, ...). A single number
+    given : input of the hook, by name (`travel_m`, `time_s`, `phase`, ...). A single number
         stands for all readings
-    expected : what must come out, by name; checked to a relative 1e-4
+    expected : output, by name; checked to a relative 1e-4
 
     Examples
     --------
@@ -79,10 +78,10 @@ class WorkedExample:
 
 @dataclass(frozen=True)
 class Pressing:
-    """What a contact effect may know of the body under each reading's tip; all (m,).
+    """The body under each reading's tip, as a contact effect sees it; all (m,).
 
     `compliance_m_per_n` C of the body under the model's contact, `modulus_pa` the local Young's
-    modulus under the tip, `radius_m` the contact radius that the model assumes.
+    modulus under the tip, `radius_m` the contact radius of the model.
     """
 
     compliance_m_per_n: np.ndarray
@@ -93,23 +92,21 @@ class Pressing:
 
 
 class Effect:
-    """Base of all effects: its description; a derived class adds the one hook.
+    """Base of all effects: its description. A derived class adds the one hook.
 
     Class attributes
     ----------------
     name, title : `force_drift`, "Drift of the force sensor"
     hooks, link : its hook, and with it the link of the chain; both follow from the methods
     order : place among the effects of its link, a smaller one acts first; a user's own act last
-    summary : what it is, two sentences for an experimenter
+    summary : the physics, two sentences for an experimenter
     formula, latex : the same equation in plain text for the terminal, and in LaTeX for documents
     source : paper, book or derivation
-    gives_away : what in the data would show it, one sentence
-    cure : what in the experiment would avoid or separate it, one sentence
+    gives_away : its sign in the data, one sentence
+    cure : remedy or separation in the experiment, one sentence
     parameters : amplitudes (with a null) first, then shape parameters (null None)
-    needs : what the scan must have for it to be testable
+    needs : requirements on the scan
     contains : names of effects that are special cases of this one
-    refitted_from : values from which it is refitted whatever its score; for an effect without which
-        the map may end so far off that the score there says nothing of it, empty for others
     examples : at least one, away from the null
 
     Examples
@@ -134,7 +131,6 @@ class Effect:
     parameters: ClassVar[tuple[EffectParameter, ...]]
     needs: ClassVar[tuple[Need, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
-    refitted_from: ClassVar[Values] = {}
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: object) -> None:
@@ -152,42 +148,20 @@ class Effect:
         """
         return [{}]
 
-    def levels(self, state: BodyState) -> tuple[float, ...]:
-        """Amplitudes at which the pattern of a body effect differs from that at its null.
-
-        The scores look for these patterns too; each costs a solution of the body for each candidate
-        of the shape. An effect with levels has one amplitude.
-        """
-        return ()
-
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Return the parameters with the bounds and typical sizes that fit this scan and body."""
+        """Return the parameters with bounds and typical sizes for this scan and body."""
         return self.parameters
 
     # ---- words ---------------------------------------------------------------------------
 
     def evidence(self, values: Values, readings: Readings) -> str:
-        """One sentence that says what the data show, with the found numbers, for a reader."""
+        """Return the evidence in the data, one sentence with the estimates, for a reader."""
         sizes = ", ".join(f"{p.name} {values[p.name]:.3g} {p.unit}" for p in self.parameters)
         return f"{self.gives_away.rstrip('.')} ({sizes})."
 
     def untestable(self, readings: Readings) -> str | None:
-        """Why this scan cannot show the effect, or None; by default from `needs`."""
+        """Return the reason why this scan cannot show the effect, or None; from `needs`."""
         return readings.lacks(self.needs)
-
-    def redundant(self, profile: str, nonlinear: bool) -> str | None:
-        """Why the effect would say nothing new beside a model, or None.
-
-        Parameters
-        ----------
-        profile : "flat" or "hertz" (a ball), the tip that the study declares
-        nonlinear : travel and force part from proportion within a press
-        """
-        return None
-
-    def doubt(self, values: Values, readings: Readings) -> str | None:
-        """Why values that a fit has found are not to be believed, or None."""
-        return None
 
     # ---- conveniences --------------------------------------------------------------------
 
@@ -204,8 +178,8 @@ class Effect:
     @property
     def one_sided(self) -> bool:
         """Whether the effect has a single amplitude that can only be on one side of its null."""
-        own = self.amplitudes
-        return len(own) == 1 and own[0].null in (own[0].lower, own[0].upper)
+        first, *others = self.amplitudes
+        return not others and first.null in (first.lower, first.upper)
 
     @property
     def null(self) -> dict[str, float]:
@@ -213,15 +187,57 @@ class Effect:
         return {p.name: p.null for p in self.amplitudes if p.null is not None}
 
 
+class Advice:
+    """Optional advice to the model selection: `class MyEffect(Advice, Effect)`.
+
+    Class attributes
+    ----------------
+    refitted_from : values from which the effect is refitted whatever its score; for an effect
+        without which the map may end so far off that the score there is meaningless, else empty
+    """
+
+    refitted_from: ClassVar[Values] = {}
+
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Amplitudes at which the pattern of a body effect differs from that at its null.
+
+        The scores look for these patterns too; each costs a solution of the body for each candidate
+        of the shape. An effect with levels has one amplitude.
+        """
+        return ()
+
+    def redundant(self, profile: str, nonlinear: bool) -> str | None:
+        """Return the reason why the effect adds nothing to a model, or None.
+
+        Parameters
+        ----------
+        profile : "flat" or "hertz" (a ball), the tip in the study
+        nonlinear : travel and force are not proportional within a press
+        """
+        return None
+
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """Return the reason why estimates are implausible, or None."""
+        return None
+
+
+_NO_ADVICE = Advice()
+
+
+def advice(effect: Effect) -> Advice:
+    """Return the effect's advice to the model selection, the default one if it gives none."""
+    return effect if isinstance(effect, Advice) else _NO_ADVICE
+
+
 # ---- hooks; an effect has one of them --------------------------------------------------------
 
 
 @runtime_checkable
 class ForceEffect(Protocol):
-    """Instrument: what the force sensor read."""
+    """Instrument: the reading of the force sensor."""
 
     def force(self, readings: Readings, force_n: np.ndarray, **parameters: float) -> np.ndarray:
-        """Force (m,) that acted, from the force (m,) that the sensor read."""
+        """Acting force (m,) from the force (m,) of the sensor."""
         ...
 
 
@@ -257,18 +273,18 @@ class ResponseEffect(Protocol):
     def response(
         self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **parameters: float
     ) -> np.ndarray:
-        """Travel (m,) with what the loading's history adds to the elastic one."""
+        """Travel (m,) with the history of loading, from the elastic one."""
         ...
 
 
 @runtime_checkable
 class ReadingEffect(Protocol):
-    """Instrument: what the robot reports as travel."""
+    """Instrument: the travel as the robot reports it."""
 
     def reading(
         self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **parameters: float
     ) -> np.ndarray:
-        """Displacement (m,) that the robot reports for a travel of the tip."""
+        """Displacement (m,) reported by the robot for a travel of the tip."""
         ...
 
 

@@ -1,9 +1,9 @@
-"""Near travel of a ball, and of the fixed contact that a linear model puts in its place.
+"""Near travel of a ball, and of the fixed contact of a linear model in its place.
 
 On a half-space of plane modulus E* = E / (1 - nu^2) a fixed contact travels F / (2 E* Re), Re the
 radius of a flat tip, 5/6 of that of a Hertz pressure; a ball of radius R travels
-(3 F / (4 E*))^(2/3) R^(-1/3). What lies further off (sides, base, what the map has in the depth)
-feels the force alone, so that C F - F / (2 E* Re) is the same under both.
+(3 F / (4 E*))^(2/3) R^(-1/3). Distant parts (sides, base, inclusions in the depth) feel the force
+alone, so that C F - F / (2 E* Re) is the same under both.
 Source: K. L. Johnson, Contact Mechanics, Cambridge 1985, sections 3.8 and 4.2.
 """
 

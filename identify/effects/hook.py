@@ -1,11 +1,11 @@
-"""The signature of an effect's hook: what the chain gives, then the effect's parameters by name."""
+"""The signature of an effect's hook: input from the chain, then the parameters by name."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
 
-from identify.effects.base import LINKS, Effect, Hook
+from identify.effects.base import LINKS, Advice, Effect, Hook
 
 GIVEN: Mapping[Hook, tuple[str, ...]] = {
     "body": ("state",),
@@ -16,9 +16,16 @@ GIVEN: Mapping[Hook, tuple[str, ...]] = {
     "touch": ("readings",),
 }
 
+_ADVICE = [name for name in vars(Advice) if not name.startswith("_")]
+
 
 def hook_fault(kind: type[Effect]) -> str | None:
-    """Return what is wrong with the hook of a class of effects, and the line to write; or None."""
+    """Return the fault in the hook of a class of effects, with the line to write; or None."""
+    if silent := [name for name in _ADVICE if hasattr(kind, name) and not issubclass(kind, Advice)]:
+        return (
+            f"gives advice ({', '.join(silent)}) that nobody asks for: write "
+            f"class {kind.__name__}(Advice, Effect), after from palpmap import Advice, Effect"
+        )
     if len(kind.hooks) != 1:
         return (
             f"has the hooks {', '.join(kind.hooks)}: keep one"

@@ -1,4 +1,4 @@
-"""What an effect may see of a scan: its used rows in the order in which they were made."""
+"""Readings: the used rows of a scan, in the order of pressing, as input of effects."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 
 from models.scan import Scan
 
-_MOST_PER_PRESS = 50  # ids for each press that is there
+_MOST_PER_PRESS = 50  # ids for each press of the scan
 
 
 @dataclass(frozen=True)
 class Readings:
-    """The m used rows of a scan of j presses; arrays are not to be written to.
+    """The m used rows of a scan of j presses; read-only arrays.
 
     Attributes
     ----------
     press : (m,) index of the press, 0..j-1, in the order of the table
-    order : (j,) place of each press in the order in which they were made, from 0; numbers are
-        missing where presses were made that are left out here
+    order : (j,) place of each press in the order of pressing, from 0, with gaps for presses that
+        are left out here
     time_s : (m,) absolute time, or None where the scan has none
     phase : (m,) "load", "hold" or "unload"
     point_m, direction : (m, 3) contact point and unit direction of pressing
     force_n : (m,) as the sensor read it
     radius_m : (m,) of the probe
-    start_s : when the clock of the scan began, where that is not its first reading's time
+    start_s : start of the scan's clock, if not the time of its first reading
     """
 
     press: np.ndarray
@@ -65,7 +65,7 @@ class Readings:
 
     @cached_property
     def presses_made(self) -> int:
-        """Number of presses that were made up to the last, those left out here among them."""
+        """Number of presses up to the last, with those left out here."""
         return int(self.order.max()) + 1
 
     @cached_property
@@ -102,7 +102,7 @@ class Readings:
 
     @property
     def clock_start_s(self) -> float:
-        """When the clock of the scan began, s: with its first reading unless `start_s` is given."""
+        """Start of the scan's clock, s: its first reading, or `start_s`."""
         return float(self.timed_s[0]) if self.start_s is None else self.start_s
 
     @cached_property
@@ -112,7 +112,7 @@ class Readings:
 
     @property
     def timed_s(self) -> np.ndarray:
-        """`time_s` of a scan that has it; raises ValueError for one that has none."""
+        """`time_s`; raises ValueError for a scan without."""
         if self.time_s is None:
             raise ValueError("the scan has no time stamps")
         return self.time_s
@@ -147,7 +147,7 @@ class Readings:
         return touch
 
     def lacks(self, needs: Iterable[str]) -> str | None:
-        """Say what of the needs the scan does not have, or None."""
+        """Return the unfulfilled needs in words, or None."""
         loaded = self.phase == "load"
         have = {
             "time": self.time_s is not None,
@@ -171,10 +171,10 @@ class Readings:
 
 
 def _order(press_ids: np.ndarray) -> np.ndarray:
-    """Places (j,) of presses in the order in which they were made, by their ids (j,).
+    """Places (j,) of presses in the order of pressing, by their ids (j,).
 
-    An id counts the presses, so that gaps stand for presses that were left out; but where hardly
-    any number is used, it is a number of another kind.
+    An id counts the presses, so that gaps mean presses left out; but ids with very few of the
+    numbers in use are of another kind.
     """
     place = press_ids - press_ids.min()
     if place.max(initial=0) >= _MOST_PER_PRESS * len(place):

@@ -1,14 +1,15 @@
-"""Which effects of contact, response and instrument the presses call for by themselves.
+"""Search for the contact law: effects of contact, response and instrument in the press curves.
 
-Far from the truth a linear score misleads, and one effect may hide another: a ball whose first
-touch is declared late looks like a flat tip. A fit of the presses by themselves (`press_wise`)
-takes milliseconds, so that all effects and all pairs of them are fitted, and then what a third
-adds; the best set is taken whose every member earns its price.
+Far from the truth a linear score misleads, and one effect may hide another: a ball with a late
+first touch looks like a flat tip. A fit with one free compliance per press
+(`identify.fit.free_compliance`) takes milliseconds, so that all effects, all pairs, and extensions
+of the best pair by a third effect are fitted; the best set wins in which every effect earns its
+price.
 
 The laws themselves are right to a few per cent (a ball pressed in by a good part of its radius, the
-modulus under the tip from the press's own compliance). So an effect must take `_LEAST` of what the
-presses have too much, and two sets within `_ROUGH` of it are as good as each other, however small
-the noise.
+modulus under the tip from the press's own compliance). An effect must therefore remove at least 5 %
+of the excess misfit; sets that differ by less than 1 % are equivalent, however small the noise
+(`ContactLawSettings`).
 """
 
 from __future__ import annotations
@@ -19,46 +20,43 @@ from itertools import combinations
 
 import numpy as np
 
-from identify.effects.base import Effect, Values
+from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
+from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.measurement.model import EffectInModel
 from identify.optimize.result import InadmissibleError
 
-GROSS = 9.0  # chi-square per degree of freedom of the presses by themselves: three times the noise
-MARGIN = 10.0  # in chi-square, after the price of parameters and in units of what remains
-GOOD = 0.8  # share of the presses from which on a law is theirs
-_MOST = 3  # effects in a law
-_LEAST, _ROUGH = 0.05, 0.01  # of the excess misfit of the presses
-_SHAPES = 12  # candidates of a shape that are tried
-_SMALL = 0.01  # of an amplitude's typical size
+_STEP = 0.01  # of an amplitude's typical size, for its pattern
 
 Set = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """What the presses show by themselves.
+    """Contact law of the presses, free of any map.
 
     Attributes
     ----------
-    plain : with the effects that the study has
-    found : with those that were found besides
-    fits : all sets of effects that were fitted, beside the study's, by names
+    plain : fit with the effects of the study
+    found : fit with further effects
+    fits : fits of all sets of further effects, by names
+    settings : of the search
     """
 
     plain: FreeComplianceFit
     found: FreeComplianceFit
     fits: dict[Set, FreeComplianceFit]
+    settings: ContactLawSettings = CONTACT_LAW
 
     @property
     def names(self) -> Set:
-        """Names of the effects that were found, none where the presses call for none."""
-        had = self.plain.names
-        return tuple(name for name in self.found.names if name not in had)
+        """Names of the further effects, empty without any."""
+        stated = self.plain.names
+        return tuple(name for name in self.found.names if name not in stated)
 
     @property
     def share(self) -> float:
-        """Share of the presses' excess misfit that the effects take away, 0 to 1."""
+        """Share of the presses' excess misfit that the effects remove, 0 to 1."""
         left = max(self.found.misfit - self.found.dof, 0.0)
         return float(np.clip(1 - left / self._excess, 0.0, 1.0))
 
@@ -67,50 +65,52 @@ class ContactLaw:
         return max(self.plain.misfit - self.plain.dof, 1e-9)
 
     def criterion(self, fit: FreeComplianceFit) -> float:
-        """Misfit in units of what the best law leaves, and the price of the parameters."""
+        """Misfit in units of that of the best law, and the price of the parameters."""
         return _criterion(fit, _scale(self.fits.values()))
 
     def candidates(self, name: str) -> list[tuple[str, FreeComplianceFit]]:
-        """Effects that do as well in the place of one of those found, best first."""
+        """Equivalent effects in the place of one of those found, best first."""
         rest = set(self.names) - {name}
         best, near = self.criterion(self.found), []
-        slack = max(MARGIN, _ROUGH * self._excess / _scale(self.fits.values()))
+        slack = self.settings.equal * self._excess / _scale(self.fits.values())
+        slack = max(self.settings.margin, slack)
         for names, fit in self.fits.items():
             other = set(names) - rest
             if len(names) != len(self.names) or not rest <= set(names) or other == {name}:
                 continue
-            (own,) = other
-            if self.criterion(fit) < best + slack and name not in _contained(fit, own):
-                near.append((own, fit))
+            (alone,) = other
+            if self.criterion(fit) < best + slack and name not in _contained(fit, alone):
+                near.append((alone, fit))
         return sorted(near, key=lambda pair: self.criterion(pair[1]))
 
 
 def contact_law(
     presses: FreeCompliance,
     catalogue: Sequence[Effect],
-    had: Sequence[EffectInModel] = (),
+    stated: Sequence[EffectInModel] = (),
     say: Callable[[str], None] = lambda text: None,
+    settings: ContactLawSettings = CONTACT_LAW,
 ) -> ContactLaw:
-    """Find the effects that the presses call for by themselves.
+    """Find the effects of contact, response and instrument in the press curves.
 
     Parameters
     ----------
-    catalogue : effects that may be found; those of the body are not seen by presses alone
-    had : effects that the study has
-    say : called with what is being done
+    catalogue : effects that may be found; those of the body act on compliances and are not seen
+    stated : effects of the study
+    say : called with the present task, in words
     """
-    plain = presses.fit(had)
-    known = {part.effect.name for part in had}
+    plain = presses.fit(stated)
+    known = {part.effect.name for part in stated}
     free = [
         e
         for e in catalogue
         if e.link != "body" and e.name not in known and e.untestable(presses.readings) is None
     ]
-    parts = {e.name: presses.part(e, _start(presses, plain, e)) for e in free}
+    parts = {e.name: presses.part(e, _start(presses, plain, e, settings.shapes)) for e in free}
     fits: dict[Set, FreeComplianceFit] = {}
 
     def tried(names: Set) -> None:
-        say(f"fitting the presses by themselves with {', '.join(names)}")
+        say(f"fitting the presses alone with {', '.join(names)}")
         fit = _fitted(presses, plain, [parts[name] for name in names])
         if fit is not None:
             fits[names] = fit
@@ -121,58 +121,64 @@ def contact_law(
     while fits:
         best = min(fits, key=lambda names: _criterion(fits[names], _scale([plain, *fits.values()])))
         wider = [_ordered((*best, name), parts) for name in parts if name not in best]
-        new = [names for names in wider if names not in fits and len(names) <= _MOST]
+        new = [
+            names for names in wider if names not in fits and len(names) <= settings.most_effects
+        ]
         if len(best) < 2 or not new:
             break
         for names in new:
             tried(names)
         if not any(names in fits for names in new):
             break
-    return ContactLaw(plain, _chosen(plain, fits), fits)
+    return ContactLaw(plain, _chosen(plain, fits, settings), fits, settings)
 
 
-def _chosen(plain: FreeComplianceFit, fits: dict[Set, FreeComplianceFit]) -> FreeComplianceFit:
-    """Smallest set that no larger one beats by more than the margin for each effect more.
+def _chosen(
+    plain: FreeComplianceFit, fits: dict[Set, FreeComplianceFit], settings: ContactLawSettings
+) -> FreeComplianceFit:
+    """Smallest set that no larger one beats by more than the margin for each further effect.
 
-    None of them, where even the best leaves more than noise in too many presses: what it takes away
-    may then be anything that differs from press to press.
+    None of them, if even the best leaves structure in too many presses: its gain may then be
+    anything that differs from press to press.
     """
     scale = _scale([plain, *fits.values()])
-    least = max(MARGIN, _LEAST * (plain.misfit - plain.dof) / scale)
+    least = max(settings.margin, settings.least * (plain.misfit - plain.dof) / scale)
     best, number = plain, 0
-    for size in range(1, _MOST + 1):
-        own = [fit for names, fit in fits.items() if len(names) == size]
-        if not own:
+    for size in range(1, settings.most_effects + 1):
+        sets = [fit for names, fit in fits.items() if len(names) == size]
+        if not sets:
             continue
-        top = min(own, key=lambda fit: _criterion(fit, scale))
+        top = min(sets, key=lambda fit: _criterion(fit, scale))
         gain = _criterion(best, scale) - _criterion(top, scale)
         # A rising error is no gain: chi-square also falls where the slope, and the noise, grow
         if gain > least * (size - number) and top.misfit < best.misfit:
             best, number = top, size
-    return best if best.noise_share >= GOOD else plain
+    return best if best.noise_share >= settings.noise_share else plain
 
 
 def _fitted(
     presses: FreeCompliance, plain: FreeComplianceFit, parts: Sequence[EffectInModel]
 ) -> FreeComplianceFit | None:
-    """Fit the study's effects and some more; None where that cannot be, or stops at a bound."""
+    """Fit the study's effects and further ones; None for an impossible fit or one at a bound."""
     chain = presses.chain([part.effect for part in (*plain.parts, *parts)])
-    if any(part.effect.redundant(chain.profile, chain.nonlinear) for part in parts):
+    if any(advice(part.effect).redundant(chain.profile, chain.nonlinear) for part in parts):
         return None
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a step too far is turned back
             fit = presses.fit((*plain.parts, *parts), plain.compliance)
     except InadmissibleError:
         return None
-    doubtful = any(p.effect.doubt(fit.values[p.effect.name], presses.readings) for p in parts)
+    doubtful = any(
+        advice(p.effect).doubt(fit.values[p.effect.name], presses.readings) for p in parts
+    )
     return None if fit.at_bound or doubtful or not np.isfinite(fit.misfit) else fit
 
 
-def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect) -> Values:
-    """Null of the amplitudes, and the candidate of the shape that the residual likes best."""
+def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect, most: int) -> Values:
+    """Null of the amplitudes, and the candidate of the shape nearest to the residual."""
     shapes = effect.grid(presses.readings, presses.state)
-    if len(shapes) > _SHAPES:
-        chosen = np.linspace(0, len(shapes) - 1, _SHAPES).round().astype(int)
+    if len(shapes) > most:
+        chosen = np.linspace(0, len(shapes) - 1, most).round().astype(int)
         shapes = [shapes[i] for i in chosen]
     if len(shapes) == 1:
         return {**shapes[0], **effect.null}
@@ -180,10 +186,10 @@ def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect) ->
     chain = presses.chain([*(part.effect for part in plain.parts), effect])
     modulus = presses.unit_compliance / plain.compliance
     force = presses.readings.force_n
-    liked = []
+    likeness = []
     for shape in shapes:
         sides = []
-        for size in (0.0, _SMALL):
+        for size in (0.0, _STEP):
             values = {**shape, **effect.null}
             for p in effect.bounded(presses.readings, presses.state):
                 if p.null is not None:
@@ -195,9 +201,8 @@ def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect) ->
                           / np.bincount(press, force**2, count))[press]  # fmt: skip
         along = plain.weight[press] * moved
         length = float(np.sqrt(moved @ along))
-        # Residuals of the plain fit are whitened; what is liked is the same in metres
-        liked.append(float(along @ plain.residual_m) / length if length > 0 else -np.inf)
-    best = int(np.argmax(liked if effect.one_sided else np.abs(liked)))
+        likeness.append(float(along @ plain.residual_m) / length if length > 0 else -np.inf)
+    best = int(np.argmax(likeness if effect.one_sided else np.abs(likeness)))
     return {**shapes[best], **effect.null}
 
 

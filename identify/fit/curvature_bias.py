@@ -1,15 +1,15 @@
-"""What the curvature of a fitted model does to its residual.
+"""Bias of the residual by the curvature of a fitted model.
 
-A fit follows the noise over a curved surface of predictions, so that what it leaves is not zero on
-average: with the covariance V of the estimate and the second derivatives H of the whitened
+A fit follows the noise over a curved surface of predictions, so that the mean of its residual is
+not zero: with the covariance V of the estimate and the second derivatives H of the whitened
 residual r,
 
     E r = 1/2 (I - P) sum_ab H_ab V_ab,
 
-P the projection on what was fitted. It is small (hundredths of a standard error of an effect's
-size), yet the same in every scan, and lies along the effects that act like a change of stiffness:
-without it their p-values are not quite uniform.
-Source: R. D. Cook, C.-L. Tsai, B. C. Wei, Bias in nonlinear regression, Biometrika 73 (1986) 615.
+P the projection on the fitted parameters. It is small (hundredths of a standard error of an
+effect's size), yet the same in every scan, and lies along the effects that act like a change of
+stiffness: without it their p-values are not quite uniform. Source: R. D. Cook, C.-L. Tsai, B. C.
+Wei, Bias in nonlinear regression, Biometrika 73 (1986) 615.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from identify.fit.settings import PRECISE, FitSettings
 from identify.optimize.result import InadmissibleError
 
-_STRAIGHT = 0.02  # largest coordinate of a standard deviation below which nothing bends
-_HELD = 1e-9  # from a bound
-_FURTHEST = 0.5  # the same beyond which nothing is known of the other side: it counts as this far
+_HELD = 1e-9  # distance from a bound
 
 
 def expected_residual(
@@ -31,8 +30,9 @@ def expected_residual(
     here: np.ndarray,
     covariance: np.ndarray,
     bounds: tuple[np.ndarray, np.ndarray],
+    settings: FitSettings = PRECISE,
 ) -> np.ndarray:
-    """Mean of a fit's residual (m,) under noise alone, up to its part along what was fitted.
+    """Mean of a fit's residual (m,) under noise alone, up to its part along the fitted parameters.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def expected_residual(
     u : (k,) the estimate, in coordinates of order one
     here : (m,) the residual there
     covariance : (k, k) of the estimate
-    bounds : (k,) each; what is at one does not move, and nothing moves beyond one
+    bounds : (k,) each; a coordinate at one does not move, and none moves beyond one
+    settings : `straight_step` and `longest_step` of the difference quotients
 
     Examples
     --------
@@ -58,9 +59,9 @@ def expected_residual(
         step = np.zeros_like(u)
         step[moves] = size * direction
         reach = float(np.abs(step).max(initial=0.0))
-        if reach < _STRAIGHT:
+        if reach < settings.straight_step:
             continue
-        step *= min(1.0, _FURTHEST / reach)
+        step *= min(1.0, settings.longest_step / reach)
         step *= min(1.0, float((room[moves] / np.maximum(np.abs(step[moves]), 1e-300)).min()))
         try:
             total += residual(u + step) + residual(u - step) - 2 * here

@@ -1,20 +1,20 @@
-"""The contact law of the presses by themselves: every press has a compliance of its own, no map.
+"""Fit of effects with one free compliance per press, without a map.
 
-What a press's curve of travel over force looks like (contact, response, instrument) is one
-question, how stiff the body is under each press another. With a free compliance C_j for each press
-in place of the map, the first is answered without the second, and without finite elements:
+The shape of a press's curve of travel over force (contact, response, instrument) is one question,
+the stiffness of the body under each press another. A free compliance C_j for each press in place of
+the map separates the two, without finite elements:
 
     min over C, p of  sum_i r_i(C_press(i), E_press(i), p)^2,      E_j = K_j / C_j
 
-with the local modulus E_j that a homogeneous body of this compliance would have (K_j its
-compliance for 1 Pa). The compliances are eliminated press by press (variable projection: Golub and
-Pereyra, SIAM J. Numer. Anal. 10, 1973; Kaufman's derivative), so that only the few parameters p of
-the effects are left. It holds however far the map is from the truth, but has less to say: what acts
-on compliances alone (any effect of the body) is not seen.
+with the local modulus E_j of a homogeneous body of this compliance (K_j its compliance for 1 Pa).
+The compliances are eliminated press by press (variable projection: Golub and Pereyra, SIAM J.
+Numer. Anal. 10, 1973; Kaufman's derivative), so that only the few parameters p of the effects are
+sought. The fit holds however far the map is from the truth, but does not see effects that act on
+compliances alone (any effect of the body).
 
-A few presses that no law explains (beside a hard lump, a slip) must not choose the law of the
-others: a press with chi-square X in n readings counts as a n ln(1 + X/(a n)), by weights renewed
-between fits (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989).
+A few unexplained presses (beside a hard lump, a slip) must not choose the law of the others: a
+press with chi-square X in n readings counts as a n ln(1 + X/(a n)), by weights renewed between fits
+(Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989).
 """
 
 from __future__ import annotations
@@ -29,20 +29,14 @@ from scipy.special import chdtri
 from identify.body.state import BodyState
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
+from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, judge
 from identify.measurement.model import EffectInModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
 
-_INNER = 12  # steps towards the compliances for given effects
-_INNER_SETTLED = 1e-4  # relative, of a compliance
-_LARGEST = 0.5  # step of ln C
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
-_TAIL = 4.0  # a: from so many times the noise in chi-square on, a press loses its weight
-_REWEIGHTED = 3  # fits with renewed weights
-_FTOL, _RTOL = 0.05, 1e-4  # of half of chi-square
-_EVALUATIONS = 30
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,8 @@ class FreeComplianceFit:
     residual : (m,) whitened
     residual_m : (m,) measured less modelled displacement
     residual_n : (m,) the same as a force, over the slope of the press's curve
-    at_bound : names of parameters that stopped at a bound that is not their null
+    at_bound : names of parameters at a bound other than their null
+    settings : of the fit
     """
 
     parts: tuple[EffectInModel, ...]
@@ -69,6 +64,7 @@ class FreeComplianceFit:
     residual_m: np.ndarray
     residual_n: np.ndarray
     at_bound: tuple[str, ...]
+    settings: FreeComplianceSettings = FREE_COMPLIANCE
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,32 +118,36 @@ class FreeComplianceFit:
     def weight(self) -> np.ndarray:
         """Weight (j,) of each press in the next fit, 1 for one without error."""
         squares, count = self.by_press
-        return 1 / (1 + squares / (_TAIL * np.maximum(count, 1)))
+        return 1 / (1 + squares / (self.settings.tail * np.maximum(count, 1)))
 
     @property
     def misfit(self) -> float:
-        """Sum over the presses in which none outweighs the others; near chi-square if all fit."""
+        """Robust sum over the presses, without one that outweighs the others.
+
+        Near chi-square if all fit.
+        """
         squares, count = self.by_press
-        count = np.maximum(count, 1)
-        return float(np.sum(_TAIL * count * np.log1p(squares / (_TAIL * count))))
+        most = self.settings.tail * np.maximum(count, 1)
+        return float(np.sum(most * np.log1p(squares / most)))
 
     @property
     def noise_share(self) -> float:
-        """Share of the presses in which what remains is noise (99 % of noise has less)."""
+        """Share of the presses with a residual of noise alone (99 % level)."""
         squares, count = self.by_press
         return float(np.mean(squares < chdtri(np.maximum(count - 1, 1), 0.01)))
 
 
 @dataclass(frozen=True)
 class FreeCompliance:
-    """Readings whose presses have compliances of their own.
+    """Readings with one free compliance per press.
 
     Attributes
     ----------
-    readings, displacement_m, noise : what was measured, (m,) m
-    radius_m, profile, poisson_ratio : contact that the body's model assumes, see `Chain`
+    readings, displacement_m, noise : measurement, (m,) m
+    radius_m, profile, poisson_ratio : contact of the body's model, see `Chain`
     unit_compliance : (j,) compliance of a homogeneous body of 1 Pa, K_j
     state : the body without effects, for the bounds of parameters
+    settings : of the fit
     """
 
     readings: Readings
@@ -158,6 +158,7 @@ class FreeCompliance:
     poisson_ratio: float
     unit_compliance: np.ndarray
     state: BodyState
+    settings: FreeComplianceSettings = FREE_COMPLIANCE
 
     def chain(self, effects: Sequence[Effect]) -> Chain:
         """Return the chain with some effects."""
@@ -168,7 +169,7 @@ class FreeCompliance:
         return EffectInModel(effect, effect.bounded(self.readings, self.state), dict(start))
 
     def shows(self, effect: Effect) -> bool:
-        """Whether the curves of presses can show an effect: not if it acts on their compliances."""
+        """Whether press curves can show an effect: not if it acts on compliances alone."""
         return effect.link != "body" and effect.untestable(self.readings) is None
 
     def begun(self, effect: Effect, initial: Values) -> EffectInModel:
@@ -198,9 +199,9 @@ class FreeCompliance:
         best = self._fit(parts, compliance, weight)
         if best.unknowns == 0:
             return best
-        for _ in range(_REWEIGHTED):
+        for _ in range(self.settings.reweighted):
             found = self._fit(best.parts, best.compliance, best.weight)
-            settled = found.misfit > best.misfit - _FTOL
+            settled = found.misfit > best.misfit - self.settings.ftol
             best = found if found.misfit < best.misfit else best
             if settled:
                 break
@@ -223,7 +224,7 @@ class FreeCompliance:
             latest.clear()
             latest[u.tobytes()] = FreeComplianceFit(
                 tuple(parts), values, self.readings.press, np.exp(log_c), r, judged.residual_m,
-                judged.residual_m / judged.slope, _at_bound(parts, values),
+                judged.residual_m / judged.slope, _at_bound(parts, values), self.settings,
             )  # fmt: skip
             return root * r, -root[:, None] * columns
 
@@ -239,9 +240,9 @@ class FreeCompliance:
             residuals,
             start,
             bounds=(bounds[0], bounds[1]),
-            ftol=_FTOL,
-            rtol=_RTOL,
-            max_evaluations=_EVALUATIONS,
+            ftol=self.settings.ftol,
+            rtol=self.settings.rtol,
+            max_evaluations=self.settings.max_evaluations,
         )
         if found.x.tobytes() not in latest:
             residuals(found.x)
@@ -259,7 +260,8 @@ class FreeCompliance:
     ) -> tuple[np.ndarray, Judged, np.ndarray]:
         """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
         press, presses = self.readings.press, self.readings.presses
-        for _ in range(_INNER):
+        most = self.settings.longest_step
+        for _ in range(self.settings.compliance_steps):
             c = np.exp(log_c)
             e = self.unit_compliance / c
             judged = judge(chain, c, e, self.displacement_m, self.noise, values)
@@ -267,10 +269,10 @@ class FreeCompliance:
             by_c, by_e = chain.by_body(c, e, judged.latent_force_n, values)
             own = (by_c * c[press] - by_e * e[press]) / judged.sigma_m
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
-            step = np.clip(np.bincount(press, own * r, presses) / square, -_LARGEST, _LARGEST)
+            step = np.clip(np.bincount(press, own * r, presses) / square, -most, most)
             if not np.isfinite(step).all():
                 raise InadmissibleError("the effects leave a press without a finite compliance")
-            if np.abs(step).max() < _INNER_SETTLED:
+            if np.abs(step).max() < self.settings.compliance_tol:
                 break
             log_c = log_c + step
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
@@ -302,7 +304,7 @@ class FreeCompliance:
 
 
 def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:
-    """Displacement (m,) m that the presses would show without the effects: C F and the residual."""
+    """Displacement (m,) m of the presses without the effects: C F and the residual."""
     return found.compliance[readings.press] * readings.force_n + found.residual_m
 
 

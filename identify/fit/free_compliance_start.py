@@ -1,7 +1,7 @@
-"""The presses of a scan by themselves, before any map: the contact law that their curves show.
+"""Contact law of a scan before any map, for a start of the map.
 
-Asked first where a scan is far from what the model with a map can say. The readings without the
-effects that were found are straight lines, on which the map is then fitted as on any others.
+Sought first for a scan far from any model with a map. The readings without the effects found are
+straight lines, to which the map is then fitted as to any others.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,9 +14,10 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.experiment import BodyModel
-from identify.fit.contact_law import GROSS, ContactLaw, contact_law
+from identify.fit.contact_law import ContactLaw, contact_law
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
 from identify.fit.result import FitResult
+from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.model import EffectInModel
@@ -24,8 +25,6 @@ from identify.measurement.noise import Noise
 from models.scan import Scan
 
 Say = Callable[[str], None]
-
-_ODD = 2.0  # chi-square per degree of freedom of presses under a ball
 
 
 def free_compliance(scan: Scan, body: BodyModel, noise: Noise) -> FreeCompliance:
@@ -47,49 +46,50 @@ def free_compliance(scan: Scan, body: BodyModel, noise: Noise) -> FreeCompliance
 
 def law_of(
     presses: FreeCompliance,
-    had: Sequence[EffectInModel],
+    stated: Sequence[EffectInModel],
     catalogue: Sequence[Effect],
     say: Say = lambda text: None,
+    settings: ContactLawSettings = CONTACT_LAW,
 ) -> ContactLaw | None:
-    """Return the contact law that the presses show, or None where the map's own will do.
+    """Return the contact law of the presses, or None where that of the map suffices.
 
     Parameters
     ----------
-    had : effects in the model already, those of the body left out
+    stated : effects of the study, without those of the body
     catalogue : effects that may be found
     """
     plain = presses.fit(())
-    curved = presses.profile != "flat" or bool(had)
-    if plain.chi2_per_dof < GROSS and not curved:
+    curved = presses.profile != "flat" or bool(stated)
+    if plain.chi2_per_dof < settings.bent and not curved:
         return None
-    own = presses.fit(had) if had else plain
-    # No straight line stands between a ball and its effects: the presses are asked sooner
-    if own.chi2_per_dof < (_ODD if curved else GROSS):
-        return ContactLaw(own, own, {}) if curved else None
-    return contact_law(presses, catalogue, had, say)
+    fit = presses.fit(stated) if stated else plain
+    # Curves that are bent anyway are no straight lines to start from: the law is sought sooner
+    if fit.chi2_per_dof < (settings.bent_ball if curved else settings.bent):
+        return ContactLaw(fit, fit, {}, settings) if curved else None
+    return contact_law(presses, catalogue, stated, say, settings)
 
 
 def straight(scan: Scan, found: FreeComplianceFit) -> Scan:
-    """Return the used rows of a placed scan as they would be without the effects found."""
+    """Return the used rows of a placed scan without the effects found."""
     used = scan.used()
     return used.replace(displacement_m=straightened(found, Readings.of(scan)))
 
 
 def typical_error_m(fit: FitResult, scan: Scan) -> float:
-    """Return by how much a map usually misses a press's displacement, m; a few may be far off."""
+    """Return the typical error of a map in a press's displacement, m; robust against outliers."""
     worst = np.zeros(len(scan.press_ids))
     np.maximum.at(worst, scan.used().press_index, np.abs(fit.residual_m))
     return float(1.48 * np.median(worst))
 
 
 def typical_error(fit: FitResult, found: FreeComplianceFit) -> float:
-    """Return by how much, relative, a map usually misses the compliance that a press has alone."""
+    """Return the typical relative error of a map in a press's free compliance."""
     off = np.log(fit.compliance_m_per_n / found.compliance)
     return float(1.48 * np.median(np.abs(off)))
 
 
 def curved_again(fit: FitResult, scan: Scan) -> FitResult:
-    """Return a fit to straightened readings as one to the scan's own."""
+    """Return a fit to straightened readings as one to the measured readings."""
     measured = scan.used().displacement_m
     residual = measured - fit.predicted_m
     rms = float(np.sqrt(np.mean(residual**2)))

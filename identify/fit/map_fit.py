@@ -1,8 +1,8 @@
 """Fit a stiffness map to a scan: displacement given force, with noise in both columns.
 
 The model of a row is d = C_j(theta) F with the compliance C_j of the row's press, whatever its
-phase and tip; `identify.measurement.errors_in_variables` says how both noises enter. Where no start
-is given, several are tried and the least chi-square wins.
+phase and tip; both noises enter as in `identify.measurement.errors_in_variables`. Without a given
+start, several are tried and the least chi-square wins.
 """
 
 from __future__ import annotations
@@ -108,7 +108,8 @@ def fit_scan(
     apparent = apparent_modulus(
         whole.table.slope, rows.contact_points, rows.contact_directions, homogeneous
     )
-    found, end = _from_best(search, tried, start_maps(apparent, box, inclusions), box)
+    maps = start_maps(apparent, box, inclusions, settings.start_depths, settings.start_radii)
+    found, end = _from_best(search, tried, maps, box)
     if search_model is not None:
         if not end.success:
             end, _ = search.minimum(found, end.x)

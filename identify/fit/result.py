@@ -43,7 +43,7 @@ class Solution:
 
     Attributes
     ----------
-    model : what was fitted; its effects start at the estimate
+    model : the fitted model; its effects start at the estimate
     u : (k,) scaled estimate
     at : the model there
     noise_covariance, covariance : (k, k) of the scaled unknowns, from the noise alone, and with the
@@ -93,7 +93,7 @@ class FitResult:
     history : accepted steps of the search
     chi2, chi2_per_dof : of all readings
     rms_m : root mean square of the residual
-    success, message : whether and how the search ended
+    success, message : convergence, and the end of the search in words
     nfev : evaluations of the finite element model
     model_error : (j,) estimated relative error of the finer model, None where there was none
     derivative_m : (m, k) derivative of `predicted_m` by the free parameters; None of a map alone
@@ -182,7 +182,7 @@ class FitResult:
 
     @property
     def model(self) -> MeasurementModel:
-        """What was fitted; its effects start at the estimate."""
+        """The fitted model; its effects start at the estimate."""
         return self._live.model
 
     @property
@@ -212,7 +212,7 @@ class FitResult:
 
     @property
     def is_gross(self) -> bool:
-        """Whether the noise says nothing of the parameters: see `FitSettings.gross_misfit`."""
+        """Whether the misfit is gross (`FitSettings.gross_misfit`) or the map has an error."""
         return self._live.settings.is_gross(self.chi2_per_dof) or bool(self.model.press_error)
 
     @cached_property
@@ -225,6 +225,7 @@ class FitResult:
             own.at.residual,
             own.noise_covariance,
             own.model.bounds,
+            own.settings,
         )
 
     def intervals(self, curved: bool) -> dict[str, Estimate]:
@@ -307,7 +308,7 @@ def _covariance_of_meshes(
 
 
 def _message(ended: str, at_bound: tuple[str, ...], chi2_per_dof: float, dof: int) -> str:
-    """Say how the fit ended and how far its intervals can be trusted."""
+    """Return the end of the fit in words, with the trust in its intervals."""
     parts = [ended]
     if at_bound:
         parts.append(f"at its bound, so not found: {', '.join(at_bound)}")

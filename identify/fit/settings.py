@@ -1,4 +1,4 @@
-"""Numbers that a fit of map and effects is tuned by."""
+"""Tuning numbers of the fits."""
 
 from __future__ import annotations
 
@@ -10,41 +10,44 @@ class FitSettings:
     """Accuracy, correction and intervals of a fit; misfits are half of chi-square.
 
     Lengths of parameters are scaled coordinates (`identify.map.parameters`), of order one. The
-    defaults, `PRECISE`, are those of a map alone, which is fitted once and reported to its digits;
-    `SEARCH` are those of map and effects, fitted hundreds of times while models are compared.
+    defaults, `PRECISE`, serve a map alone, which is fitted once and reported to its digits;
+    `SEARCH` serves map and effects, which are fitted hundreds of times while models are compared.
 
     Attributes
     ----------
-    ftol : decrease of the misfit that is not worth a step. 1e-4 moves no parameter by more than
+    ftol : decrease of the misfit below which a search ends. 1e-4 moves no parameter by more than
         0.015 standard deviations, 1e-2 by no more than 0.14 (sqrt(2 ftol))
-    rtol : the same as a part of the misfit: a rough valley promises more for ever
-    enough : a search ends, too, when two steps in a row lowered chi-square by no more
+    rtol : the same relative to the misfit: a rough valley promises more for ever
+    enough : decrease of chi-square in two steps in a row below which a search ends, too
     max_evaluations : of the finite element model, in one minimisation
-    gross_misfit : residual over noise, sqrt(chi-square per degree of freedom), above which the
-        model is wrong and the noise says nothing of its parameters: neither digits nor rounds cure
-        that, intervals do not bend, and the map counts as having an error of its own
-    gross_rtol : `rtol` of a gross misfit, as a part of its excess over the gross limit if the
-        search began above that
-    rounds, gross_rounds : of correction towards the finer model, at most, and under a gross misfit;
-        0 keeps the present correction
+    gross_misfit : ratio of residual to noise, sqrt(chi-square per degree of freedom), above which
+        the model is wrong and the noise says nothing of its parameters: further digits and rounds
+        do not help, intervals stay straight, and the map has an error of its own
+    gross_rtol : `rtol` of a gross misfit, relative to its excess over the gross limit if the search
+        began above that
+    rounds, gross_rounds : largest number of corrections towards the finer model, and under a gross
+        misfit; 0 keeps the present correction
     guarded : a correction that raises the finer model's own chi-square is made anew, with a shorter
         step of the map. Without, at one solution of the finer model a round, for starts near the
         minimum
-    raised : chi-square by which a first correction may raise it before that is looked into
-    nearer, nearer_rounds : part of the map's step that is then tried, and further rounds
-    settled : a round that moves the estimate by fewer standard deviations is the last; these count
-        as larger by the misfit over the noise
+    raised : tolerated rise of chi-square in a first correction
+    nearer, nearer_rounds : share of the map's step that is tried then, and further rounds
+    settled : standard deviations of the estimate; a round that moves it by less is the last. They
+        count as larger by the misfit over the noise
     settled_most : ... and by the misfit once more, but at most this much: the worse the model, the
         less another round is worth
     stops_count : no minimum is known better than the stop of its search: a gross misfit has settled
         within that
-    kept_starts : initial maps that are followed, of the dozens that are tried
-    start_evaluations : of each that is followed, for one inclusion; several take longer to sort
-        themselves out, twice as long for each more
+    kept_starts : number of initial maps, among dozens, from which a search starts
+    start_evaluations : of each of these, for one inclusion; twice as many for each more, as several
+        take longer to separate
+    start_depths, start_radii : depths and radii of initial inclusions, shares of the body's height
     curved_intervals : intervals follow the bend of the misfit's valley
     interval_evaluations : of each refit along the valley
-    interval_tries : lengths of the step along the valley, until chi-square rises as it should
+    interval_tries : step lengths along the valley, until chi-square rises as it should
     interval_corrections : towards the finer model in a refit, as the map moves far along the valley
+    straight_step, longest_step : standard deviation in scaled coordinates below which a model
+        counts as linear, and above which a step is cut, in the estimate of the curvature bias
     """
 
     ftol: float = 1e-4
@@ -64,13 +67,17 @@ class FitSettings:
     stops_count: bool = True
     kept_starts: int = 3
     start_evaluations: int = 8
+    start_depths: tuple[float, ...] = (0.15, 0.35, 0.6)
+    start_radii: tuple[float, ...] = (0.12, 0.25, 0.45)
     curved_intervals: bool = True
     interval_evaluations: int = 10
     interval_tries: int = 3
     interval_corrections: int = 0
+    straight_step: float = 0.02
+    longest_step: float = 0.5
 
     def is_gross(self, chi2_per_dof: float) -> bool:
-        """Whether the model misfits so much that the noise says nothing of its parameters."""
+        """Whether a misfit is gross: the one definition, see `gross_misfit`."""
         return chi2_per_dof > self.gross_misfit**2
 
 
@@ -86,3 +93,80 @@ SEARCH = FitSettings(
     stops_count=False,
     interval_corrections=1,
 )
+
+
+@dataclass(frozen=True)
+class CrossValidationSettings:
+    """Settings of `identify.fit.cross_validation`.
+
+    Attributes
+    ----------
+    folds : groups of presses that are left out in turn
+    longest_step : of the map, in logarithms and inclusion radii; a prediction beyond it is not
+        linear and takes the model itself
+    high_force : share of the largest force above which readings count as the highest level
+    """
+
+    folds: int = 9
+    longest_step: float = 0.3
+    high_force: float = 2 / 3
+
+
+CROSS_VALIDATION = CrossValidationSettings()
+
+
+@dataclass(frozen=True)
+class FreeComplianceSettings:
+    """Settings of the fit with one free compliance per press (`identify.fit.free_compliance`).
+
+    Attributes
+    ----------
+    compliance_steps, compliance_tol : largest number of Gauss-Newton steps towards the compliances
+        for given effects, and relative change of a compliance that ends them
+    longest_step : of ln C
+    tail : chi-square per reading from which a press loses its weight
+    reweighted : fits with renewed weights
+    ftol, rtol : decrease of half of chi-square that ends a fit, absolute and relative
+    max_evaluations : of a fit
+    """
+
+    compliance_steps: int = 12
+    compliance_tol: float = 1e-4
+    longest_step: float = 0.5
+    tail: float = 4.0
+    reweighted: int = 3
+    ftol: float = 0.05
+    rtol: float = 1e-4
+    max_evaluations: int = 30
+
+
+FREE_COMPLIANCE = FreeComplianceSettings()
+
+
+@dataclass(frozen=True)
+class ContactLawSettings:
+    """Settings of the search for a contact law (`identify.fit.contact_law`).
+
+    Attributes
+    ----------
+    bent : chi-square per degree of freedom of straight presses (three times the noise) from which
+        on a contact law is sought; the lower `bent_ball` where tip or study bend the curves anyway
+    margin : in units of chi-square over that of the best fit, after the price of parameters
+    noise_share : least share of presses with noise alone for a law to be accepted
+    most_effects : in a law
+    least, equal : shares of the excess misfit: an effect takes at least the one, sets within the
+        other are equivalent, because the laws themselves are right to a few per cent
+    shapes : candidates of a shape parameter
+    """
+
+    bent: float = 9.0
+    bent_ball: float = 2.0
+    margin: float = 10.0
+    noise_share: float = 0.8
+    most_effects: int = 3
+    least: float = 0.05
+    equal: float = 0.01
+    shapes: int = 12
+
+
+CONTACT_LAW = ContactLawSettings()

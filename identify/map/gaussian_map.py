@@ -74,7 +74,7 @@ class Shape:
             return profile, profile, turned, q
         m = 1 / (1 - self.edge)  # n/2
         square = (gamma(1.5 / m) / m / (gamma(1.5) * 2 ** (1.5 - 1.5 / m))) ** (2 / 3)
-        with np.errstate(over="ignore"):  # far out, where nothing is left of it
+        with np.errstate(over="ignore"):  # far out, where it vanishes
             power = (np.maximum(q, 1e-12) * square) ** m
             profile = np.exp(-power / 2)
         slope = np.where(profile > 0, profile * m * power / np.maximum(q, 1e-12), 0.0)

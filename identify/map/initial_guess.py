@@ -1,13 +1,14 @@
 """First guesses of a map from the presses themselves.
 
-Each press's own slope, put against the compliance of a homogeneous body at the same place, gives
-an apparent modulus that is free of the body's edges. The background is read off the presses that
-no inclusion reaches, the inclusions stand under the presses that differ most from it, and as the
-depth and the radius cannot be read off, a few of both are proposed.
+Each press's slope, relative to the compliance of a homogeneous body at the same place, gives an
+apparent modulus free of the body's edges. The background is that of the presses beyond the reach of
+inclusions; the inclusions lie under the presses that differ most from it. A few depths and radii
+are proposed, because presses do not show them directly.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,21 +19,19 @@ from models.errors import InputError
 
 
 class _Kind(NamedTuple):
-    """Sign of all inclusions, None for hard and soft ones; percentile that is the background."""
+    """Sign of all inclusions, None for hard and soft ones; percentile of the background."""
 
     sign: float | None
     background_percent: float
 
 
 _KINDS = (_Kind(1.0, 20.0), _Kind(-1.0, 80.0), _Kind(None, 50.0))
-_DEPTHS = (0.15, 0.35, 0.6)
-_RADII = (0.12, 0.25, 0.45)
 REFERENCE_PA = 1e4
 
 
 @dataclass(frozen=True)
 class ApparentModulus:
-    """Modulus (j,) in Pa of the homogeneous body that answers like each press; where they are."""
+    """Modulus (j,) in Pa of a homogeneous body with the slope of each press, and the places."""
 
     modulus_pa: np.ndarray
     points_m: np.ndarray
@@ -57,19 +56,30 @@ def apparent_modulus(
     return ApparentModulus(REFERENCE_PA * homogeneous / usable, points, directions)
 
 
-def start_maps(apparent: ApparentModulus, box: np.ndarray, inclusions: int) -> list[GaussianMap]:
-    """Propose maps with so many inclusions in a body with bounding box (2, 3) m."""
+def start_maps(
+    apparent: ApparentModulus,
+    box: np.ndarray,
+    inclusions: int,
+    depths: Sequence[float],
+    radii: Sequence[float],
+) -> list[GaussianMap]:
+    """Propose maps in a body with bounding box (2, 3) m; depths and radii in body heights."""
     if inclusions == 0:
         return [GaussianMap(float(np.median(apparent.modulus_pa)))]
     maps = []
     for kind in _KINDS if inclusions > 1 else _KINDS[:2]:
-        for radius in _RADII:
-            maps += _proposals(apparent, box, inclusions, radius, kind)
+        for radius in radii:
+            maps += _proposals(apparent, box, inclusions, depths, radius, kind)
     return maps
 
 
 def _proposals(
-    apparent: ApparentModulus, box: np.ndarray, inclusions: int, radius: float, kind: _Kind
+    apparent: ApparentModulus,
+    box: np.ndarray,
+    inclusions: int,
+    depths: Sequence[float],
+    radius: float,
+    kind: _Kind,
 ) -> list[GaussianMap]:
     """Propose maps with inclusions of one relative radius at several depths."""
     modulus = apparent.modulus_pa
@@ -88,7 +98,7 @@ def _proposals(
         contrast = contrast - height * np.exp(-(distance**2) / (2 * width**2))
         contrast[distance < 0.5 * width] = -np.inf
     maps = []
-    for depth in _DEPTHS:
+    for depth in depths:
         # The press feels the layers above the centre, where the Gaussian has decayed.
         decay = np.exp(-0.5 * (0.5 * depth / radius) ** 2)
         placed = []

@@ -1,9 +1,9 @@
-"""From forces to what the robot reports: the measurement chain with the effects that it has.
+"""The measurement chain with its effects, from forces to the displacement of the robot.
 
 d = reading(response(contact(C force(F)))), see `identify.effects.base`. Under a ball (profile
 "hertz") the near part of C F is that of a contact that grows with the force. Everything beyond the
-body's compliances is arithmetic on the m readings, so that its derivatives are differenced: one
-more pass for each, at no cost beside the finite elements'.
+body's compliances is arithmetic on the m readings, so that its derivatives are difference
+quotients: one more evaluation each, at no cost beside the finite elements.
 """
 
 from __future__ import annotations
@@ -28,10 +28,8 @@ from identify.effects.base import (
 from identify.effects.hertz import beyond_fixed
 from identify.effects.readings import Readings
 from identify.measurement.noise import Noise
+from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 
-_STEEPEST = 2.0  # times the compliance: largest slope with which the force's noise is counted
-_ROUNDS = 6  # of the latent force, where travel and force are not in proportion
-_SETTLED = 1e-3  # of the largest force
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
 _HOOKS = {
     "_forces": ForceEffect,
@@ -48,10 +46,9 @@ class Chain:
 
     Attributes
     ----------
-    readings : what was measured
-    effects : those that act; within a link they do so by their `order`, in whatever order they
-        were added to a model
-    radius_m : (j,) contact radius that the body's model assumes
+    readings : of the scan
+    effects : acting ones, within a link by their `order`, not by their order in the model
+    radius_m : (j,) contact radius of the body's model
     profile : "flat", a flat tip of that radius, or "hertz", a ball of the probe's radius
     poisson_ratio : of the body
     """
@@ -102,7 +99,7 @@ class Chain:
 
     @property
     def nonlinear(self) -> bool:
-        """Whether travel and force part from proportion within a press."""
+        """True if travel is not proportional to force within a press."""
         return self.profile == "hertz" or bool(self._contacts)
 
     def _elastic(
@@ -112,7 +109,7 @@ class Chain:
         force_n: np.ndarray,
         values: Mapping[str, Values],
     ) -> np.ndarray:
-        """Elastic travel (m,) of the tip under the forces (m,) that act."""
+        """Elastic travel (m,) of the tip under the acting forces (m,)."""
         r = self.readings
         ball = self.profile == "hertz"
         pressing = Pressing(
@@ -138,8 +135,8 @@ class Chain:
     ) -> np.ndarray:
         """Return the derivative (m,) of each displacement by its own force, m/N.
 
-        The forces of a press are changed up and down in turn, so that what an effect remembers of
-        earlier readings cancels.
+        The forces of a press are changed up and down in turn, so that an effect's memory of earlier
+        readings cancels.
         """
         step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
         sign = np.where(np.arange(len(force_n)) % 2 == 0, step, -step)
@@ -166,7 +163,7 @@ class Chain:
 
 
 class Judged(NamedTuple):
-    """What a chain says of m readings, with both columns' noise.
+    """Comparison of a chain with m readings, with both columns' noise.
 
     Attributes
     ----------
@@ -189,18 +186,18 @@ def judge(
     displacement_m: np.ndarray,
     noise: Noise,
     values: Mapping[str, Values],
+    settings: LatentForceSettings = LATENT_FORCE,
 ) -> Judged:
     """Compare a chain with the readings: errors in both columns.
 
-    Where travel and force are not in proportion, the chain is made straight at the latent force
-    instead of the measured one, in a few rounds: under a ball the slope at a small force is nothing
-    like the slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
+    If travel and force are not proportional, the chain is linearised at the latent force instead of
+    the measured one, in a few rounds: under a ball the slope at a small force differs much from the
+    slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
     """
     force = chain.readings.force_n
-    # A law that turns a little force into any displacement would explain everything
-    most = _STEEPEST * compliance[chain.readings.press]
+    most = settings.steepest * compliance[chain.readings.press]
     at = force
-    for _ in range(_ROUNDS if chain.nonlinear else 1):
+    for _ in range(settings.rounds if chain.nonlinear else 1):
         slope = chain.by_force(compliance, modulus, at, values)
         slope = np.clip(slope, -most, most)
         predicted = chain.predict(compliance, modulus, at, values) + slope * (force - at)
@@ -208,7 +205,7 @@ def judge(
         sigma, latent = latent_force(residual, slope, force, noise)
         moved = float(np.abs(latent - at).max(initial=0.0))
         at = latent
-        if moved < _SETTLED * chain.readings.largest_force_n:
+        if moved < settings.tol * chain.readings.largest_force_n:
             break
     return Judged(residual, sigma, at, slope)
 

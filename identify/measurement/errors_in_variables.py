@@ -16,7 +16,8 @@ Source: Fuller, "Measurement Error Models", section 1.3 (functional model, known
 
 As e and F^ are linear in the two columns (d, F), the rows of a press may be turned by any rotation
 without changing the misfit. The triangular factor of each press's (rows, 2) table (two rows)
-therefore says all that a thousand samples say, and an iteration does not depend on their number.
+therefore holds the information of a thousand samples, and an iteration does not depend on their
+number.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class PressTable:
 
     @property
     def slope(self) -> np.ndarray:
-        """Compliance (j,) of each press by itself, m/N (least squares of d against F)."""
+        """Compliance (j,) of each press alone, m/N (least squares of d against F)."""
         return np.sum(self.force * self.displacement, axis=1) / np.sum(self.force**2, axis=1)
 
     def residuals(self, compliance: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:

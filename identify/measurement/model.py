@@ -35,7 +35,7 @@ _STEP = 1e-4  # of a parameter's scale, for difference quotients
 
 @dataclass(frozen=True)
 class EffectInModel:
-    """An effect with the parameters, bounded for this scan, and values that it starts from."""
+    """An effect with its parameters, bounded for this scan, and its start values."""
 
     effect: Effect
     parameters: tuple[Parameter, ...]
@@ -72,7 +72,7 @@ class Compressed(NamedTuple):
 
 @dataclass(frozen=True)
 class Linearised:
-    """The model at one point: what a fit's step, its statistics and the score tests need.
+    """The model at one point, for a fit's step, its statistics and the score tests.
 
     Attributes
     ----------
@@ -143,15 +143,15 @@ def _scaled_along(x: np.ndarray, own: np.ndarray, press: np.ndarray, power: floa
 
 @dataclass(frozen=True)
 class MeasurementModel:
-    """A scan's readings, and the body and the chain that are to explain them.
+    """A scan's readings with a model of body and measurement chain.
 
     Attributes
     ----------
-    readings, displacement_m, noise : what was measured, (m,) m
+    readings, displacement_m, noise : measurement, (m,) m
     mechanics : the body's finite elements
     space : the map's free parameters
-    press_error : relative error that the map makes of each press's compliance, counted beside the
-        noise where it outweighs that; the readings of a press share it
+    press_error : relative error of the map in each press's compliance, counted beside the noise if
+        larger; the readings of a press share it
     effects : effects beside the map, in the order of the chain
     straight : the readings are, or count as, those of a flat tip, whatever the body's contacts
     """
@@ -259,11 +259,11 @@ class MeasurementModel:
 
     @property
     def is_linear(self) -> bool:
-        """Whether d = C F with the noise alone, so that two rows a press say all."""
+        """Whether d = C F with the noise alone, so that two rows a press suffice."""
         return not (self.effects or self.chain.nonlinear or self.press_error)
 
     def evaluate(self, u: np.ndarray) -> Compressed | Linearised:
-        """Residual and derivatives at scaled coordinates (k,), compressed where that is exact.
+        """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
 
         Raises
         ------

@@ -5,8 +5,8 @@ model's errors too. Along a phase of a press both columns are smooth functions o
 sample's number); the divided difference of four neighbours removes anything that is quadratic
 across them and leaves noise.
 
-What remains of true motion (a robot that does not move quite smoothly) appears in both columns at
-once, in the ratio of the press's compliance C. So with the differences D of d and G of F,
+True motion in these differences (of a robot that does not move quite smoothly) appears in both
+columns at once, in the ratio of the press's compliance C. With the differences D of d and G of F,
 
     sd_d^2 = var(D) - C cov(D, G)        sd_F^2 = var(G) - cov(D, G) / C
 """
@@ -17,17 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identify.measurement.settings import NOISE, NoiseSettings
 from models.errors import InputError
 from models.scan import Scan
 
-_POINTS = 4
-_FLOOR = 1e-6
-_MIN_DIFFERENCES = 8
+_POINTS = 4  # of a third difference
 
 
 @dataclass(frozen=True)
 class Noise:
-    """One standard deviation of displacement (m) and force (N); whether each was estimated."""
+    """Standard deviation of displacement (m) and force (N), each given or estimated."""
 
     displacement_m: float
     force_n: float
@@ -50,26 +49,30 @@ class Noise:
 
 
 def scan_noise(
-    scan: Scan, displacement_m: float | None = None, force_n: float | None = None
+    scan: Scan,
+    displacement_m: float | None = None,
+    force_n: float | None = None,
+    settings: NoiseSettings = NOISE,
 ) -> Noise:
-    """Return the noise as given, with what is None estimated from the scan's smooth ramps.
+    """Return the noise as given, with a None estimated from the scan's smooth ramps.
 
-    Raises `InputError` where it is to be estimated and the scan has too few runs of four samples.
+    Raises `InputError` for an estimate from a scan with too few runs of four samples.
     An estimate is at least a millionth of the column's rms, so that weights stay finite.
     """
     if displacement_m is not None and force_n is not None:
         return Noise(displacement_m, force_n)
     d, f, compliance = _differences(scan)
-    if len(d) < _MIN_DIFFERENCES:
+    least = settings.least_differences
+    if len(d) < least:
         raise InputError(
             f"the scan has {len(d)} runs of {_POINTS} samples within a phase of a press, at least "
-            f"{_MIN_DIFFERENCES} are needed to estimate its noise: state displacement_m and "
-            "force_n under [noise] in the study file"
+            f"{least} are needed to estimate its noise: state displacement_m and force_n under "
+            "[noise] in the study file"
         )
-    variance_d = float(np.mean(d**2)) - _shared(compliance * d * f)
-    variance_f = float(np.mean(f**2)) - _shared(d * f / compliance)
-    floor_d = _FLOOR * float(np.sqrt(np.mean(scan.displacement_m**2)))
-    floor_f = _FLOOR * float(np.sqrt(np.mean(scan.force_n**2)))
+    variance_d = float(np.mean(d**2)) - _shared(compliance * d * f, settings)
+    variance_f = float(np.mean(f**2)) - _shared(d * f / compliance, settings)
+    floor_d = settings.floor * float(np.sqrt(np.mean(scan.displacement_m**2)))
+    floor_f = settings.floor * float(np.sqrt(np.mean(scan.force_n**2)))
     return Noise(
         max(np.sqrt(max(variance_d, 0.0)), floor_d) if displacement_m is None else displacement_m,
         max(np.sqrt(max(variance_f, 0.0)), floor_f) if force_n is None else force_n,
@@ -78,12 +81,12 @@ def scan_noise(
     )
 
 
-def _shared(products: np.ndarray) -> float:
-    """Mean of the products where it is seen (3 standard errors), else 0: its scatter is not."""
+def _shared(products: np.ndarray, settings: NoiseSettings) -> float:
+    """Mean of the products if significant, else 0."""
     # Neighbouring differences share samples: about one in _POINTS is independent.
     error = float(np.std(products)) / np.sqrt(len(products) / _POINTS)
     mean = float(np.mean(products))
-    return mean if mean > 3 * error else 0.0
+    return mean if mean > settings.motion_sigmas * error else 0.0
 
 
 def _differences(scan: Scan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

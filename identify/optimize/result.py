@@ -1,4 +1,4 @@
-"""What the optimisers return, and how a trial that the model cannot bear is named."""
+"""Result of an optimiser, and the exception of an inadmissible trial."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The residual: is it noise, and if not, along what does it vary."""
+"""Analysis of the residual: noise or structure, and the direction of the structure."""

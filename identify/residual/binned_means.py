@@ -4,25 +4,29 @@ import numpy as np
 
 from identify.residual.comparison import Level
 from identify.residual.directions import PHASES, bins, force_bins, since_touch, time_bins
+from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
 
 
-def residual_levels(w: Whitened) -> dict[str, tuple[Level, ...]]:
-    """Return the weighted mean residual in the bins of each dimension that the scan has."""
+def residual_levels(
+    w: Whitened, settings: ResidualSettings = RESIDUAL
+) -> dict[str, tuple[Level, ...]]:
+    """Return the weighted mean residual in the bins of each dimension of the scan."""
     levels = {}
-    by_force = force_bins(w)
+    by_force = force_bins(w, settings)
     if not isinstance(by_force, str):
         levels["force"] = _levels(w, by_force, w.force_n, "{:.3g} N")
-    by_time = time_bins(w)
+    by_time = time_bins(w, settings)
     if not isinstance(by_time, str):
         levels["time"] = _levels(w, by_time, since_touch(w), "{:.3g} s")
     present = [p for p in PHASES if np.any(w.scan.phase == p)]
     if len(present) > 1:
         index = np.array([present.index(p) if p in present else -1 for p in w.scan.phase])
         levels["phase"] = tuple(_level(w, index == i, name, i, i) for i, name in enumerate(present))
-    if w.presses >= 8:
+    if w.presses >= settings.least_trend_presses:
         numbers = w.scan.press_ids[w.press_index].astype(float)
-        levels["order"] = _levels(w, bins(w.press_index.astype(float)), numbers, "press {:.0f}")
+        index = bins(w.press_index.astype(float), settings.bins)
+        levels["order"] = _levels(w, index, numbers, "press {:.0f}")
     return levels
 
 

@@ -1,8 +1,9 @@
-"""Decide whether what a fit has left of a scan is noise, and if not, along what it varies most.
+"""Decision on the residual of a fit: noise, or structure with its main direction.
 
-The residual is judged in units of both noises at the latent force (see `whitening`), after the
-fitted parameters have been projected out (see `residual_tests`).  A dozen questions are asked;
-Holm's correction keeps the chance that pure noise is called structure below `ALPHA`.
+The residual is tested in units of both noises at the latent force (`identify.residual.whitened`),
+with the fitted parameters projected out (`identify.residual.hypothesis_tests`).  A dozen questions
+are asked; Holm's correction keeps the probability of structure in pure noise below the level
+`ResidualSettings.alpha`.
 """
 
 from dataclasses import replace
@@ -23,7 +24,8 @@ from identify.residual.hypothesis_tests import (
     score_test,
 )
 from identify.residual.per_press import PressSpace, press_directions, press_residuals
-from identify.residual.projected import ALPHA, ResidualView, residual_view
+from identify.residual.projected import ResidualView, residual_view
+from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.simple_laws import matching_law
 from identify.residual.statement import sentence
 from identify.residual.whitened import Whitened, whitened
@@ -36,22 +38,22 @@ QUESTIONS = {
     "time": "Does it follow the time within a press?",
     "phase": "Does it follow the phase (load, hold, unload)?",
     "order": "Does it follow the order of pressing?",
-    "press": "Does any single press stand out?",
+    "press": "Is any single press an outlier?",
     "all_presses": "Do the presses differ more than noise allows?",
     "neighbours": "Are neighbouring presses alike (Moran's I)?",
     "succession": "Are presses made one after the other alike?",
     "lag": "Are consecutive readings correlated?",
-    "reading": "Does any single reading stand out?",
+    "reading": "Is any single reading an outlier?",
 }
 
 
-def compare(fit: FitResult, scan: Scan) -> Comparison:
-    """Compare a fit with the scan that it explains; see `compare_residual`."""
-    return compare_residual(whitened(fit, scan))
+def compare(fit: FitResult, scan: Scan, settings: ResidualSettings = RESIDUAL) -> Comparison:
+    """Compare a fit with its scan; see `compare_residual`."""
+    return compare_residual(whitened(fit, scan), settings)
 
 
-def compare_residual(w: Whitened) -> Comparison:
-    """Judge a whitened residual.
+def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comparison:
+    """Test a whitened residual.
 
     Parameters
     ----------
@@ -68,9 +70,9 @@ def compare_residual(w: Whitened) -> Comparison:
     InputError
         There are no more readings than fitted parameters.
     """
-    view = residual_view(w)
+    view = residual_view(w, settings)
     found = {"size": _size_test(view), **_pattern_tests(view), **_alikeness_tests(view)}
-    tests = _decide([replace(found[name], question=q) for name, q in QUESTIONS.items()])
+    tests = _decide([replace(found[name], question=q) for name, q in QUESTIONS.items()], settings)
     fires = {t.name for t in tests if t.fires}
     varies_with, also, confused = _main_direction(view, fires)
     moran, lag = found["neighbours"], found["lag"]
@@ -81,7 +83,7 @@ def compare_residual(w: Whitened) -> Comparison:
         also_along=also,
         confused_with=confused,
         notes=_notes(view, found),
-        alpha=ALPHA,
+        alpha=settings.alpha,
         readings=len(w.residual_m),
         parameters=view.absorbed.shape[1],
         rms_m=float(np.sqrt(np.mean(w.residual_m**2))),
@@ -94,19 +96,19 @@ def compare_residual(w: Whitened) -> Comparison:
         moran_i=None if moran.untestable else moran.statistic,
         lag1=None if lag.untestable else lag.statistic,
         tests=tests,
-        levels=residual_levels(w),
+        levels=residual_levels(w, settings),
         presses=press_residuals(w, view.absorbed, view.bad),
         largest=_largest(w),
         law=matching_law(view) if fires else None,
     )
-    return replace(draft, statement=sentence(draft))
+    return replace(draft, statement=sentence(draft, settings))
 
 
 def _size_test(view: ResidualView) -> ResidualTest:
     ratio = view.chi2 / view.dof
     if view.w.noise_estimated:
-        # The noise came from third differences: 0.4 times as many independent numbers.
-        p = float(special.fdtrc(view.dof, max(0.4 * view.dof, 1), ratio))
+        independent = max(view.settings.independent_share * view.dof, 1)
+        p = float(special.fdtrc(view.dof, independent, ratio))
     else:
         p = float(special.chdtrc(view.dof, view.chi2))
     return ResidualTest("size", "", view.chi2, view.dof, p, times_noise=float(np.sqrt(ratio)))
@@ -114,7 +116,7 @@ def _size_test(view: ResidualView) -> ResidualTest:
 
 def _from_score(name: str, score: TestOutcome) -> ResidualTest:
     times = float(np.sqrt(score.statistic / score.dof)) if score.dof else 0.0
-    untestable = None if score.dof else "the fitted parameters take all that it could show"
+    untestable = None if score.dof else "the fitted parameters absorb all of it"
     return ResidualTest(
         name, "", score.statistic, score.dof, score.p_value, 1.0, times, untestable=untestable
     )
@@ -138,7 +140,7 @@ def _pattern_tests(view: ResidualView) -> dict[str, ResidualTest]:
 
 
 def _worst_press(view: ResidualView) -> ResidualTest:
-    """Test of the press that misfits most, beyond what the map and smooth laws take."""
+    """Test of the press with the largest misfit, beyond the map and smooth laws."""
     if view.w.presses < 2:
         return ResidualTest("press", "", untestable="the scan has only one press")
     worst = PressSpace(view.w, view.smooth).misfits().max() / view.scale**2
@@ -148,19 +150,19 @@ def _worst_press(view: ResidualView) -> ResidualTest:
 
 def _alikeness_tests(view: ResidualView) -> dict[str, ResidualTest]:
     """Moran's I over the surface and along the order; correlation of consecutive readings."""
-    w, tests = view.w, {}
-    few = f"the scan has only {w.presses} presses; 9 are needed"
+    w, s, tests = view.w, view.settings, {}
+    few = f"the scan has only {w.presses} presses; {s.least_presses} are needed"
     for name in ("neighbours", "succession"):
         tests[name] = ResidualTest(name, "", untestable=few)
-    if w.presses >= 9:
+    if w.presses >= s.least_presses:
         space = PressSpace(w, view.beyond)
         line = np.eye(w.presses, k=1) + np.eye(w.presses, k=-1)
-        surface = nearest_neighbours(w.scan.contact_points)
+        surface = nearest_neighbours(w.scan.contact_points, s.neighbours)
         for name, neighbours in (("neighbours", surface), ("succession", line)):
             a = space.alikeness(neighbours)
             tests[name] = ResidualTest(name, "", a.moran_i, w.presses, a.p_value)
     pairs = int(w.follows.sum())
-    if pairs < 20:
+    if pairs < s.least_pairs:
         tests["lag"] = ResidualTest("lag", "", untestable=f"only {pairs} readings follow another")
     else:
         c = lag_test(view.residual, w.follows, view.absorbed)
@@ -168,13 +170,13 @@ def _alikeness_tests(view: ResidualView) -> dict[str, ResidualTest]:
     return tests
 
 
-def _decide(tests: list[ResidualTest]) -> tuple[ResidualTest, ...]:
+def _decide(tests: list[ResidualTest], settings: ResidualSettings) -> tuple[ResidualTest, ...]:
     adjusted = iter(holm([t.p_value for t in tests if t.untestable is None]))
     decided = []
     for test in tests:
         if test.untestable is None:
             p = float(next(adjusted))
-            test = replace(test, p_adjusted=p, fires=p < ALPHA)
+            test = replace(test, p_adjusted=p, fires=p < settings.alpha)
         decided.append(test)
     return tuple(decided)
 
@@ -182,13 +184,14 @@ def _decide(tests: list[ResidualTest]) -> tuple[ResidualTest, ...]:
 def _main_direction(
     view: ResidualView, fires: set[str]
 ) -> tuple[str | None, tuple[str, ...], tuple[str, ...]]:
-    """Along what the residual varies most, what remains beside it, what cannot be told from it.
+    """Return the main direction of the residual, further ones, and equivalent ones.
 
-    The dimension that explains most wins, at a price of 2 a direction (Akaike), 2 ln m where the
-    data chose the direction.  The others are tested again with the winner taken away, and named if
-    they explain a tenth of what it does.  A winner that explains less than a fifth of what exceeds
-    the noise is not the main thing.
+    The dimension with the largest score wins, at a price of 2 a direction (Akaike), 2 ln m where
+    the data chose the direction.  The others are tested again beyond the winner, and named from
+    `further_share` of its score on.  A winner with less than `main_share` of the excess chi-square
+    is not the main direction.
     """
+    settings = view.settings
     candidates = {n: a for n, a in view.directions.items() if n in fires}
     if "press" in fires and view.bad:
         candidates["press"] = press_directions(view.w, view.bad)
@@ -201,14 +204,14 @@ def _main_direction(
     price = {n: (chosen if n in ("press", "reading") else 2.0) * scores[n].dof for n in scores}
     best = max(scores, key=lambda n: scores[n].statistic - price[n])
     excess = view.chi2 / view.scale**2 - view.dof / view.scale**2
-    if scores[best].statistic - scores[best].dof < 0.2 * excess:
+    if scores[best].statistic - scores[best].dof < settings.main_share * excess:
         return _without_pattern(fires), (best,), ()
     also, confused = [], []
     for name in sorted(set(candidates) - {best}, key=lambda n: -scores[n].statistic):
-        limit = ALPHA / len(QUESTIONS)
+        limit = settings.alpha / len(QUESTIONS)
         beside = _beyond(view, candidates, name, best)
         if beside.p_value < limit:
-            if beside.statistic - beside.dof > 0.1 * scores[best].statistic:
+            if beside.statistic - beside.dof > settings.further_share * scores[best].statistic:
                 also.append(name)
         elif _beyond(view, candidates, best, name).p_value >= limit:
             confused.append(name)
@@ -216,9 +219,9 @@ def _main_direction(
 
 
 def _outlying(view: ResidualView) -> np.ndarray:
-    """Directions of the single readings that stand out, at most 20."""
-    limit = -special.ndtri(ALPHA / 2 / len(view.residual))
-    rows = np.argsort(-np.abs(view.residual))[:20]
+    """Directions of the outlying single readings."""
+    limit = -special.ndtri(view.settings.alpha / 2 / len(view.residual))
+    rows = np.argsort(-np.abs(view.residual))[: view.settings.most_outlying_readings]
     rows = rows[np.abs(view.residual[rows]) > limit]
     columns = np.zeros((len(view.residual), len(rows)))
     columns[rows, np.arange(len(rows))] = 1.0
@@ -228,13 +231,13 @@ def _outlying(view: ResidualView) -> np.ndarray:
 def _beyond(
     view: ResidualView, columns: dict[str, np.ndarray], name: str, other: str
 ) -> TestOutcome:
-    """Score test of one dimension with another one taken away."""
+    """Score test of one dimension beyond another one."""
     nuisance = orthonormal(np.hstack([view.nuisance(name), columns[other]]))
     return score_test(view.residual, columns[name], nuisance)
 
 
 def _without_pattern(fires: set[str]) -> str | None:
-    """Where to look if only a test without a direction fires."""
+    """Dimension of a test without a direction of its own."""
     where = {
         "neighbours": "place",
         "succession": "order",
@@ -258,7 +261,7 @@ def _notes(view: ResidualView, tests: dict[str, ResidualTest]) -> tuple[str, ...
             f"From one reading to the next the residual scatters {view.scatter:.2g} times as much "
             "as the noise given; the questions of pattern are judged with this larger scatter."
         )
-    elif special.chdtr(view.dof, view.chi2) < ALPHA / 2:
+    elif special.chdtr(view.dof, view.chi2) < view.settings.alpha / 2:
         notes.append(
             f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise given: that "
             "noise seems too large, so small effects may have been missed."

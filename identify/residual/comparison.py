@@ -1,4 +1,4 @@
-"""The Comparison record: what a fit has left of a scan, in numbers, on disk as JSON."""
+"""The Comparison record: analysis of a residual, on disk as JSON."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -31,8 +31,8 @@ class Level:
 class ResidualTest:
     """One question asked of the residual.
 
-    `times_noise` is the pattern's size in units of what noise alone would show (about 1 then);
-    `p_adjusted` is Holm's over all questions; `untestable` says why the scan cannot answer.
+    `times_noise` is the pattern's size over that of noise alone; `p_adjusted` is Holm's over all
+    questions; `untestable` the reason for no answer from this scan.
     """
 
     name: str
@@ -61,25 +61,24 @@ class Reading:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a fit has left of a scan.
+    """Analysis of the residual of a fit.
 
     Attributes
     ----------
     is_noise : bool
         No test fires at the family-wise level `alpha`.
     varies_with : str or None
-        Along what the residual varies most: place, force, time, phase, order, press or reading.
+        Main direction of the residual: place, force, time, phase, order, press or reading.
     statement : str
-        The finding in one sentence.
+        The result in one sentence.
     also_along, confused_with : tuple of str
-        What remains beside `varies_with` once that is taken away; what this scan cannot tell from
-        it.
+        Further directions beyond `varies_with`; directions that explain the residual as well.
     notes : tuple of str
-        What could not be tested and why; doubts about the noise given.
+        Tests that were not possible, with reasons; doubts about the noise given.
     rms_m, expected_rms_m : float
-        Of the residual; of noise alone, less what the fitted parameters take.
+        Of the residual; of noise alone, less the part absorbed by the fitted parameters.
     chi2, dof, chi2_p : float, int, float
-        Sum of squared residuals in sigmas, degrees of freedom, chance of so much or more.
+        Sum of squared residuals in sigmas, degrees of freedom, p-value.
     scatter : float
         Reading-to-reading scatter in units of the noise given (1 if that is right).
     moran_i, lag1 : float or None
@@ -88,7 +87,7 @@ class Comparison:
         All questions; mean residual by force, time, phase, order; per press (by press id);
         the largest single readings.
     law : LawMatch or None
-        A simple law that takes nearly all of what exceeds the noise.
+        A simple law for nearly all of the excess chi-square.
     """
 
     is_noise: bool
@@ -122,7 +121,7 @@ class Comparison:
 
     @property
     def bad_presses(self) -> tuple[int, ...]:
-        """Ids of the presses that stand out by themselves."""
+        """Ids of the outlying presses."""
         return tuple(p.press for p in self.presses if p.bad)
 
     @property

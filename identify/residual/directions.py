@@ -1,7 +1,7 @@
-"""Along what a residual can vary: place, force, time in the press, phase, order of pressing.
+"""Directions of a residual: place, force, time in the press, phase, order of pressing.
 
 Each dimension gives the directions (m, q) of a score test in units of the noise, or the reason
-why this scan cannot test it.  A step common to all readings (an offset and a gain) belongs to the
+against a test in this scan.  A step common to all readings (an offset and a gain) belongs to the
 force; the other dimensions are tested beyond it.
 """
 
@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.residual.hypothesis_tests import nearest_neighbours
+from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
 
 PHASES = ("load", "hold", "unload")
-BINS = 8
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """One thing along which a residual may vary: its key, and how a sentence calls it."""
+    """One dimension of the residual: its key, its name in a sentence, and its directions."""
 
     name: str
     label: str
-    directions: Callable[[Whitened], "np.ndarray | str"]
+    directions: Callable[[Whitened, ResidualSettings], "np.ndarray | str"]
 
 
 def common(w: Whitened) -> np.ndarray:
@@ -37,11 +37,11 @@ def with_gain(w: Whitened, columns: np.ndarray) -> np.ndarray:
     return np.hstack([scaled, scaled * w.force_n[:, None]])
 
 
-def bins(values: np.ndarray, count: int = BINS) -> np.ndarray:
+def bins(values: np.ndarray, count: int = RESIDUAL.bins) -> np.ndarray:
     """Bin of each value (m,), 0..b-1 without empty ones, at most `count`.
 
     The edges lie halfway between equal counts and equal widths, so that neither a long hold nor
-    a few large values own most of the bins.  Bins of less than 1 % of the values join the next.
+    a few large values take most of the bins.  Bins of less than 1 % of the values join the next.
     """
     low, high = values.min(), values.max()
     if high - low <= 1e-9 * max(abs(low), abs(high)):
@@ -60,44 +60,45 @@ def bins(values: np.ndarray, count: int = BINS) -> np.ndarray:
     return merged[index]
 
 
-def place(w: Whitened) -> np.ndarray | str:
+def place(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
     """Smooth patterns over the surface: the leading eigenvectors of the neighbour matrix.
 
-    Eigenvectors of M W M (M takes the mean away) are the patterns with the largest Moran's I that
-    the contact points allow (Griffith 2003); each as an offset and as a share of the force.
+    Eigenvectors of M W M (M subtracts the mean) are the patterns with the largest Moran's I of
+    these contact points (Griffith 2003); each as an offset and as a share of the force.
     """
-    if w.presses < 9:
-        return f"the scan has only {w.presses} presses; 9 are needed to see a pattern over places"
-    neighbours = nearest_neighbours(w.scan.contact_points)
+    least = settings.least_presses
+    if w.presses < least:
+        return f"the scan has only {w.presses} presses; {least} are needed for a pattern of places"
+    neighbours = nearest_neighbours(w.scan.contact_points, settings.neighbours)
     centred = neighbours - neighbours.mean(axis=0)
     centred = centred - centred.mean(axis=1)[:, None]
     _, vectors = np.linalg.eigh(centred)
-    patterns = vectors[:, ::-1][:, : min(12, w.presses // 4)]
+    patterns = vectors[:, ::-1][:, : min(settings.patterns, w.presses // 4)]
     return with_gain(w, patterns[w.press_index])
 
 
-def force_bins(w: Whitened) -> np.ndarray | str:
-    """Bin of the force F^ of each reading, (m,), or why there are none."""
-    index = bins(w.force_n)
+def force_bins(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
+    """Bin of the force F^ of each reading, (m,), or the reason for none."""
+    index = bins(w.force_n, settings.bins)
     return index if index.max() >= 2 else "all readings were made at nearly one force"
 
 
-def time_bins(w: Whitened) -> np.ndarray | str:
-    """Bin of the time since the press's first reading, (m,), or why there are none."""
+def time_bins(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
+    """Bin of the time since the press's first reading, (m,), or the reason for none."""
     if not w.scan.has_time:
         return "the scan has no time stamps"
-    index = bins(since_touch(w))
+    index = bins(since_touch(w), settings.bins)
     return index if index.max() >= 2 else "all readings of a press carry nearly one time"
 
 
-def force(w: Whitened) -> np.ndarray | str:
+def force(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
     """Bins of the force F^."""
-    return _steps(w, force_bins(w))
+    return _steps(w, force_bins(w, settings))
 
 
-def time_in_press(w: Whitened) -> np.ndarray | str:
+def time_in_press(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
     """Bins of the time since the press's first reading."""
-    return _steps(w, time_bins(w))
+    return _steps(w, time_bins(w, settings))
 
 
 def _steps(w: Whitened, index: np.ndarray | str) -> np.ndarray | str:
@@ -113,11 +114,11 @@ def since_touch(w: Whitened) -> np.ndarray:
     return w.scan.time_s - first[w.press_index]
 
 
-def phase(w: Whitened) -> np.ndarray | str:
+def phase(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
     """Set steps of holding and of unloading (by level of force) against loading.
 
-    Nothing here takes the force within a hold, which varies by noise only: were the noise
-    misjudged, F^ and the residual would be correlated there.
+    The force within a hold, which varies by noise only, is not used: with a wrong noise, F^ and the
+    residual would be correlated there.
     """
     present = [p for p in PHASES if np.any(w.scan.phase == p)]
     if len(present) < 2:
@@ -131,10 +132,11 @@ def phase(w: Whitened) -> np.ndarray | str:
     return np.column_stack(columns) / w.sigma_m[:, None]
 
 
-def order(w: Whitened) -> np.ndarray | str:
+def order(w: Whitened, settings: ResidualSettings = RESIDUAL) -> np.ndarray | str:
     """Order in which the presses were made: linear, quadratic and cubic trend."""
-    if w.presses < 8:
-        return f"the scan has only {w.presses} presses; 8 are needed to see a trend"
+    least = settings.least_trend_presses
+    if w.presses < least:
+        return f"the scan has only {w.presses} presses; {least} are needed to see a trend"
     rank = np.argsort(np.argsort(w.scan.press_ids))
     position = 2.0 * rank / (w.presses - 1) - 1
     trends = np.polynomial.legendre.legvander(position, 3)[:, 1:]

@@ -1,7 +1,7 @@
-"""Tests that find structure in a whitened residual.
+"""Tests of a whitened residual for structure.
 
-All tests judge a residual r ~ N(0, I) (m,) from which the derivatives N (m, k) of the fitted
-parameters have been projected out, as a fit hides whatever lies along them:
+All tests take a residual r ~ N(0, I) (m,) with the derivatives N (m, k) by the fitted parameters
+projected out, because a fit hides any structure along them:
 
     score test   S = r' A_p (A_p' A_p)^-1 A_p' r ~ chi2(rank A_p),  A_p = A - N (N'N)^-1 N' A
     Moran's I    I = z'Wz / z'z of centred group means z, tail by the saddlepoint of
@@ -18,12 +18,12 @@ from scipy import optimize, special
 from scipy.spatial import KDTree
 
 RANK_TOLERANCE = 1e-6
-"""Directions of which less than this fraction survives the projection count as absorbed."""
+"""Directions with a smaller share beyond the projection count as absorbed."""
 
 
 @dataclass(frozen=True)
 class TestOutcome:
-    """A score test's outcome: `statistic` ~ chi2(`dof`) if nothing is there."""
+    """Outcome of a score test: `statistic` ~ chi2(`dof`) under noise alone."""
 
     statistic: float
     dof: int
@@ -38,8 +38,8 @@ def orthonormal(columns: np.ndarray, reference: np.ndarray | None = None) -> np.
     columns : (m, q)
         The columns, in any units: each is scaled to the length 1 first.
     reference : (q,), optional
-        Lengths that the columns had before a projection; a column that has lost all but
-        `RANK_TOLERANCE` of it is left out.  Default: their own lengths.
+        Lengths of the columns before a projection; a column with less than `RANK_TOLERANCE` of it
+        is left out.  Default: their own lengths.
     """
     lengths = np.linalg.norm(columns, axis=0) if reference is None else reference
     kept = lengths > 0
@@ -115,7 +115,7 @@ def positive_probability(weights: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Alikeness:
-    """How alike neighbours are: Moran's I, its expectation under noise, its one-sided p."""
+    """Likeness of neighbours: Moran's I, its expectation under noise, its one-sided p."""
 
     moran_i: float
     expected: float
@@ -130,7 +130,7 @@ def moran_test(values: np.ndarray, covariance: np.ndarray, neighbours: np.ndarra
     values : (j,)
         One value a group (press), in units of the noise.
     covariance : (j, j)
-        Their covariance if the residual is noise (the identity less what the fit took).
+        Their covariance under noise (the identity less the part absorbed by the fit).
     neighbours : (j, j)
         Symmetric weights, zero diagonal.
     """
@@ -187,7 +187,7 @@ def lag_test(residual: np.ndarray, follows: np.ndarray, nuisance: np.ndarray) ->
     follows : (m,) bool
         Reading i follows reading i - 1 of the same press.
     nuisance : (m, k)
-        Orthonormal basis of what was projected out.
+        Orthonormal basis of the projected parameters.
     """
     first = np.flatnonzero(follows) - 1
 

@@ -14,16 +14,15 @@ from identify.residual.hypothesis_tests import (
     project_out,
     score,
 )
+from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
 
-MOST_BAD = 12
-LARGEST_SIGMAS = 37.0  # beyond, the chance is below any number that the computer has
-"""More presses than this standing out is no matter of single presses."""
+LARGEST_SIGMAS = 37.0  # beyond, the p-value is below the smallest floating-point number
 
 
 @dataclass(frozen=True)
 class PressResidual:
-    """What remains of one press.
+    """Residual of one press.
 
     `mean_m` is the weighted mean residual (m) with its standard error `mean_error_m`;
     `softer` the relative excess of the measured over the modelled compliance; `misfit` ~ chi2(2)
@@ -44,14 +43,14 @@ class PressResidual:
 
 
 class PressSpace:
-    """Level and slope of every press as orthonormal directions, seen past a nuisance basis.
+    """Level and slope of every press as orthonormal directions, beyond a nuisance basis.
 
     Attributes
     ----------
     values : (2 j,)
         Whitened residual along them.
     covariance : (2 j, 2 j)
-        Their covariance under noise: the identity less what the nuisance takes.
+        Their covariance under noise: the identity less the part along the nuisance.
     """
 
     def __init__(self, w: Whitened, nuisance: np.ndarray) -> None:
@@ -60,18 +59,17 @@ class PressSpace:
         slope = w.force_n / w.sigma_m
         raw = np.sqrt(self._sum(slope**2))
         slope = slope - level * self._sum(level * slope)[w.press_index]
-        left = np.sqrt(self._sum(slope**2))
-        # A press at one single force has no slope of its own.
-        slope = self._normalised(slope) * (left > 1e-6 * raw)[w.press_index]
+        own = np.sqrt(self._sum(slope**2)) > 1e-6 * raw  # else a press at one single force
+        slope = self._normalised(slope) * own[w.press_index]
         self.level, self.slope = level, slope
         residual = project_out(nuisance, w.whitened)
         seen = np.vstack(
             [self._sum(level[:, None] * nuisance), self._sum(slope[:, None] * nuisance)]
         )
-        own = np.concatenate([np.ones(w.presses), (left > 1e-6 * raw).astype(float)])
+        present = np.concatenate([np.ones(w.presses), own.astype(float)])
         self.values = np.concatenate([self._sum(level * residual), self._sum(slope * residual)])
-        self.covariance = np.diag(own) - seen @ seen.T
-        self.directions = int(own.sum())
+        self.covariance = np.diag(present) - seen @ seen.T
+        self.directions = int(present.sum())
 
     def _sum(self, rows: np.ndarray) -> np.ndarray:
         out = np.zeros((self.presses, *rows.shape[1:]))
@@ -83,12 +81,14 @@ class PressSpace:
         return rows / np.where(length > 0, length, 1.0)[self.press_index]
 
     def omnibus(self, residual: np.ndarray, nuisance: np.ndarray) -> TestOutcome:
-        """Score test of all levels and slopes at once, with whatever nuisance lies in them."""
-        own = self._explained(residual)
+        """Score test of all levels and slopes at once, beyond the nuisance in them."""
+        explained = self._explained(residual)
         outside = nuisance - self._fitted(nuisance)
         lengths = np.ones(nuisance.shape[1])
         extra = orthonormal(outside, lengths)
-        statistic = own + np.sum((extra.T @ residual) ** 2) - np.sum((nuisance.T @ residual) ** 2)
+        statistic = (
+            explained + np.sum((extra.T @ residual) ** 2) - np.sum((nuisance.T @ residual) ** 2)
+        )
         return score(statistic, self.directions + extra.shape[1] - nuisance.shape[1])
 
     def _fitted(self, columns: np.ndarray) -> np.ndarray:
@@ -112,7 +112,7 @@ class PressSpace:
         return np.einsum("ja,jab,jb->j", self.values[at], inverse, self.values[at])
 
     def without(self, press: int) -> None:
-        """Add a press's own directions to the nuisance: the others are judged as if it were not."""
+        """Add the directions of a press to the nuisance, as if the press were left out."""
         at = self.block(press)
         inverse = np.linalg.pinv(self.covariance[np.ix_(at, at)], rcond=1e-6, hermitian=True)
         gain = self.covariance[:, at] @ inverse
@@ -125,35 +125,37 @@ class PressSpace:
         return moran_test(self.values[:j], self.covariance[:j, :j], neighbours)
 
 
-def bad_presses(w: Whitened, smooth: np.ndarray, scale: float, alpha: float) -> list[int]:
-    """Presses that stand out past all smooth patterns, worst first (indices).
+def bad_presses(
+    w: Whitened, smooth: np.ndarray, scale: float, settings: ResidualSettings = RESIDUAL
+) -> list[int]:
+    """Outlying presses beyond all smooth patterns, worst first (indices).
 
     Parameters
     ----------
     w : Whitened
         The residual.
     smooth : (m, q)
-        Orthonormal basis of all that single presses shall not be blamed for.
+        Orthonormal basis of the smooth patterns.
     scale : float
         Standard deviations of the noise in units of `w.sigma_m`.
-    alpha : float
-        Chance of naming any press if the rest is noise.
+    settings : ResidualSettings
+        `alpha` is the probability of naming any press under noise.
 
     Notes
     -----
-    The worst press is set aside before the next is judged, else it would pull its neighbours
-    along.  At most `MOST_BAD` presses, and a fifth of all, are named.
+    The worst press is set aside before the next is tested, else it would pull its neighbours along.
     """
     space = PressSpace(w, smooth)
-    found: list[int] = []
-    while len(found) < min(MOST_BAD, w.presses // 5):
+    outliers: list[int] = []
+    most = min(settings.most_outlying_presses, w.presses // settings.presses_per_outlier)
+    while len(outliers) < most:
         misfits = space.misfits()
         worst = int(np.argmax(misfits))
-        if special.chdtrc(2, misfits[worst] / scale**2) * w.presses > alpha:
+        if special.chdtrc(2, misfits[worst] / scale**2) * w.presses > settings.alpha:
             break
-        found.append(worst)
+        outliers.append(worst)
         space.without(worst)
-    return found
+    return outliers
 
 
 def press_directions(w: Whitened, presses: list[int]) -> np.ndarray:
@@ -171,7 +173,7 @@ def press_residuals(w: Whitened, absorbed: np.ndarray, bad: list[int]) -> tuple[
     absorbed : (m, k)
         Orthonormal basis of the fitted parameters' derivatives.
     bad : list of int
-        Indices of the presses that stand out.
+        Indices of the outlying presses.
     """
     space = PressSpace(w, orthonormal(np.hstack([absorbed, common(w)])))
     misfits = space.misfits()
@@ -214,7 +216,7 @@ def influences(w: Whitened, absorbed: np.ndarray) -> np.ndarray:
     residual = project_out(absorbed, w.whitened)
     for j in range(w.presses):
         rows = w.press_index == j
-        own = absorbed[rows]
-        shift = np.linalg.lstsq(identity - own.T @ own, own.T @ residual[rows], rcond=None)[0]
+        q = absorbed[rows]
+        shift = np.linalg.lstsq(identity - q.T @ q, q.T @ residual[rows], rcond=None)[0]
         pull[j] = np.linalg.norm(shift)
     return pull

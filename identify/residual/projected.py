@@ -1,4 +1,4 @@
-"""The residual as the tests see it: parameters projected out, scaled, with all directions."""
+"""The residual for the tests: parameters projected out, scaled, with all directions."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,14 @@ import numpy as np
 from identify.residual.directions import DIMENSIONS, common
 from identify.residual.hypothesis_tests import orthonormal, project_out
 from identify.residual.per_press import bad_presses
+from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
 from models.errors import InputError
-
-ALPHA = 0.01
-"""Chance that pure noise is called structure."""
 
 
 @dataclass(frozen=True)
 class ResidualView:
-    """What the tests need, computed once.
+    """Input of all tests, computed once.
 
     Attributes
     ----------
@@ -26,14 +24,16 @@ class ResidualView:
         Orthonormal bases: the fitted parameters; these with an offset and a gain common to all
         readings; these with all smooth patterns.
     directions, untestable : dict
-        Directions of each dimension; why the others cannot be tested.
+        Directions of each dimension; the reason against a test of the others.
     bad : list of int
-        Indices of presses that stand out past all smooth patterns.
+        Indices of outlying presses, beyond all smooth patterns.
     chi2, dof : float, int
         Of the unscaled residual.
     scatter, scale : float
         Reading-to-reading scatter in units of the noise given; the larger of it and 1 where it is
         surely larger, else 1.
+    settings : ResidualSettings
+        Of the tests.
     """
 
     w: Whitened
@@ -48,13 +48,14 @@ class ResidualView:
     dof: int
     scatter: float
     scale: float
+    settings: ResidualSettings = RESIDUAL
 
     def nuisance(self, name: str) -> np.ndarray:
-        """Return what a dimension is tested beyond: a common offset belongs to the force."""
+        """Return the nuisance of a dimension's test: a common offset belongs to the force."""
         return self.absorbed if name == "force" else self.beyond
 
 
-def residual_view(w: Whitened) -> ResidualView:
+def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> ResidualView:
     """Project, scale and lay out the directions of a whitened residual."""
     absorbed = orthonormal(w.absorbed)
     dof = len(w.residual_m) - absorbed.shape[1]
@@ -64,12 +65,12 @@ def residual_view(w: Whitened) -> ResidualView:
             f"{absorbed.shape[1]} parameters; take more readings or fix parameters"
         )
     residual = project_out(absorbed, w.whitened)
-    scatter, certain = reading_scatter(w)
+    scatter, certain = reading_scatter(w, settings)
     scale = scatter if certain and scatter > 1 else 1.0
     beyond = orthonormal(np.hstack([absorbed, common(w)]))
     directions, untestable = {}, {}
     for dimension in DIMENSIONS:
-        result = dimension.directions(w)
+        result = dimension.directions(w, settings)
         if isinstance(result, str):
             untestable[dimension.name] = result
         else:
@@ -83,27 +84,28 @@ def residual_view(w: Whitened) -> ResidualView:
         smooth=smooth,
         directions=directions,
         untestable=untestable,
-        bad=bad_presses(w, smooth, scale, ALPHA),
+        bad=bad_presses(w, smooth, scale, settings),
         chi2=float(residual @ residual),
         dof=dof,
         scatter=scatter,
         scale=scale,
+        settings=settings,
     )
 
 
-def reading_scatter(w: Whitened) -> tuple[float, bool]:
-    """Reading-to-reading scatter in units of the noise, and whether it is surely not 1.
+def reading_scatter(w: Whitened, settings: ResidualSettings = RESIDUAL) -> tuple[float, bool]:
+    """Reading-to-reading scatter in units of the noise, and True for one that is surely not 1.
 
-    From second differences within presses: they see noise, but no slow misfit of the model.
+    From second differences within presses, which contain noise, but no slow misfit of the model.
     """
     inner = w.follows.copy()
     inner[:-1] &= w.follows[1:]
     inner[-1:] = False
     at = np.flatnonzero(inner)
-    if len(at) < 30:
+    if len(at) < settings.least_differences:
         return 1.0, False
     r = w.whitened
     variance = float(np.mean((r[at - 1] - 2 * r[at] + r[at + 1]) ** 2) / 6)
     # Variance of that estimate for white noise: 2 (1 + 2 (4/6)^2 + 2 (1/6)^2) / n = 35/9/n.
     deviation = (variance - 1) / np.sqrt(35 / 9 / len(at))
-    return float(np.sqrt(variance)), abs(deviation) > 3.5
+    return float(np.sqrt(variance)), abs(deviation) > settings.scatter_sigmas

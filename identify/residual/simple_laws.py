@@ -1,7 +1,7 @@
 """Simple laws that a residual may follow: the tip's speed, its direction, the session's clock.
 
-They are no effects of the catalogue and name no cause. Where something is missing that no effect
-explains, a law that alone takes nearly all of it is the lead from which its cause is found.
+They are no effects of the catalogue and name no cause. Beside an unexplained residual, a law that
+alone takes nearly all of it is the lead to its cause.
 """
 
 from __future__ import annotations
@@ -15,18 +15,12 @@ from identify.residual.hypothesis_tests import project_out, score_test
 from identify.residual.projected import ResidualView
 from identify.residual.whitened import Whitened
 
-NEARLY_ALL = 0.85
-"""Share of the chi-square beyond the noise that a law surely takes, if it is worth a word.
-
-Creep is a lag of the displacement to 75 %, a force that is read late to 96 to 98 %.
-"""
-
 
 @dataclass(frozen=True)
 class LawMatch:
-    """A law that takes nearly all of what exceeds the noise: `value` +- `error` times its pattern.
+    """A law for nearly all of the excess chi-square: `value` +- `error` times its pattern.
 
-    `share` is the part of the excess chi-square, `words` says it to an experimenter.
+    `share` is its part of the excess chi-square, `words` its sentence for an experimenter.
     """
 
     name: str
@@ -39,7 +33,7 @@ class LawMatch:
 
 @dataclass(frozen=True)
 class Law:
-    """A pattern (m,) in m per `unit`, None where the scan cannot tell, and how to say its size."""
+    """A pattern (m,) in m per `unit`, None without its readings, and the words of its size."""
 
     name: str
     unit: str
@@ -48,10 +42,10 @@ class Law:
 
 
 def matching_law(view: ResidualView) -> LawMatch | None:
-    """Return the law that takes most of what exceeds the noise, if it takes nearly all."""
+    """Return the law with the largest share of the excess chi-square, if it takes nearly all."""
     excess = (view.chi2 - view.dof) / view.scale**2
     at_most = excess + 2 * np.sqrt(2 * view.dof)  # chance may have made it look smaller
-    best, surely = None, NEARLY_ALL
+    best, surely = None, view.settings.law_share
     for law in LAWS:
         pattern = law.pattern(view.w)
         if pattern is None or excess <= 0:
@@ -74,8 +68,8 @@ def travel(w: Whitened) -> np.ndarray:
     """Travel (m,) of each reading by its press's mean compliance, m: free of the force's noise."""
     modelled = w.scan.displacement_m - w.residual_m
     along = np.bincount(w.press_index, modelled * w.force_n, w.presses)
-    own = np.bincount(w.press_index, w.force_n**2, w.presses)
-    return (along / np.maximum(own, 1e-300))[w.press_index] * w.force_n
+    square = np.bincount(w.press_index, w.force_n**2, w.presses)
+    return (along / np.maximum(square, 1e-300))[w.press_index] * w.force_n
 
 
 def speed(w: Whitened) -> np.ndarray | None:
@@ -105,7 +99,7 @@ def share_of_travel(w: Whitened) -> np.ndarray | None:
 
 
 def session(w: Whitened) -> np.ndarray | None:
-    """Travel times the part of the session that has gone by, -1/2 to 1/2, (m,), m."""
+    """Travel times the elapsed part of the session, -1/2 to 1/2, (m,), m."""
     clock = w.scan.time_s if w.scan.has_time else w.press_index.astype(float)
     length = np.ptp(clock)
     return travel(w) * ((clock - clock.min()) / length - 0.5) if length > 0 else None

@@ -1,9 +1,10 @@
-"""The finding of a comparison in one sentence that an experimenter understands."""
+"""The result of a comparison in one sentence for an experimenter."""
 
 import numpy as np
 
 from identify.residual.comparison import Comparison, Level
-from identify.residual.per_press import LARGEST_SIGMAS, MOST_BAD, PressResidual
+from identify.residual.per_press import LARGEST_SIGMAS, PressResidual
+from identify.residual.settings import RESIDUAL, ResidualSettings
 
 LABELS = {
     "place": "the place on the surface",
@@ -17,7 +18,7 @@ LABELS = {
 
 
 def length(metres: float, *, signed: bool = True) -> str:
-    """Length in the unit that reads best.
+    """Length in µm or mm.
 
     Examples
     --------
@@ -36,8 +37,8 @@ def sigmas(press: PressResidual, digits: str = ".2g") -> str:
     return "> 37" if press.sigmas >= LARGEST_SIGMAS else f"{press.sigmas:{digits}}"
 
 
-def sentence(c: Comparison) -> str:
-    """Say whether the residual is noise, and if not, along what it varies most."""
+def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
+    """Return the decision, noise or structure, with the main direction of a structure."""
     size = (
         f"rms {length(c.rms_m, signed=False)}, noise alone {length(c.expected_rms_m, signed=False)}"
     )
@@ -50,7 +51,7 @@ def sentence(c: Comparison) -> str:
             "either the noise is larger than stated, or something varies from reading to reading"
         )
     else:
-        text = f"The residual is not noise ({size}): {_finding(c)}"
+        text = f"The residual is not noise ({size}): {_finding(c, settings)}"
     if c.confused_with:
         text += f"; this scan cannot tell it from {_listed(c.confused_with)}"
     if c.also_along:
@@ -65,10 +66,10 @@ def _listed(names: tuple[str, ...]) -> str:
     return labels[0] if len(labels) == 1 else f"{', '.join(labels[:-1])} and {labels[-1]}"
 
 
-def _finding(c: Comparison) -> str:
+def _finding(c: Comparison, settings: ResidualSettings) -> str:
     name = c.varies_with or ""
     if name == "press":
-        return _presses(c)
+        return _presses(c, settings)
     if name == "reading":
         return _readings(c)
     if name == "place":
@@ -96,7 +97,7 @@ def _span(levels: tuple[Level, ...], name: str) -> str:
 
 
 def _places(c: Comparison) -> str:
-    """Return where the body gives way more, and where less, than the map explains."""
+    """Return the places of the largest positive and negative residual."""
     points = np.array([p.point_m for p in c.presses])
     means = np.array([p.mean_m for p in c.presses])
     # Averaged over near neighbours: the pattern, not the worst single press.
@@ -114,9 +115,9 @@ def _at(press: PressResidual, mean: float) -> str:
     return f"{length(mean)} around ({x:.0f}, {y:.0f}, {z:.0f}) mm (press {press.press})"
 
 
-def _presses(c: Comparison) -> str:
+def _presses(c: Comparison, settings: ResidualSettings) -> str:
     bad = [p for p in c.worst_presses if p.bad]
-    if not bad or len(bad) >= MOST_BAD:
+    if not bad or len(bad) >= settings.most_outlying_presses:
         worst = c.worst_presses[0]
         return (
             "it differs from press to press without a pattern over the surface, most at press "
@@ -124,9 +125,9 @@ def _presses(c: Comparison) -> str:
         )
     named = ", ".join(f"{p.press} ({length(p.mean_m)}, {sigmas(p)} sigma)" for p in bad[:4])
     rest = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
-    stand = "stands" if len(bad) == 1 else "stand"
-    word = "press" if len(bad) == 1 else "presses"
-    return f"{word} {named}{rest} {stand} out from all others"
+    if len(bad) == 1:
+        return f"press {named} is an outlier"
+    return f"presses {named}{rest} are outliers"
 
 
 def _readings(c: Comparison) -> str:
@@ -137,6 +138,6 @@ def _readings(c: Comparison) -> str:
         )
     r = c.largest[0]
     return (
-        f"one reading stands out, press {r.press} in {r.phase} at {r.force_n:.3g} N with "
+        f"one reading is an outlier, press {r.press} in {r.phase} at {r.force_n:.3g} N with "
         f"{length(r.residual_m)} ({abs(r.sigmas):.2g} sigma)"
     )

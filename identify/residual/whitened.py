@@ -2,8 +2,8 @@
 
 Both columns of a scan are noisy: e = d - C F has the variance s^2 = sd_d^2 + C^2 sd_F^2, and
 r = e / s is N(0, 1) if the model is right.  The measured F and r are correlated (sorted by F, pure
-noise shows a slope), the latent force F^ = F + (C sd_F^2 / s^2) e and r are independent.  So
-whatever compares residuals at different forces, and every derivative, takes F^.
+noise shows a slope), the latent force F^ = F + (C sd_F^2 / s^2) e and r are independent.  All
+comparisons of residuals at different forces, and all derivatives, therefore take F^.
 """
 
 from dataclasses import dataclass
@@ -17,22 +17,22 @@ from models.scan import Scan
 
 @dataclass(frozen=True)
 class Whitened:
-    """m readings of a scan, what the fit left of them, and what it could have taken away.
+    """Readings of a scan with their residual and the directions that the fit absorbs.
 
     Attributes
     ----------
     scan : Scan
         The m readings that the fit used.
     residual_m : (m,)
-        Measured less modelled displacement, m; positive where the body gave way more.
+        Measured less modelled displacement, m; positive for a softer body.
     sigma_m : (m,)
-        One standard deviation of the residual if only noise is left, m.
+        Standard deviation of the residual under noise alone, m.
     force_n : (m,)
         Best estimate F^ of the true force, N.
     absorbed : (m, k)
         Derivatives of the modelled displacement by the fitted parameters at F^, over sigma.
     noise_estimated : bool
-        The noise was estimated from this very scan.
+        The noise was estimated from this scan.
     """
 
     scan: Scan

@@ -1,4 +1,4 @@
-"""An effect that was added, and what it cannot be told from."""
+"""An accepted effect with its equivalents."""
 
 from __future__ import annotations
 
@@ -9,61 +9,66 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.fit.result import FitResult
-from identify.select.candidates import MARGIN, Candidate
-
-CLOSE = 5.0  # in chi-square: what a parameter more does not pay for, the data have not decided
+from identify.select.candidates import Candidate
+from identify.select.settings import SELECTION, SelectionSettings
 
 
 @dataclass(frozen=True)
 class AcceptedEffect:
-    """An effect that was added, the candidates that it was compared with (best first).
+    """An effect of the model, with the candidates of its step.
 
-    `before` : chi-square without it, when it was added.
-    `tried` : the candidates when it was added, if they were compared again since.
-    `shown_by_presses` : the contact law of the presses calls for it, whatever the map.
-    `beside` : for each candidate, the effects it cannot be separated from because of model error.
+    Attributes
+    ----------
+    name : of the effect
+    candidates : compared with it, itself included, best first
+    shown_by_presses : the contact law of the presses calls for it, whatever the map
+    confounded : for each candidate, the effects it cannot be separated from because of model error
+    chi2_before : chi-square of the step before
+    first_candidates : those of its own step, if they were compared again since
+    settings : of the selection
     """
 
     name: str
     candidates: tuple[Candidate, ...]
     shown_by_presses: bool = False
-    beside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    before: float = np.inf
-    tried: tuple[Candidate, ...] = ()
+    confounded: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    chi2_before: float = np.inf
+    first_candidates: tuple[Candidate, ...] = ()
+    settings: SelectionSettings = SELECTION
 
     @property
     def equivalents(self) -> tuple[str, ...]:
-        """The effect and all candidates that explain the scan as well, to within `MARGIN`.
+        """The effect and all candidates that explain the scan as well, to within the margin.
 
-        Nor is one beaten by its price alone, if its chi-square comes within `CLOSE`. A candidate of
-        which the effect is a special case can always do nearly as well: it is none.
+        A candidate loses by its price alone only with a clearly higher chi-square. A more general
+        effect, which contains this one, can always do nearly as well: it is no equivalent.
         """
-        best = self.candidates[0]
+        best, margin, close = self.candidates[0], self.settings.margin, self.settings.close
         near = [
-            candidate
-            for candidate in self.candidates
-            if candidate.criterion < best.criterion + MARGIN or candidate.chi2 < best.chi2 + CLOSE
+            c
+            for c in self.candidates
+            if c.criterion < best.criterion + margin or c.chi2 < best.chi2 + close
         ]
-        return tuple(candidate.name for candidate in near if self.name not in candidate.contains)
+        return tuple(c.name for c in near if self.name not in c.contains)
 
     @property
     def group(self) -> tuple[str, ...]:
-        """What the scan cannot tell apart: the `equals`, and what an error of the model is like."""
+        """Effects between which the scan does not decide: `equivalents` and `confounded`."""
         if len(self.equivalents) > 1 and self.name != MODEL_ERROR:
             return self.equivalents
-        beside = self.beside.get(self.name, ())
-        return (*self.equivalents, *(name for name in beside if name not in self.equivalents))
+        others = self.confounded.get(self.name, ())
+        return (*self.equivalents, *(name for name in others if name not in self.equivalents))
 
 
 def at_bound(fit: FitResult, name: str) -> bool:
-    """Whether an amplitude of an effect ends at a bound of what is possible, other than no effect.
+    """Whether an amplitude of an effect ends at a physical bound other than its null.
 
-    So much of it as the scan asks for cannot be there: something else is.
+    The scan asks for more of the effect than possible: the cause is another one.
     """
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
     nulls = {amplitude.name: amplitude.null for amplitude in part.effect.amplitudes}
     held = (unknown.rpartition(".") for unknown in fit.at_bound)
     return any(
-        effect == name and own in nulls and fit.at.values[name][own] != nulls[own]
-        for effect, _, own in held
+        effect == name and parameter in nulls and fit.at.values[name][parameter] != nulls[parameter]
+        for effect, _, parameter in held
     )

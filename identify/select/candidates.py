@@ -1,4 +1,4 @@
-"""Which effects may be added to a step: the best-scored are refitted with the map and compared."""
+"""Candidates for the next effect: the best-scored ones, refitted with the map and compared."""
 
 from __future__ import annotations
 
@@ -8,31 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from identify.effects.base import Effect
+from identify.effects.base import Effect, advice
 from identify.fit.joint_fit import try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
-from identify.select.diagnosis import ALIKE, Diagnosis
+from identify.select.diagnosis import Diagnosis
 from identify.select.score_test import Score, holm_significant
+from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
-
-MARGIN = 10.0  # in chi-square and price, by which one explanation beats another
-SURE = 1e-3  # family-wise chance, where nothing but the score speaks for an effect
-REFIT_EVALUATIONS = 15
-_EASED_WEIGHT, _EASED_RADIUS = 0.35, 1.3
-_FAR = 0.3  # of a scaled coordinate of the map: of a logarithm, or of a size of the body
-_SHORTLIST = 3
-_ENOUGH = 0.5  # in chi-square: a candidate whose steps bring less has shown what it can
-# A candidate is beaten if it is so far behind, in chi-square, and has done less than half of the
-# best one: a true one has come from behind by 130 once the finer model corrected its map.
-BEATEN_BY, _BEATEN_SHARE = 200.0, 0.5
-# Of what the best one did: what going on, a few dozen evaluations of it, has never made up for
-_LAGS_SHARE = 0.2
-_RISE = 1.002  # an addition does not raise the error itself ...
-_EXPECTED = 0.5  # ... but where so much of what chi-square falls by is borne out, see `borne_out`
-_PROMISED = 0.3  # of the score: a refit that brings less may have begun at the wrong place
-_HOPELESS = 0.1  # of the best linear score: a candidate with less does not overtake it by a refit
 
 
 @dataclass(frozen=True)
@@ -47,8 +31,8 @@ class Candidate:
     @property
     def contains(self) -> tuple[str, ...]:
         """Names of the effects that are special cases of it."""
-        own = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
-        return next((effect.contains for effect in own), ())
+        effects = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
+        return next((effect.contains for effect in effects), ())
 
 
 def best_candidates(
@@ -56,26 +40,26 @@ def best_candidates(
     effects: dict[str, Effect],
     say: Callable[[str], None],
     exclude: Sequence[str],
+    settings: SelectionSettings = SELECTION,
 ) -> tuple[Candidate, ...]:
-    """Return the best-scored effects that a refit bears out; empty if there are none.
+    """Return the best-scored effects that a refit supports; empty without any.
 
-    Far from the truth the linear scores mislead: those next in rank are tried where the best fail,
-    and beside the first ones the effects that have a `refitted_from`. Where the residual is noise,
-    one of them must have a score that noise does not give in a thousand scans (`SURE`), or one of
-    the latter a fall of chi-square.
+    Far from the truth the linear scores mislead: if the best fail, the next in rank are tried, and
+    beside the first ones the effects with a `refitted_from`. If the residual is noise, one of them
+    needs a p-value below `settings.sure`, by its score or, with a `refitted_from`, by its refit.
     """
-    chance = SURE if step.comparison.is_noise else 1.0
+    level = settings.sure if step.comparison.is_noise else 1.0
     scores = [score for score in step.diagnosis.scores if score.untestable is None]
-    sure = holm_significant(scores, chance)
+    sure = holm_significant(scores, level)
     tested = {score.name for score in scores} - set(exclude)
-    always = [name for name in effects if effects[name].refitted_from and name in tested]
+    always = [name for name in effects if advice(effects[name]).refitted_from and name in tested]
     tried = list(exclude)
-    while names := list(dict.fromkeys([*shortlist(step.diagnosis, tried), *always])):
-        candidates = compare_candidates(step, effects, say, names)
+    while names := list(dict.fromkeys([*shortlist(step.diagnosis, tried, settings), *always])):
+        candidates = compare_candidates(step, effects, say, names, settings)
         sure |= {
-            r.name
-            for r in candidates
-            if r.name in always and refit_chance(step, r) < chance / len(scores)
+            c.name
+            for c in candidates
+            if c.name in always and refit_p_value(step, c) < level / len(scores)
         }
         better = candidates and candidates[0].criterion < step.fit.bic
         if better and any(candidate.name in sure for candidate in candidates):
@@ -84,11 +68,10 @@ def best_candidates(
     return ()
 
 
-def refit_chance(step: Step, candidate: Candidate) -> float:
-    """Chance that noise makes chi-square fall so far by the candidate's further parameters."""
-    return float(
-        chdtrc(len(candidate.fit.u) - len(step.fit.u), max(step.fit.chi2 - candidate.chi2, 0.0))
-    )
+def refit_p_value(step: Step, candidate: Candidate) -> float:
+    """P-value of the decrease of chi-square by the candidate's further parameters."""
+    decrease = max(step.fit.chi2 - candidate.chi2, 0.0)
+    return float(chdtrc(len(candidate.fit.u) - len(step.fit.u), decrease))
 
 
 def compare_candidates(
@@ -96,69 +79,83 @@ def compare_candidates(
     effects: dict[str, Effect],
     say: Callable[[str], None],
     names: Sequence[str],
+    settings: SelectionSettings = SELECTION,
 ) -> tuple[Candidate, ...]:
     """Refit these effects with the map; best first."""
     fits: dict[str, FitResult] = {}
     best = np.inf
     for name in names:
         say(f"trying {name}")
-        fit = fit_with(step.fit, effects[name], step.diagnosis[name], best)
+        fit = fit_with(step.fit, effects[name], step.diagnosis[name], best, settings)
         if fit is not None and not is_implausible(fit, name):
             fits[name] = fit
             best = min(best, fit.chi2)
     candidates = []
     for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
         say(f"trying {name} further")
-        fit = carried_on(fit, step.fit, best)
+        fit = refit_further(fit, step.fit, best, settings)
         if is_implausible(fit, name):  # now
             continue
         best = min(best, fit.chi2)
-        if in_earnest(step.fit, fit):
+        if is_improvement(step.fit, fit, settings):
             candidates.append(Candidate(name, fit.chi2, fit.bic, fit))
-    return tuple(sorted(candidates, key=lambda candidate: candidate.criterion))
+    return tuple(sorted(candidates, key=lambda c: c.criterion))
 
 
-def refit(model: MeasurementModel, stiffness: GaussianMap, **options: int) -> FitResult | None:
-    """Refit a candidate, or None where the start is impossible; 15 evaluations where not said."""
-    options.setdefault("max_evaluations", REFIT_EVALUATIONS)
-    return try_fit(model, stiffness, enough=_ENOUGH, **options)
+def refit(
+    model: MeasurementModel, stiffness: GaussianMap, settings: SelectionSettings, **options: int
+) -> FitResult | None:
+    """Refit a candidate by few evaluations, or None where the start is impossible."""
+    options.setdefault("max_evaluations", settings.refit_evaluations)
+    return try_fit(model, stiffness, enough=settings.refit_gain, **options)
 
 
-def beaten(candidate: float, before: float, best: float, share: float = _BEATEN_SHARE) -> bool:
-    """Whether a candidate's chi-square is too far behind the best one's."""
-    return candidate - best > max(BEATEN_BY, share * (before - best))
+def is_beaten(
+    chi2: float, before: float, best: float, settings: SelectionSettings, share: float | None = None
+) -> bool:
+    """Whether a chi-square is too far behind the best one, both down from that before.
+
+    `share` of the best improvement; default `settings.behind_share`.
+    """
+    share = settings.behind_share if share is None else share
+    return chi2 - best > max(settings.behind_chi2, share * (before - best))
 
 
-def carried_on(fit: FitResult, before: FitResult, best: float) -> FitResult:
-    """Refit what had not ended, or took the map far: there the finer model corrects otherwise."""
+def refit_further(
+    fit: FitResult, before: FitResult, best: float, settings: SelectionSettings
+) -> FitResult:
+    """Continue a refit that had not ended, or took the map far from its last correction."""
     free = len(fit.model.space.free)
-    far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > _FAR
-    lags = beaten(fit.chi2, before.chi2, best, _LAGS_SHARE)
+    far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > settings.far_map
+    lags = is_beaten(fit.chi2, before.chi2, best, settings, settings.lagging_share)
     if (fit.success and not far) or lags:
         return fit
-    return refit(fit.model, fit.map, max_evaluations=2 * REFIT_EVALUATIONS) or fit
+    most = 2 * settings.refit_evaluations
+    return refit(fit.model, fit.map, settings, max_evaluations=most) or fit
 
 
 def is_implausible(fit: FitResult, name: str) -> bool:
-    """Whether an effect of a fit has ended at values that are not to be believed."""
+    """Whether the values of an effect of a fit are implausible, by its own advice."""
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
-    return part.effect.doubt(fit.at.values[name], fit.model.readings) is not None
+    return advice(part.effect).doubt(fit.at.values[name], fit.model.readings) is not None
 
 
-def in_earnest(before: FitResult, after: FitResult) -> bool:
-    """Whether the error itself falls, or most of the fall of chi-square is borne out.
+def is_improvement(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
+    """Whether the rms residual falls, or the predicted travel alone explains enough.
 
     Chi-square also falls where the model's slope, and with it the noise allowed, grows.
     """
-    return after.rms_m <= _RISE * before.rms_m or borne_out(before, after) >= _EXPECTED
+    if after.rms_m <= settings.error_rise * before.rms_m:
+        return True
+    return predicted_share(before, after) >= settings.predicted_share
 
 
-def borne_out(before: FitResult, after: FitResult) -> float:
-    """Share of the fall of chi-square that stays if only the expected travel changes.
+def predicted_share(before: FitResult, after: FitResult) -> float:
+    """Share of the decrease of chi-square that is due to the predicted travel alone.
 
     At the same forces, with the noise allowed before. A steeper law passes more of the force's
-    noise on to the residual at the forces as they were read, which then grows though the law is
-    right: that residual's rms alone is no judge.
+    noise on to the residual at the measured forces, which then grows though the law is right: the
+    rms of that residual alone is no criterion.
     """
     force = before.at.latent_force_n
     old, new = (
@@ -168,80 +165,96 @@ def borne_out(before: FitResult, after: FitResult) -> float:
         for fit in (before, after)
     )
     moved = before.at.whitened(new - old, before.model.readings.press)
-    fall = before.chi2 - float(np.sum((before.at.residual - moved) ** 2))
-    return fall / max(before.chi2 - after.chi2, 1e-300)
+    decrease = before.chi2 - float(np.sum((before.at.residual - moved) ** 2))
+    return decrease / max(before.chi2 - after.chi2, 1e-300)
 
 
-def shortlist(diagnosis: Diagnosis, exclude: Sequence[str] = ()) -> list[str]:
-    """Return the best three significant effects and every significant one that looks like them."""
+def shortlist(
+    diagnosis: Diagnosis, exclude: Sequence[str] = (), settings: SelectionSettings = SELECTION
+) -> list[str]:
+    """Return the best significant effects, and every significant one with a pattern alike."""
     candidates = [
         s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
     ]
     candidates.sort(key=lambda s: -s.statistic)
-    least = _HOPELESS * candidates[0].statistic if candidates else 0.0
+    least = settings.hopeless * candidates[0].statistic if candidates else 0.0
     names = [s.name for s in candidates if s.statistic >= least]
-    best = names[:_SHORTLIST]
+    best = names[: settings.shortlist]
     order = [score.name for score in diagnosis.scores]
-    near = [
+    alike = [
         name
-        for name in names[_SHORTLIST:]
-        if any(diagnosis.cosines[order.index(name), order.index(b)] > ALIKE for b in best)
+        for name in names[settings.shortlist :]
+        if any(
+            diagnosis.cosines[order.index(name), order.index(b)] > diagnosis.settings.alike
+            for b in best
+        )
     ]
-    return best + near
+    return best + alike
 
 
 def fit_with(
-    fit: FitResult, effect: Effect, score: Score, candidate: float = np.inf
+    fit: FitResult,
+    effect: Effect,
+    score: Score,
+    best_chi2: float = np.inf,
+    settings: SelectionSettings = SELECTION,
 ) -> FitResult | None:
-    """Refit with one more effect from its first estimate, or parts of it; the best fit.
+    """Refit with one more effect from its linear estimate, or parts of it; the best fit.
 
-    The estimate is linear. Where it is impossible, or far beyond where the effect's law levels off,
-    a fit that begins there does not bring what the score promises, and a part of it is tried.
+    If the estimate is impossible, or far beyond the levelling of the effect's law, the fit does not
+    bring the promised decrease of chi-square, and a part of the estimate is tried.
+
+    Parameters
+    ----------
+    best_chi2 : of other candidates so far
     """
-    if effect.refitted_from:
-        return _from_afar(fit, effect, candidate)
+    if advice(effect).refitted_from:
+        return _from_afar(fit, effect, best_chi2, settings)
     best = None
-    for share in (1.0, 0.3, 0.03):
+    for share in settings.start_shares:
         values = dict(score.values)
         for amplitude in effect.amplitudes:
             assert amplitude.null is not None
             moved = share * (values[amplitude.name] - amplitude.null)
             values[amplitude.name] = amplitude.null + moved
         model = fit.model.with_effect(effect, values, fit.at.state)
-        found = refit(model, fit.map, rounds=0)
-        if found is not None and (best is None or found.chi2 < best.chi2):
-            best = found
-        if best is not None and fit.chi2 - best.chi2 > _PROMISED * score.statistic:
+        after = refit(model, fit.map, settings, rounds=0)
+        if after is not None and (best is None or after.chi2 < best.chi2):
+            best = after
+        if best is not None and fit.chi2 - best.chi2 > settings.promised * score.statistic:
             break
     return best
 
 
-def _from_afar(fit: FitResult, effect: Effect, candidate: float) -> FitResult | None:
+def _from_afar(
+    fit: FitResult, effect: Effect, best_chi2: float, settings: SelectionSettings
+) -> FitResult | None:
     """Refit with one more effect from its `refitted_from`, beside an eased map or else the map.
 
     The finer model corrects the eased map otherwise: without that it does not even fit as well.
     """
-    model = fit.model.with_effect(effect, effect.refitted_from, fit.at.state)
-    eased = refit(model, _eased(fit), rounds=0)
-    if eased is not None and beaten(eased.chi2, fit.chi2, candidate):
+    model = fit.model.with_effect(effect, advice(effect).refitted_from, fit.at.state)
+    eased = refit(model, _eased(fit, settings), settings, rounds=0)
+    if eased is not None and is_beaten(eased.chi2, fit.chi2, best_chi2, settings):
         return eased
-    eased = None if eased is None else refit(eased.model, eased.map)
+    eased = None if eased is None else refit(eased.model, eased.map, settings)
     if eased is not None and eased.chi2 <= fit.chi2:
         return eased
-    return refit(model, fit.map, rounds=0) or eased
+    return refit(model, fit.map, settings, rounds=0) or eased
 
 
-def _eased(fit: FitResult) -> GaussianMap:
-    """Return the map with its inclusions deeper, wider and softer, which the surface feels alike.
+def _eased(fit: FitResult, settings: SelectionSettings) -> GaussianMap:
+    """Return the map with its inclusions deeper, wider and softer, alike at the surface.
 
-    What a wrong shape drives to the surface, where its bound holds it, comes from there.
+    An inclusion of a wrong shape ends at the surface, held by its bound; from here it finds back.
     """
     readings, inclusions = fit.model.readings, []
     for inclusion in fit.map.inclusions:
         centre = np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
         nearest = np.argmin(np.sum((readings.point_m - centre) ** 2, axis=1))
         x, y, z = (centre + inclusion.radius_m * readings.direction[nearest]).tolist()
-        weight, radius = _EASED_WEIGHT * inclusion.weight_pa, _EASED_RADIUS * inclusion.radius_m
+        weight = settings.eased_weight * inclusion.weight_pa
+        radius = settings.eased_radius * inclusion.radius_m
         inclusions.append(Inclusion(weight, x, y, z, radius))
     eased = GaussianMap(fit.map.background_pa, tuple(inclusions))
     free = dict(zip(eased.names, eased.values.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Which effects of a catalogue the residual of a fit calls for, and which cannot be told apart."""
+"""Diagnosis of a fit: significant effects of a catalogue, and groups that look alike."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ import numpy as np
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.select.score_test import Score, cosine, fitted_basis, holm_significant, score_effect
-
-ALPHA = 0.01  # chance that pure noise supports any effect of the catalogue
-ALIKE = 0.9  # cosine from which two effects cannot be told apart by their linear patterns
+from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
 CandidateVerdict = Literal["supported", "helps", "indistinguishable", "not_seen", "untestable"]
-"""Of one effect; "helps": it lowers chi-square, but structure remains (never from scores alone)."""
+"""Of one effect; "helps": lower chi-square, but structure remains (never from scores alone)."""
 
 
 @dataclass(frozen=True)
@@ -47,18 +45,20 @@ class EffectVerdict:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Scores of all effects that the model does not have yet.
+    """Scores of all effects of a catalogue beside a model.
 
     Attributes
     ----------
     scores : best first; untestable ones last
-    significant : names that pure noise would not give (Holm over the catalogue, 1 %)
-    excess : chi-square beyond the degrees of freedom: what remains to be explained
+    significant : names of the significant effects (Holm over the catalogue, 1 %)
+    excess : unexplained chi-square, beyond the degrees of freedom
+    settings : of the scores
     """
 
     scores: tuple[Score, ...]
     significant: frozenset[str]
     excess: float
+    settings: DiagnosisSettings = DIAGNOSIS
 
     def __getitem__(self, name: str) -> Score:
         return next(score for score in self.scores if score.name == name)
@@ -69,14 +69,15 @@ class Diagnosis:
         return np.array([[cosine(a, b) for b in self.scores] for a in self.scores])
 
     def confused_with(self, name: str) -> tuple[str, ...]:
-        """Names of the effects whose pattern is the same but for a cosine of 0.9, nearest first."""
+        """Names of the effects with a pattern alike (cosine above 0.9), nearest first."""
         names = [score.name for score in self.scores]
         row = self.cosines[names.index(name)]
-        alike = [(c, n) for c, n in zip(row, names, strict=True) if n != name and c > ALIKE]
+        limit = self.settings.alike
+        alike = [(c, n) for c, n in zip(row, names, strict=True) if n != name and c > limit]
         return tuple(n for _, n in sorted(alike, reverse=True))
 
     def verdict(self, name: str) -> CandidateVerdict:
-        """Say what the scores alone say of an effect."""
+        """Verdict on an effect from the scores alone."""
         score = self[name]
         if score.untestable is not None:
             return "untestable"
@@ -98,7 +99,7 @@ class Diagnosis:
         )
 
     def explained_fraction(self, name: str) -> float:
-        """Share of the unexplained chi-square that an effect would take away, 0 to 1."""
+        """Share of the unexplained chi-square in an effect's score, 0 to 1."""
         if self.excess <= 0:
             return 0.0
         return float(np.clip(self[name].statistic / self.excess, 0.0, 1.0))
@@ -110,8 +111,9 @@ def diagnose(
     *,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    settings: DiagnosisSettings = DIAGNOSIS,
 ) -> Diagnosis:
-    """Score every effect of the catalogue that the fitted model does not have.
+    """Score every effect of the catalogue beyond those of the fitted model.
 
     Parameters
     ----------
@@ -125,8 +127,7 @@ def diagnose(
             continue
         if progress:
             progress(effect.name)
-        scores.append(score_effect(fit, effect, fitted, seed))
+        scores.append(score_effect(fit, effect, fitted, seed, settings))
     scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))
-    return Diagnosis(
-        tuple(scores), frozenset(holm_significant(scores, ALPHA)), max(fit.chi2 - fit.dof, 0.0)
-    )
+    significant = frozenset(holm_significant(scores, settings.alpha))
+    return Diagnosis(tuple(scores), significant, max(fit.chi2 - fit.dof, 0.0), settings)

@@ -1,14 +1,14 @@
-"""The loop: find the missing effect, add it, refit, until what remains is noise.
+"""Forward selection of effects: find a missing effect, add it, refit, until the residual is noise.
 
-The linear score only ranks; the refit decides. At each step the best-scored effects and all that
-look like them are fitted jointly with the map; the winner must beat every other by more than
-`MARGIN` in chi-square (after the price of its parameters), else they are an ambiguous group
-and one of them stands in for the group. Where the residual is noise, nothing is added but what
-chance does not give in a thousand scans; where it is structured, nothing that takes next to none
-of what is unexplained: beside something large and unknown, everything is significant. An effect
-that the map imitates all but wholly is never named alone: what is left of it is no more than a
-slight error of the model. After each addition the earlier ones must still earn their place, and are
-compared with their candidates again. The verdict follows from what remains.
+The linear score only ranks; the refit decides. At each step the best-scored effects, and all with a
+pattern alike, are fitted jointly with the map. The winner must beat every other by a margin of
+chi-square (after the price of its parameters), else they are an ambiguous group and one of them
+stands for the group. If the residual is consistent with noise, an effect is added only at p < 0.001
+(`SelectionSettings.sure`). Otherwise it must remove at least 10 % of the excess chi-square: beside
+something large and unknown, everything is significant. An effect that the map imitates almost
+completely is never named alone: a small model error can mimic it. After each step the earlier
+effects must still earn their place, and are compared with their candidates again. The verdict
+follows from the last residual.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect, at_bound
-from identify.select.candidates import REFIT_EVALUATIONS, Candidate, best_candidates, is_implausible
+from identify.select.candidates import Candidate, best_candidates, is_implausible
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, step_of
 from models.scan import Scan
 
-SUSPECT_PRESSES = "suspect_presses"  # beside an effect that single presses alone call for
-_MAIN_PART = 0.95  # of the unexplained chi-square: what explains more is offered by name
+SUSPECT_PRESSES = "suspect_presses"  # equivalent of an effect that rests on single presses
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What the loop found.
+    """Result of the selection.
 
     Attributes
     ----------
     verdict : of the whole scan
-    ladder : from the map alone to the last model
-    accepted : in the order in which they were made, those that kept their place
+    ladder : steps from the map alone to the last model
+    accepted : effects of the last model, in the order of their steps
     dropped : effects that were added and later lost their place
-    resting_on_outliers : effects that are not found without the presses that stand out
+    resting_on_outliers : effects that are not found without the outlying presses
+    settings : of the selection
     """
 
     verdict: Verdict
@@ -56,6 +56,7 @@ class Explanation:
     accepted: tuple[AcceptedEffect, ...]
     dropped: tuple[str, ...]
     resting_on_outliers: tuple[str, ...] = ()
+    settings: SelectionSettings = SELECTION
 
     @property
     def final(self) -> Step:
@@ -70,43 +71,43 @@ class Explanation:
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Effects that are offered by name: alone in their group, and not mere helpers.
+        """Effects that are offered by name: alone in their group, and plausible.
 
-        Where the remainder is structured, an effect is only offered if the effects together took
-        nearly all of what was unexplained, or the presses by themselves bear it out.
+        Beside a structured residual, an effect is offered only if the effects together took nearly
+        all of the excess chi-square, or the contact law of the presses supports it.
         """
         unsure = (*self.resting_on_outliers, *self.at_bound, *self.implausible)
         sure = tuple(a for a in self.accepted if len(a.group) == 1 and a.name not in unsure)
-        main = self.explained_share >= _MAIN_PART and not self.map_error
+        main = self.explained_share >= self.settings.main_share and not self.map_error
         if self.verdict == "unexplained" and not main:
             sure = tuple(a for a in sure if a.shown_by_presses)
         return tuple(a.name for a in sure)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
-        """Effects of the last model that would be larger if that were possible: not found."""
+        """Effects of the last model at a physical bound: not found."""
         return tuple(name for name in self.final.fit.effect_names if at_bound(self.final.fit, name))
 
     @property
     def implausible(self) -> tuple[str, ...]:
-        """Effects of the last model whose values are not to be believed."""
+        """Effects of the last model with implausible values."""
         return tuple(
             name for name in self.final.fit.effect_names if is_implausible(self.final.fit, name)
         )
 
     @property
     def traces(self) -> tuple[str, ...]:
-        """Effects that are significant in the last step and yet no call for another addition."""
+        """Significant effects of the last step that do not call for a further step."""
         return tuple(sorted(self.final.diagnosis.significant)) * (self.verdict != "unexplained")
 
     @property
     def map_error(self) -> float:
-        """Relative error of the map's compliances that is counted beside the noise, or 0."""
+        """Relative error of the map's compliances, counted beside the noise, or 0."""
         return self.final.fit.model.press_error
 
     @property
     def explained_share(self) -> float:
-        """Share of the first step's excess chi-square that the additions took away."""
+        """Share of the first step's excess chi-square that the accepted effects remove."""
         return _share(self.ladder[0].fit, self.final.fit)
 
 
@@ -136,33 +137,30 @@ def forward_selection(
     seed : of the simulated nulls
     progress : called with the present task, in words
     on_step : called with each new step
-    policy : decisions of the loop; None for those of `Policy`
-    settings : thresholds
+    policy : decisions of the selection; None for those of `Policy`
     """
     policy = policy or Policy()
     say = progress or (lambda text: None)
     effects = {effect.name: effect for effect in catalogue}
 
     def judged(fit: FitResult) -> Step:
-        step = step_of(fit, scan, catalogue, seed, say)
+        step = step_of(fit, scan, catalogue, seed, say, settings)
         if on_step:
             on_step(step)
         return step
 
     say("fitting the map")
     ladder = [judged(fit_jointly(model, stiffness))]
-    additions: list[AcceptedEffect] = []
+    accepted: list[AcceptedEffect] = []
     dropped: list[str] = []
     settled = False
     if policy.first and (started := policy.first(ladder[0], say)):
-        fit, additions = started
+        fit, accepted = started
         ladder.append(judged(fit))
-    most = settings.most_effects + len(additions)
-    while len(additions) < most and (
-        len(ladder) == 1 or policy.goes_on(ladder, additions, settings)
-    ):
+    most = settings.most_effects + len(accepted)
+    while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
         now = ladder[-1]
-        candidates = policy.propose(now, effects, say, dropped)
+        candidates = policy.propose(now, effects, say, dropped, settings)
         if not candidates:
             settled = now.comparison.is_noise
             break
@@ -170,56 +168,62 @@ def forward_selection(
             now.fit, candidates[0].fit, settings
         ):
             break
-        additions.append(_accepted(ladder, additions, candidates, settings))
+        accepted.append(_accepted(ladder, accepted, candidates, settings))
         winner = candidates[0].fit
         say(f"refitting with {candidates[0].name}")
         fit, lost = policy.prune(
-            fit_jointly(winner.model, winner.map), [a.name for a in additions[:-1]], say
+            fit_jointly(winner.model, winner.map), [a.name for a in accepted[:-1]], say, settings
         )
-        kept = [a for a in additions if a.name not in lost]
+        kept = [a for a in accepted if a.name not in lost]
         # Beside an effect since lost, the last one may have beaten candidates that do as well now
-        fit, additions, exchanged = policy.compare(fit, kept, say, bool(lost))
+        fit, accepted, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
         dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
                 ladder[number] = judged(with_exchanged(step.fit, exchanged, fit))
         ladder.append(judged(fit))
-    verdict = "unexplained" if model.press_error else _verdict(ladder, additions, settled, settings)
+    verdict = "unexplained" if model.press_error else _verdict(ladder, accepted, settled, settings)
     gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
-    return Explanation(verdict, tuple(ladder), tuple(additions), gone)
+    return Explanation(verdict, tuple(ladder), tuple(accepted), gone, settings=settings)
 
 
 def _share(before: FitResult, after: FitResult) -> float:
-    """Share of the excess chi-square of a fit that another one takes away."""
+    """Share of the excess chi-square of a fit that another one removes."""
     excess = before.chi2 - before.dof
     return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0
 
 
 def _accepted(
     ladder: Sequence[Step],
-    additions: Sequence[AcceptedEffect],
+    accepted: Sequence[AcceptedEffect],
     candidates: tuple[Candidate, ...],
     settings: SelectionSettings,
 ) -> AcceptedEffect:
     """Return the best candidate with its group."""
     now, winner = ladder[-1], candidates[0]
-    left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, additions, winner, settings)
-    beside = {own.name: _beside(now, own.name, settings) or left for own in candidates}
-    return AcceptedEffect(winner.name, candidates, False, beside, now.fit.chi2)
+    left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, accepted, winner, settings)
+    confounded = {c.name: _confounded(now, c.name, settings) or left for c in candidates}
+    return AcceptedEffect(
+        winner.name,
+        candidates,
+        confounded=confounded,
+        chi2_before=now.fit.chi2,
+        settings=settings,
+    )
 
 
 def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
-    """Whether a fit takes its share of the excess; any does where the structure is below it."""
+    """Whether a fit takes its share of the excess; any does without an excess."""
     return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
 
 
-def _beside(step: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
-    """Name what cannot be told from an effect because the map imitates one of them all but wholly.
+def _confounded(step: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
+    """Return the effects that cannot be separated from an effect because of model error.
 
-    What is left of such an effect is so little that it must be large to explain anything, with the
-    map far off on the other side; then a slight error of the model, or another form of the map,
-    passes for it. If the model's own error is what fits best, it may be any of these effects. Nor
-    is an effect told from that error whose pattern is like its own, which is only an estimate.
+    An effect that the map imitates is almost collinear with the map. Its amplitude would have to be
+    large and would be compensated by a wrong map, so a small model error can mimic it. If the model
+    error itself fits best, it may be any of these effects. An effect with a pattern like that of
+    the model error, which is only an estimate, is not separated from it either.
     """
     scores = [score for score in step.diagnosis.scores if score.untestable is None]
     imitated = [score.name for score in scores if score.visible < settings.imitated]
@@ -231,13 +235,13 @@ def _beside(step: Step, name: str, settings: SelectionSettings = SELECTION) -> t
 
 def _may_be_left_of_error(
     ladder: Sequence[Step],
-    additions: Sequence[AcceptedEffect],
+    accepted: Sequence[AcceptedEffect],
     winner: Candidate,
     settings: SelectionSettings,
 ) -> bool:
-    """Whether an effect may be what the model's own error, if it was that before, leaves over."""
+    """Whether an effect may be the residue of a model error that was accepted before."""
     now = ladder[-1]
-    if not any(MODEL_ERROR in addition.group for addition in additions):
+    if not any(MODEL_ERROR in effect.group for effect in accepted):
         return False
     explained, more = ladder[0].fit.chi2 - now.fit.chi2, now.fit.chi2 - winner.chi2
     return more < settings.left_of_error * explained and _acts_by_compliance(
@@ -246,24 +250,30 @@ def _may_be_left_of_error(
 
 
 def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> bool:
-    """Whether each press's readings move as by another compliance of the body under it."""
+    """Whether an effect acts as another compliance of the body under each press."""
     at, press = step.fit.at, step.fit.model.readings.press
-    by_own = at.whitened(at.by_compliance, press)
+    by_compliance = at.whitened(at.by_compliance, press)
     pattern = step.diagnosis[name].beyond
-    along = np.array([np.bincount(press, by_own * column) for column in pattern.T])
-    square = np.bincount(press, by_own**2)
+    along = np.array([np.bincount(press, by_compliance * column) for column in pattern.T])
+    square = np.bincount(press, by_compliance**2)
     return bool(np.sum(along**2 / square) >= settings.by_compliance * np.sum(pattern**2))
 
 
 def without_unneeded(
-    fit: FitResult, names: Sequence[str], say: Callable[[str], None]
+    fit: FitResult,
+    names: Sequence[str],
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
 ) -> tuple[FitResult, list[str]]:
-    """Leave out those of a fit's effects that do not earn their place; the fit, and their names."""
+    """Leave out the effects of a fit that do not earn their place; the fit, and their names."""
     lost: list[str] = []
     for name in names:
         say(f"testing whether {name} is still needed")
         without = try_fit(
-            fit.model.without(name), fit.map, rounds=0, max_evaluations=REFIT_EVALUATIONS
+            fit.model.without(name),
+            fit.map,
+            rounds=0,
+            max_evaluations=settings.refit_evaluations,
         )
         if without is not None and without.bic < fit.bic:
             fit = without
@@ -273,52 +283,52 @@ def without_unneeded(
 
 def is_more_missing(
     ladder: Sequence[Step],
-    additions: Sequence[AcceptedEffect],
+    accepted: Sequence[AcceptedEffect],
     settings: SelectionSettings = SELECTION,
 ) -> bool:
-    """Say whether the last step's significant effects call for another addition.
+    """Whether the significant effects of the last step call for a further step.
 
-    Not where the residual is noise but for a trace that is within what the law of an effect may be
-    off by, or that may be the difference between the members of an ambiguous group.
+    If the residual is noise, a trace does not: it may be the inaccuracy of an effect's law, or the
+    difference between the members of an ambiguous group.
     """
     now = ladder[-1]
     strongest = max(
         (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
     )
-    if strongest == 0 or not additions or not now.comparison.is_noise:
+    if strongest == 0 or not accepted or not now.comparison.is_noise:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
-    return len(additions[-1].equivalents) == 1 and strongest > settings.trace * explained
+    return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
 
 
 def _verdict(
     ladder: Sequence[Step],
-    additions: Sequence[AcceptedEffect],
+    accepted: Sequence[AcceptedEffect],
     settled: bool,
     settings: SelectionSettings = SELECTION,
 ) -> Verdict:
-    """Judge the last step; `settled` says that no effect does clearly better than its noise."""
+    """Verdict of the last step; `settled`: noise, and no effect does clearly better."""
     last = ladder[-1]
     if not last.comparison.is_noise or (
-        is_more_missing(ladder, additions, settings) and not settled
+        is_more_missing(ladder, accepted, settings) and not settled
     ):
         return "unexplained"
-    if not additions:
+    if not accepted:
         return "nothing_missing"
-    if any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in additions):
+    if any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted):
         return "unexplained"
-    return "ambiguous" if any(len(a.group) > 1 for a in additions) else "explained"
+    return "ambiguous" if any(len(a.group) > 1 for a in accepted) else "explained"
 
 
 @dataclass(frozen=True)
 class Policy:
-    """Decisions of the forward selection.
+    """Decisions of the forward selection; each takes the settings last.
 
     Attributes
     ----------
     first : first step from the map alone, or None (`identify.select.first_step`)
-    propose : candidates of a step, best first; empty to end the loop
-    worthwhile : sufficient gain of a candidate's fit where the residual is structured
+    propose : candidates of a step, best first; empty to end the selection
+    worthwhile : sufficient gain of a candidate's fit beside a structured residual
     prune : removal of earlier effects no longer needed
     compare : comparison of earlier effects with their candidates, beside the others
     goes_on : need of a further effect
@@ -326,14 +336,16 @@ class Policy:
 
     first: FirstStep | None = None
     propose: Callable[
-        [Step, dict[str, Effect], Callable[[str], None], Sequence[str]], tuple[Candidate, ...]
+        [Step, dict[str, Effect], Callable[[str], None], Sequence[str], SelectionSettings],
+        tuple[Candidate, ...],
     ] = best_candidates
     worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = _worthwhile
     prune: Callable[
-        [FitResult, Sequence[str], Callable[[str], None]], tuple[FitResult, list[str]]
+        [FitResult, Sequence[str], Callable[[str], None], SelectionSettings],
+        tuple[FitResult, list[str]],
     ] = without_unneeded
     compare: Callable[
-        [FitResult, Sequence[AcceptedEffect], Callable[[str], None], bool],
+        [FitResult, Sequence[AcceptedEffect], Callable[[str], None], bool, SelectionSettings],
         tuple[FitResult, list[AcceptedEffect], dict[str, str]],
     ] = reconsider
     goes_on: Callable[[Sequence[Step], Sequence[AcceptedEffect], SelectionSettings], bool] = (

@@ -1,8 +1,8 @@
-"""The chance that pure noise scores as high, where a shape was searched on a grid.
+"""Null distribution of the score where a shape was searched on a grid.
 
 The score of an effect with a shape parameter is the largest over its candidates; its distribution
 under the null is simulated with the scan's own patterns (r ~ N(0, I), cheap because linear).
-Beyond what was simulated the tail is that of a number of independent trials (Gumbel):
+Beyond the simulation, the tail is that of a number of independent trials (Gumbel):
 p = 1 - exp(-N sf(S)), N matched to the simulation.
 """
 
@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-_DRAWS = 1000
-_BATCH = 500
-_BEYOND_DOUBT = -40.0  # natural logarithm of a chance
-_TAIL = 0.1  # upper share of the simulation from which the tail is matched
+from identify.select.settings import DIAGNOSIS, DiagnosisSettings
+
+_BATCH = 500  # residuals held in memory at a time
 
 
 def log_sf(statistic: float, dof: int, one_sided: bool) -> float:
@@ -47,20 +46,22 @@ def log_sf(statistic: float, dof: int, one_sided: bool) -> float:
 class ScoreNull:
     """Null distribution of the largest score over a grid.
 
-    `largest` (n,) sorted simulated maxima; `trials` effective number of independent candidates.
+    `largest` (n,) sorted simulated maxima; `trials` effective number of independent candidates;
+    `tail` upper share of the simulation that the trials replace.
     """
 
     largest: np.ndarray
     trials: float
     dof: int
     one_sided: bool
+    tail: float = DIAGNOSIS.tail
 
     def log_p(self, statistic: float) -> float:
-        """Natural logarithm of the chance of a statistic at least as large."""
+        """Natural logarithm of the p-value of a statistic."""
         if len(self.largest) == 0:
             return min(np.log(self.trials) + log_sf(statistic, self.dof, self.one_sided), 0.0)
         n = len(self.largest)
-        edge = self.largest[int((1 - _TAIL) * n)]
+        edge = self.largest[int((1 - self.tail) * n)]
         if statistic < edge:
             rank = float(np.interp(statistic, self.largest, np.arange(n) + 0.5, left=0.0))
             return float(np.log1p(-rank / n)) if rank < n else -np.inf
@@ -69,7 +70,11 @@ class ScoreNull:
 
 
 def score_null(
-    basis: np.ndarray, one_sided: bool, rng: np.random.Generator, statistic: float = 0.0
+    basis: np.ndarray,
+    one_sided: bool,
+    rng: np.random.Generator,
+    statistic: float = 0.0,
+    settings: DiagnosisSettings = DIAGNOSIS,
 ) -> ScoreNull:
     """Simulate the largest score over a grid.
 
@@ -77,22 +82,22 @@ def score_null(
     ----------
     basis : (g, m, q) orthonormal basis of each candidate's pattern beyond the map
     one_sided : the score is signed (q = 1)
-    statistic : that is to be judged; where it is beyond all doubt nothing is simulated, and all
-        candidates count as independent trials (Bonferroni)
+    statistic : observed score; where it is certain nothing is simulated, and all candidates count
+        as independent trials (Bonferroni)
     """
     g, m, q = basis.shape
-    if g == 1 or np.log(g) + log_sf(statistic, q, one_sided) < _BEYOND_DOUBT:
-        return ScoreNull(np.empty(0), float(g), q, one_sided)
+    if g == 1 or np.log(g) + log_sf(statistic, q, one_sided) < settings.certain:
+        return ScoreNull(np.empty(0), float(g), q, one_sided, settings.tail)
     flat = np.ascontiguousarray(basis.transpose(0, 2, 1).reshape(g * q, m))
     largest = []
-    for _ in range(_DRAWS // _BATCH):
+    for _ in range(settings.draws // _BATCH):
         t = (flat @ rng.standard_normal((m, _BATCH))).reshape(g, q, _BATCH)
         score = t[:, 0] if one_sided else np.sum(t**2, axis=1)
         largest.append(score.max(axis=0))
     ordered = np.sort(np.concatenate(largest))
     n = len(ordered)
-    upper = np.arange(int((1 - _TAIL) * n), n - n // 100)
+    upper = np.arange(int((1 - settings.tail) * n), n - n // 100)
     chance = -np.log((upper + 0.5) / n)
     single = np.array([log_sf(float(ordered[i]), q, one_sided) for i in upper])
     trials = float(np.exp(np.median(np.log(chance) - single)))
-    return ScoreNull(ordered, max(trials, 1.0), q, one_sided)
+    return ScoreNull(ordered, max(trials, 1.0), q, one_sided, settings.tail)

@@ -1,6 +1,6 @@
-"""Presses that stand out by themselves, and whether the verdict rests on them.
+"""Outlying presses: test of an explanation without them.
 
-A slip or a wrong place looks like an effect. Where single presses stand out, the answer is tested
+A slip or a wrong place looks like an effect. Beside outlying presses, the explanation is tested
 without them: its model is fitted anew, and each effect must earn its place again and do better than
 the other candidates. If any does not, the selection runs once more without these presses, and an
 effect found only with them is not offered by name.
@@ -18,22 +18,17 @@ from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
 from identify.select.first_step import follow
 from identify.select.forward_selection import Explanation, Policy, Verdict, forward_selection
-from identify.select.settings import SELECTION
+from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step
 from models.errors import InputError
 
-# Of what is unexplained: where less of it lies outside the presses that stand out, they may have
-# hidden what explains the others
-_ELSEWHERE = 0.5
-
 
 @dataclass(frozen=True)
 class WithoutSuspects:
-    """What is found without the presses (ids) that stand out.
+    """Explanation without the outlying presses (ids).
 
-    `found` are the names of the additions that are told from their rivals; the others are as in
-    `Explanation`.
+    `found`: accepted effects without equivalent alternatives; other fields as in `Explanation`.
     """
 
     presses: tuple[int, ...]
@@ -46,7 +41,7 @@ class WithoutSuspects:
 
     @classmethod
     def of(cls, presses: tuple[int, ...], again: Explanation) -> "WithoutSuspects":
-        """Return what the loop has found without the presses."""
+        """Return the result of a selection without the presses."""
         final = again.final
         found = frozenset(a.name for a in again.accepted if len(a.group) == 1)
         return cls(
@@ -61,27 +56,33 @@ class WithoutSuspects:
 
 
 def explain(
-    start: StartFit, seed: int = 0, on_step: Callable[[Step], None] | None = None
+    start: StartFit,
+    seed: int = 0,
+    on_step: Callable[[Step], None] | None = None,
+    settings: SelectionSettings = SELECTION,
 ) -> tuple[Explanation, WithoutSuspects | None]:
-    """Find the missing effects, with all presses and without those that stand out.
+    """Find the missing effects, with all presses and without the outlying ones.
 
     Returns
     -------
-    the explanation, its verdict changed where it rests on these presses, and the other one
+    the explanation, its verdict changed if it rests on these presses, and the other one
     """
-    explained = _selected(start, seed, on_step)
-    without = without_suspects(start, seed, explained)
+    explained = _selected(start, seed, on_step, settings)
+    without = without_suspects(start, seed, explained, settings)
     return weighed(explained, without), without
 
 
 def _selected(
-    start: StartFit, seed: int, on_step: Callable[[Step], None] | None = None
+    start: StartFit,
+    seed: int,
+    on_step: Callable[[Step], None] | None,
+    settings: SelectionSettings,
 ) -> Explanation:
     law = start.law
 
     def first(step: Step, say: Progress):
         assert law is not None
-        return follow(law, step, start.start, say)
+        return follow(law, step, start.start, say, settings)
 
     return forward_selection(
         start.model,
@@ -92,17 +93,19 @@ def _selected(
         progress=start.experiment.say,
         on_step=on_step,
         policy=Policy(first=first if law is not None and law.names else None),
-        settings=replace(SELECTION, most_effects=0) if start.model.press_error else SELECTION,
+        settings=replace(settings, most_effects=0) if start.model.press_error else settings,
     )
 
 
-def without_suspects(start: StartFit, seed: int, explained: Explanation) -> WithoutSuspects | None:
-    """Return what is found without the presses that stand out.
-
-    None where none do, or where too few presses remain.
-    """
+def without_suspects(
+    start: StartFit,
+    seed: int,
+    explained: Explanation,
+    settings: SelectionSettings = SELECTION,
+) -> WithoutSuspects | None:
+    """Return the explanation without the outlying presses; None without any."""
     presses = explained.ladder[0].comparison.bad_presses
-    if not presses or explained.map_error:  # beside a wrong map, many stand out
+    if not presses or explained.map_error:  # beside a wrong map there are many
         return None
     named, say = ", ".join(map(str, presses)), start.experiment.say
 
@@ -112,30 +115,34 @@ def without_suspects(start: StartFit, seed: int, explained: Explanation) -> With
     experiment = replace(start.experiment, say=tell)
     try:
         if explained.accepted:
-            same = _same_answer(replace(start, experiment=experiment), explained, presses)
+            same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
             if same is not None:
                 return same
         fewer = experiment.without(presses)
         if not fewer.is_determined:
             return None
         again = start_fit(fewer, start.catalogue)
-        return WithoutSuspects.of(presses, _selected(again, seed))
+        return WithoutSuspects.of(presses, _selected(again, seed, None, settings))
     except (InputError, InadmissibleError):
         return None
 
 
 def _same_answer(
-    start: StartFit, explained: Explanation, presses: tuple[int, ...]
+    start: StartFit,
+    explained: Explanation,
+    presses: tuple[int, ...],
+    settings: SelectionSettings,
 ) -> WithoutSuspects | None:
-    """Return the answer as it is without these presses; None where it does not hold there."""
+    """Return the same explanation without these presses; None if it does not hold there."""
     others = ~np.isin(start.scan.press, presses)
     same = others[start.scan.in_contact]
     excess = explained.final.fit.at.residual**2 - 1
-    if explained.verdict == "unexplained" and excess[same].sum() < _ELSEWHERE * excess.sum():
+    hidden = excess[same].sum() < settings.elsewhere * excess.sum()
+    if explained.verdict == "unexplained" and hidden:
         return None
     fewer = start.experiment.without(presses, refill=False)
     model = measurement_model(fewer.scan, fewer.body, start.fit)
-    again = confirmed(explained, model, fewer.scan, same, fewer.say)
+    again = confirmed(explained, model, fewer.scan, same, fewer.say, settings)
     if again is None:
         return None
     fit, comparison = again
@@ -143,10 +150,10 @@ def _same_answer(
 
 
 def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:
-    """Return the suspect presses (ids) that the answer does not account for.
+    """Return the outlying presses (ids) that the explanation does not account for.
 
-    Many presses beside an edge stand out of a map alone where the body lies elsewhere. Once the
-    effect is in the model they do no more, and without them it is found as well.
+    Many presses beside an edge are outliers for a map alone if the body is shifted. They are none
+    for the model with this effect, which is also found without them.
     """
     still = explained.final.comparison.bad_presses
     if without is None:
@@ -158,7 +165,7 @@ def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tu
 
 
 def weighed(explained: Explanation, without: WithoutSuspects | None) -> Explanation:
-    """Return the explanation with all that rests on the suspect presses marked as such."""
+    """Return the explanation with its effects that rest on outlying presses marked as such."""
     if without is None:
         return explained
     resting = tuple(name for name in explained.added if name not in without.found)

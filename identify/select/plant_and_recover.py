@@ -1,9 +1,9 @@
-"""Planting an effect in a scan and finding it again: the check of an effect that needs a body.
+"""Plant-and-recover check of an effect: with a body of finite elements.
 
 The scan is the conformance kit's, pressed on a block of finite elements with one hard spot, of
-which only the background is sought. Truth and model are the same here, on purpose: what is checked
-is that the score sees the effect, and that a refit from its first estimate returns what was
-planted. What a whole map would hide of it is another question (`palpmap limits`).
+which only the background is sought. Truth and model are the same here, on purpose: the score must
+see the effect, and a refit from its linear estimate must recover the planted values. The part
+hidden by a whole map is another question (`palpmap limits`).
 """
 
 from __future__ import annotations
@@ -28,14 +28,10 @@ from identify.measurement.noise import Noise
 from identify.select.candidates import fit_with
 from identify.select.score_test import Score, fitted_basis, score_effect
 
-NOT_PLANTED = "not planted: "  # with which a finding begins where the check was not made
+NOT_PLANTED = "not planted: "  # start of a finding without a check
 _DIVISIONS = (5, 5, 3)
 _MAP = GaussianMap(6000.0, (Inclusion(9000.0, 0.040, 0.060, 0.030, 0.015),))
 _NOISE = Noise(1e-5, 2e-3)
-_SIGMAS = 15.0  # standard errors that are planted, where the bounds leave room
-_SEEN = 1e-3  # chance of the score under the null
-_SPREAD = 5.0  # standard errors that what is found may be off by
-_PART = 0.1  # ... or of what was planted: the law may bend over so many standard errors
 
 
 def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
@@ -44,19 +40,19 @@ def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
     Raises
     ------
     Fault
-        The score does not see what was planted, or the refit returns something else.
+        The score does not see the effect, or the refit does not recover it.
     """
     plain = _fit(own, effect, None)
     score = score_effect(plain, effect, fitted_basis(plain.at))
     if score.untestable:
         return NOT_PLANTED + score.untestable
-    values = _values(effect, plain, score)
+    values = _values(effect, plain, score, own.settings.planted_sigmas)
     if values is None:
         return NOT_PLANTED + "within its bounds this scan does not show it beside the map"
     fit = _fit(own, effect, values)
     score = score_effect(fit, effect, fitted_basis(fit.at))
     said = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-    if score.p_value > _SEEN:
+    if score.p_value > own.settings.score_p:
         raise Fault(f"planted {said}: the score does not see it, p = {score.p_value:.2g}")
     found = fit_with(fit, effect, score)
     if found is None:
@@ -64,7 +60,8 @@ def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
     for p in effect.amplitudes:
         name = f"{effect.name}.{p.name}"
         off, deviation = found.values[name] - values[p.name], found.std[name]
-        if not abs(off) <= max(_SPREAD * deviation, _PART * abs(values[p.name] - (p.null or 0))):
+        part = own.settings.recovered_share * abs(values[p.name] - (p.null or 0))
+        if not abs(off) <= max(own.settings.recovered_sigmas * deviation, part):
             raise Fault(
                 f"planted {said}: {p.name} came back as {found.values[name]:.3g} "
                 f"+- {deviation:.2g} {p.unit}"
@@ -85,7 +82,7 @@ def _mechanics() -> BodyMechanics:
     def at(nu: float) -> PalpationModel:
         return PalpationModel(mesh, nu, contacts)
 
-    # errors of mesh and pressure that an effect may scale: what the presses' places make of them
+    # errors of mesh and pressure for effects to scale, by the places of the presses
     far = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
     far /= far.max()
     return BodyMechanics(
@@ -121,8 +118,10 @@ def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
     return fit_jointly(model, _MAP, rounds=0)
 
 
-def _values(effect: Effect, plain: FitResult, score: Score) -> dict[str, float] | None:
-    """Return amplitudes of `_SIGMAS` standard errors, at the shape that these were found for."""
+def _values(
+    effect: Effect, plain: FitResult, score: Score, sigmas: float
+) -> dict[str, float] | None:
+    """Return amplitudes of so many standard errors, at the shape of these errors."""
     readings, state = plain.model.readings, plain.at.state
     values = {p.name: score.values[p.name] for p in effect.shapes}
     room = 0.0
@@ -132,8 +131,8 @@ def _values(effect: Effect, plain: FitResult, score: Score) -> dict[str, float] 
         strict=True,
     ):
         assert p.null is not None
-        size = _SIGMAS * error * p.typical
+        size = sigmas * error * p.typical
         up, down = min(size, p.upper - p.null), min(size, p.null - p.lower)
         values[p.name] = p.null + up if up >= down else p.null - down
         room = max(room, max(up, down) / max(error * p.typical, 1e-300))
-    return values if room >= _SIGMAS / 2 else None
+    return values if room >= sigmas / 2 else None

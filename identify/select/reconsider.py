@@ -1,7 +1,7 @@
-"""A second look at earlier additions, beside what was found since.
+"""Backward check: earlier accepted effects, compared again beside those found since.
 
-Which effect did best was decided while another one was still missing, and may have been decided by
-it: presses made row by row that sink ever deeper look like a tilt along the columns, so that a
+The best effect of a step was decided while another one was still missing, and may have been decided
+by it: presses made row by row that sink ever deeper look like a tilt along the columns, so that a
 first touch declared late is taken for a tilted surface. Once the other effect is in the model, the
 earlier one is compared with its former candidates once more. A clearly better candidate takes its
 place, as does a special case that does as well; near ones form its group.
@@ -17,92 +17,102 @@ from identify.fit.result import FitResult
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import (
-    MARGIN,
     Candidate,
-    beaten,
-    carried_on,
-    in_earnest,
+    is_beaten,
     is_implausible,
+    is_improvement,
     refit,
+    refit_further,
 )
+from identify.select.settings import SELECTION, SelectionSettings
 
 
 def reconsider(
     fit: FitResult,
-    additions: Sequence[AcceptedEffect],
+    accepted: Sequence[AcceptedEffect],
     say: Callable[[str], None],
     last_too: bool = False,
+    settings: SelectionSettings = SELECTION,
 ) -> tuple[FitResult, list[AcceptedEffect], dict[str, str]]:
-    """Compare each addition but the last with its candidates, beside all others.
+    """Compare each accepted effect but the last with its candidates, beside all others.
 
     The last was compared beside the present ones, and is compared again only if one is replaced, or
-    if it is said. What the presses by themselves bear out stands as it is.
+    if `last_too`. Effects supported by the contact-law fit are not reconsidered.
 
     Returns
     -------
-    The fit, the additions, and by the names of those that were replaced what stands there now.
+    The fit, the accepted effects, and the replacements by the names of the replaced.
     """
-    additions, exchanged = list(additions), {}
-    for index, addition in enumerate(additions):
-        is_last = index == len(additions) - 1
-        if addition.shown_by_presses or (is_last and not exchanged and not last_too):
+    accepted, exchanged = list(accepted), {}
+    for index, effect in enumerate(accepted):
+        is_last = index == len(accepted) - 1
+        if effect.shown_by_presses or (is_last and not exchanged and not last_too):
             continue
-        candidates = _beside_the_rest(fit, addition, say)
+        candidates = _beside_the_others(fit, effect, say, settings)
         winner = candidates[0]
-        tried = addition.tried or addition.candidates
-        additions[index] = replace(addition, candidates=candidates, tried=tried)
-        if _takes_over(winner, addition.name, candidates):
-            additions[index] = replace(additions[index], name=winner.name)
-            exchanged[addition.name] = winner.name
-            say(f"refitting with {winner.name} in place of {addition.name}")
+        first = effect.first_candidates or effect.candidates
+        accepted[index] = replace(effect, candidates=candidates, first_candidates=first)
+        if _takes_over(winner, effect.name, candidates, settings):
+            accepted[index] = replace(accepted[index], name=winner.name)
+            exchanged[effect.name] = winner.name
+            say(f"refitting with {winner.name} in place of {effect.name}")
             fit = fit_jointly(winner.fit.model, winner.fit.map)
-    return fit, additions, exchanged
+    return fit, accepted, exchanged
 
 
 def with_exchanged(fit: FitResult, exchanged: Mapping[str, str], now: FitResult) -> FitResult:
-    """Refit an earlier model with what has replaced its effects since."""
+    """Refit an earlier model with the replacements of its effects."""
     parts = {part.effect.name: part for part in now.model.started(now.u).effects}
-    effects = {  # by name: what replaces one may have been there beside it
-        own.effect.name: own
-        for own in (
-            parts[exchanged[own.effect.name]] if own.effect.name in exchanged else own
-            for own in fit.model.effects
+    effects = {  # by name: a replacement may have been there beside the replaced
+        part.effect.name: part
+        for part in (
+            parts[exchanged[part.effect.name]] if part.effect.name in exchanged else part
+            for part in fit.model.effects
         )
     }
     return fit_jointly(replace(fit.model, effects=tuple(effects.values())), fit.map)
 
 
-def _beside_the_rest(
-    fit: FitResult, addition: AcceptedEffect, say: Callable[[str], None]
+def _beside_the_others(
+    fit: FitResult,
+    accepted: AcceptedEffect,
+    say: Callable[[str], None],
+    settings: SelectionSettings,
 ) -> tuple[Candidate, ...]:
-    """Return an addition and its candidates, each refitted beside all other effects, best first."""
-    found = [Candidate(addition.name, fit.chi2, fit.bic, fit)]
-    best = next(candidate for candidate in addition.candidates if candidate.name == addition.name)
-    for candidate in addition.candidates:
-        if candidate.name in fit.effect_names or beaten(candidate.chi2, addition.before, best.chi2):
+    """Return an effect and its candidates, each refitted beside all other effects, best first."""
+    compared = [Candidate(accepted.name, fit.chi2, fit.bic, fit)]
+    best = next(c for c in accepted.candidates if c.name == accepted.name)
+    for candidate in accepted.candidates:
+        name = candidate.name
+        beaten = is_beaten(candidate.chi2, accepted.chi2_before, best.chi2, settings)
+        if name in fit.effect_names or beaten:
             continue
-        say(f"trying {candidate.name} in place of {addition.name}")
-        own = refit(_exchanged(fit, addition.name, candidate), candidate.fit.map, rounds=0)
-        if own is None:
+        say(f"trying {name} in place of {accepted.name}")
+        model = _exchanged(fit, accepted.name, candidate)
+        other = refit(model, candidate.fit.map, settings, rounds=0)
+        if other is None:
             continue
-        own = carried_on(own, candidate.fit, fit.chi2)
-        if not is_implausible(own, candidate.name) and (
-            own.chi2 > fit.chi2 or in_earnest(fit, own)
-        ):
-            found.append(Candidate(candidate.name, own.chi2, own.bic, own))
-    return tuple(sorted(found, key=lambda candidate: candidate.criterion))
+        other = refit_further(other, candidate.fit, fit.chi2, settings)
+        if is_implausible(other, name):
+            continue
+        if other.chi2 > fit.chi2 or is_improvement(fit, other, settings):
+            compared.append(Candidate(name, other.chi2, other.bic, other))
+    return tuple(sorted(compared, key=lambda c: c.criterion))
 
 
-def _takes_over(winner: Candidate, name: str, candidates: Sequence[Candidate]) -> bool:
+def _takes_over(
+    winner: Candidate, name: str, candidates: Sequence[Candidate], settings: SelectionSettings
+) -> bool:
     """Whether a candidate is clearly better, or a special case that does as well."""
-    present = next(candidate for candidate in candidates if candidate.name == name)
-    clearly = winner.criterion < present.criterion - MARGIN
+    present = next(c for c in candidates if c.name == name)
+    clearly = winner.criterion < present.criterion - settings.margin
     return clearly or (winner.name != name and winner.name in present.contains)
 
 
 def _exchanged(fit: FitResult, name: str, candidate: Candidate) -> MeasurementModel:
-    """Return the model of a fit with a candidate, as it was fitted then, in place of an effect."""
-    (part,) = (part for part in candidate.fit.model.effects if part.effect.name == candidate.name)
+    """Return the model of a fit with a candidate, at its own estimate, in place of an effect."""
+    effects = candidate.fit.model.effects
+    (part,) = (part for part in effects if part.effect.name == candidate.name)
     now = fit.model.started(fit.u)
-    parts = tuple(part if own.effect.name == name else own for own in now.effects)
+    parts = tuple(part if present.effect.name == name else present for present in now.effects)
     return replace(now, effects=parts)

@@ -1,42 +1,41 @@
 """Score every effect of a catalogue from the present fit, without refitting.
 
-With the whitened residual r, the derivatives G of all that was fitted and those A of an effect's
+With the whitened residual r, the derivatives G by the fitted parameters and A by an effect's
 amplitudes at their null, all at the latent force:
 
     A_perp = A - G (G'G)^-1 G'A        S = r' A_perp (A_perp'A_perp)^-1 A_perp' r ~ chi2_q
 
-What the curvature of the map leaves in r on average is taken off first
-(`identify.fit.curvature_bias`). Shape parameters are searched on a grid and the search is paid for
-(`score_null`). What an effect shares with the fitted map, nobody can see: `visible` is what the
-projection leaves of it. Source: Rao's score test; Neyman's C(alpha) for the projection.
+The bias of r by the map's curvature is subtracted first (`identify.fit.curvature_bias`). Shape
+parameters are searched on a grid; the p-value counts the search (`score_null`). The part of a
+pattern along the fitted parameters cannot be seen: `visible` is the share beyond them.
+Source: Rao's score test; Neyman's C(alpha) for the projection.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.effects.base import BodyEffect, Effect, EffectParameter
+from identify.effects.base import BodyEffect, Effect, EffectParameter, advice
 from identify.fit.result import FitResult
-from identify.measurement.chain import Chain
 from identify.measurement.model import Linearised, MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
 from identify.select.null_distribution import score_null
+from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
-_STEP = 1e-4  # of an amplitude's typical size
-_VISIBLE = 1e-5  # share of a pattern below which the map has absorbed it
+_STEP = 1e-4  # of an amplitude's typical size, for its derivative
 
 
 @dataclass(frozen=True)
 class EffectPattern:
-    """What an effect would add to the whitened readings, per unit of its amplitudes.
+    """Change of the whitened readings by an effect, per unit of its amplitudes.
 
     Attributes
     ----------
-    effect : which
+    effect : its effect
     shapes : g candidates of the shape parameters
     columns : (g, m, q) derivative by each amplitude in units of its typical size
     """
@@ -48,19 +47,19 @@ class EffectPattern:
 
 @dataclass(frozen=True)
 class Score:
-    """How much better an effect would explain the scan.
+    """Linear estimate of an effect and its evidence in the scan.
 
     Attributes
     ----------
     name : of the effect
     statistic : decrease of chi-square, to first order
-    log_p : natural logarithm of the chance under pure noise, the search over the grid counted
+    log_p : natural logarithm of the p-value, the search over the grid counted
     values : first estimate of all parameters
     sizes : (q,) amplitudes in typical sizes, `errors` their standard errors
-    visible : share of the effect's pattern that the fitted parameters leave
-    beyond : (m, q) orthonormal basis of its pattern beyond the fitted parameters
-    rms_m : what the effect of this size contributes to the readings, root mean square, m
-    untestable : why the scan cannot show it, or None
+    visible : share of the effect's pattern beyond the fitted parameters
+    beyond : (m, q) orthonormal basis of that part
+    rms_m : root mean square of the effect's contribution to the readings, m
+    untestable : reason why the scan cannot show it, or None
     """
 
     name: str
@@ -76,16 +75,16 @@ class Score:
 
     @property
     def p_value(self) -> float:
-        """Chance under pure noise, not less than 1e-300."""
+        """P-value under pure noise, not less than 1e-300."""
         return float(np.exp(max(self.log_p, np.log(1e-300))))
 
 
 def effect_patterns(
     model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
 ) -> EffectPattern:
-    """Return the patterns of an effect at its null, beside what the model already has.
+    """Return the patterns of an effect at its null, beside the effects of the model.
 
-    `most` limits the candidates of its shape to so many, evenly over its grid.
+    `most` limits the number of its shape's candidates, evenly over the grid.
     """
     parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
     amplitudes = [parameters[p.name] for p in effect.amplitudes]
@@ -94,13 +93,7 @@ def effect_patterns(
         shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
     null = effect.null
     rows = np.empty((len(shapes), len(at.residual), len(amplitudes)))
-    chain = Chain(
-        model.readings,
-        [*(part.effect for part in model.effects), effect],
-        model.chain.radius_m,
-        model.chain.profile,
-        model.chain.poisson_ratio,
-    )
+    chain = replace(model.chain, effects=[*model.chain.effects, effect])
     base = model.chain.predict(
         at.body.compliance, at.body.local_modulus, at.latent_force_n, at.values
     )
@@ -137,11 +130,11 @@ def _far_patterns(
     amplitude: EffectParameter,
     shapes: Sequence[Mapping[str, float]],
 ) -> list[tuple[Mapping[str, float], np.ndarray]]:
-    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Effect.levels`."""
+    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Advice`."""
     null, press, found = effect.null, model.readings.press, []
     if not isinstance(effect, BodyEffect):
         return found
-    for level in effect.levels(at.state):
+    for level in advice(effect).levels(at.state):
         for shape in shapes:
             state = effect.body(at.state, **{**null, **shape, amplitude.name: level})
             dc, de = at.body.exact_change(state)
@@ -152,17 +145,19 @@ def _far_patterns(
 
 
 def fitted_basis(at: Linearised) -> np.ndarray:
-    """Orthonormal basis (m, r) of all that was fitted."""
+    """Orthonormal basis (m, r) of the derivatives by the fitted parameters."""
     return orthonormal(at.jacobian)
 
 
-def beyond(pattern: EffectPattern, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Project what was fitted out of a pattern.
+def beyond(
+    pattern: EffectPattern, fitted: np.ndarray, settings: DiagnosisSettings = DIAGNOSIS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Project the fitted parameters out of a pattern.
 
     Returns
     -------
-    columns (g, m, q) beyond, an orthonormal basis (g, m, q) of them (zero where nothing is left),
-    visible (g,) share that is left
+    columns (g, m, q) beyond, an orthonormal basis (g, m, q) of them (zero where the map absorbs the
+    effect), visible share (g,)
     """
     a = pattern.columns
     left = a - np.einsum("mr,grq->gmq", fitted, np.einsum("mr,gmq->grq", fitted, a))
@@ -174,20 +169,25 @@ def beyond(pattern: EffectPattern, fitted: np.ndarray) -> tuple[np.ndarray, np.n
         basis = scaled
     else:
         basis, _ = np.linalg.qr(scaled)
-    basis[visible < _VISIBLE] = 0.0
+    basis[visible < settings.visible] = 0.0
     return left, basis, visible
 
 
-def score_effect(fit: FitResult, effect: Effect, fitted: np.ndarray, seed: int = 0) -> Score:
+def score_effect(
+    fit: FitResult,
+    effect: Effect,
+    fitted: np.ndarray,
+    seed: int = 0,
+    settings: DiagnosisSettings = DIAGNOSIS,
+) -> Score:
     """Score one effect from a fit.
 
     Parameters
     ----------
-    fitted : basis of what was fitted, `fitted_basis(fit.at)`
+    fitted : `fitted_basis(fit.at)`
     seed : of the simulated null
     """
-    chain = fit.model.chain
-    reason = effect.untestable(chain.readings) or effect.redundant(chain.profile, chain.nonlinear)
+    reason = unavailable(effect, fit.model)
     if reason is None:
         try:
             pattern = effect_patterns(fit.model, fit.at, effect)
@@ -200,10 +200,10 @@ def score_effect(fit: FitResult, effect: Effect, fitted: np.ndarray, seed: int =
                 reason = "the scan leaves no candidate of its shape to be told from another effect"
     if reason is not None:
         return unscored(effect, reason, len(fit.at.residual))
-    left, basis, visible = beyond(pattern, fitted)
+    left, basis, visible = beyond(pattern, fitted, settings)
     sign = side(effect.bounded(fit.model.readings, fit.at.state))
     one_sided = sign != 0
-    if visible.max() < _VISIBLE:
+    if visible.max() < settings.visible:
         return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
     residual = fit.at.residual - fit.expected_residual
     t = np.einsum("gmq,m->gq", basis, residual)
@@ -214,6 +214,7 @@ def score_effect(fit: FitResult, effect: Effect, fitted: np.ndarray, seed: int =
         one_sided,
         np.random.default_rng(seed),
         float(signed[best]),
+        settings,
     )
     sizes, *_ = np.linalg.lstsq(left[best], residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left[best].T @ left[best])))
@@ -240,10 +241,19 @@ def score_effect(fit: FitResult, effect: Effect, fitted: np.ndarray, seed: int =
 
 def side(parameters: Sequence[EffectParameter]) -> float:
     """+1 or -1 where a single amplitude can only rise or fall from its null, else 0."""
-    own = [p for p in parameters if p.null is not None]
-    if len(own) != 1:
+    amplitudes = [p for p in parameters if p.null is not None]
+    if len(amplitudes) != 1:
         return 0.0
-    return 1.0 if own[0].null == own[0].lower else -1.0 if own[0].null == own[0].upper else 0.0
+    (only,) = amplitudes
+    return 1.0 if only.null == only.lower else -1.0 if only.null == only.upper else 0.0
+
+
+def unavailable(effect: Effect, model: MeasurementModel) -> str | None:
+    """Return the reason why an effect cannot be tested beside a model, or None."""
+    chain = model.chain
+    return effect.untestable(model.readings) or advice(effect).redundant(
+        chain.profile, chain.nonlinear
+    )
 
 
 def unscored(effect: Effect, reason: str, readings: int) -> Score:
@@ -254,7 +264,7 @@ def unscored(effect: Effect, reason: str, readings: int) -> Score:
 
 
 def cosine(one: Score, other: Score) -> float:
-    """Largest cosine between two effects' patterns beyond what was fitted, 0 to 1."""
+    """Largest cosine between two effects' patterns beyond the fitted parameters, 0 to 1."""
     product = one.beyond.T @ other.beyond
     return float(np.linalg.svd(product, compute_uv=False).max(initial=0.0))
 

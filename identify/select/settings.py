@@ -1,25 +1,108 @@
-"""Tuning numbers of the forward selection, in one record."""
+"""Tuning numbers of the model selection."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from identify.fit.settings import (
+    CONTACT_LAW,
+    CROSS_VALIDATION,
+    PRECISE,
+    ContactLawSettings,
+    CrossValidationSettings,
+    FitSettings,
+)
+from identify.residual.settings import RESIDUAL, ResidualSettings
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """Levels and simulation of the score tests (`identify.select.score_test`).
+
+    Attributes
+    ----------
+    alpha : family-wise error of the support for any effect of the catalogue, under pure noise
+    alike : cosine of two patterns above which their effects cannot be distinguished
+    visible : share of a pattern beyond the fitted parameters below which the map absorbs the effect
+    draws : simulated residuals of a null distribution
+    certain : natural logarithm of a p-value below which nothing is simulated
+    tail : upper share of the simulation to which the tail is matched
+    """
+
+    alpha: float = 0.01
+    alike: float = 0.9
+    visible: float = 1e-5
+    draws: int = 1000
+    certain: float = -40.0
+    tail: float = 0.1
+
+
+DIAGNOSIS = DiagnosisSettings()
+
+
+@dataclass(frozen=True)
+class StartSettings:
+    """Settings of `identify.select.start_fit`.
+
+    Attributes
+    ----------
+    other_shape : chi-square per degree of freedom above which a map has an error of its own, for a
+        block in place of a body of another shape; otherwise a gross misfit (`FitSettings`)
+    error_rounds : fits with this error as noise
+    weaker : factors on the inclusions of a map that the mesh cannot resolve, in turn
+    fit, contact_law : of the map, and of the presses alone
+    """
+
+    other_shape: float = 1.5
+    error_rounds: int = 2
+    weaker: tuple[float, ...] = (1.0, 0.3, 0.1, 0.03)
+    fit: FitSettings = PRECISE
+    contact_law: ContactLawSettings = CONTACT_LAW
+
+
+START = StartSettings()
+
 
 @dataclass(frozen=True)
 class SelectionSettings:
-    """Thresholds of `identify.select.forward_selection`; all but `most_effects` are shares of 1.
+    """Thresholds of `identify.select.forward_selection`; shares are of 1.
 
     Attributes
     ----------
     most_effects : largest number of effects added after the first step
-    trace : of the chi-square explained: left by laws that are right to a seventh
+    trace : of the chi-square explained: residue of laws that are right to a seventh
     imitated : visible share of an effect's pattern below which the map imitates all of it
     worthwhile : least share of the unexplained chi-square for a further effect. In 58 blind trials
         the hidden effect took a third or more, and an imitation of an unknown effect 16 % or less
-        from its second step on.
+        from its second step on
     left_of_error : of the chi-square explained by the possible model error: the pattern of that
         error is an estimate, right to a third, and its own error is in turn like another effect
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
+    main_share : of the first excess chi-square, beyond which effects are named beside structure
+    margin : difference of the criterion (chi-square and price) beyond which an effect wins
+    close : difference of chi-square below which two effects count as equal at any price
+    sure : family-wise p-value of an effect where the residual is noise
+    shortlist : best-scored effects that are refitted
+    hopeless : of the best linear score: a refit does not make up for less
+    refit_evaluations : of the body's model, in a refit
+    refit_gain : chi-square of two steps below which a refit ends
+    promised : of the score: a refit that brings less may have begun at the wrong place
+    start_shares : parts of the linear estimate from which a refit starts, in turn
+    eased_weight, eased_radius : factors on the inclusions of an eased map, from which a shape that
+        was fitted wrongly finds back
+    far_map : scaled coordinate of the map (a logarithm, or a body size) beyond which the finer
+        model corrects otherwise and the refit is continued
+    behind_chi2, behind_share : chi-square, and share of the best improvement, by which a candidate
+        is beaten. A true effect has come from behind by 130 once the finer model corrected its map
+    lagging_share : of the best improvement: no candidate has caught up with more in a continued
+        refit
+    error_rise : factor on the rms residual up to which a refit counts as no rise of it
+    predicted_share : of the decrease of chi-square: required of the predicted travel alone where
+        the rms residual rises
+    first_evaluations : of the first step from the contact law
+    elsewhere : of the unexplained chi-square: share outside the outlying presses below which these
+        may have hidden the explanation of the others
+    diagnosis, residual, cross_validation : of the analysis of each step
     """
 
     most_effects: int = 4
@@ -28,6 +111,29 @@ class SelectionSettings:
     worthwhile: float = 0.1
     left_of_error: float = 0.1
     by_compliance: float = 0.9
+    main_share: float = 0.95
+    margin: float = 10.0
+    close: float = 5.0
+    sure: float = 1e-3
+    shortlist: int = 3
+    hopeless: float = 0.1
+    refit_evaluations: int = 15
+    refit_gain: float = 0.5
+    promised: float = 0.3
+    start_shares: tuple[float, ...] = (1.0, 0.3, 0.03)
+    eased_weight: float = 0.35
+    eased_radius: float = 1.3
+    far_map: float = 0.3
+    behind_chi2: float = 200.0
+    behind_share: float = 0.5
+    lagging_share: float = 0.2
+    error_rise: float = 1.002
+    predicted_share: float = 0.5
+    first_evaluations: int = 40
+    elsewhere: float = 0.5
+    diagnosis: DiagnosisSettings = DIAGNOSIS
+    residual: ResidualSettings = RESIDUAL
+    cross_validation: CrossValidationSettings = CROSS_VALIDATION
 
 
 SELECTION = SelectionSettings()

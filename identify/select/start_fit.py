@@ -1,4 +1,4 @@
-"""From an experiment to the model that the selection starts from: map, body and given effects.
+"""Start of the selection: from an experiment to a model of map, body and given effects.
 
 The map is searched without effects; the experiment's effects are then fitted jointly with it, from
 the given values or from the linear estimate.
@@ -28,7 +28,7 @@ from identify.fit.free_compliance_start import (
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
-from identify.fit.settings import PRECISE
+from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import parameter_space
@@ -36,20 +36,15 @@ from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.select.candidates import fit_with
 from identify.select.score_test import fitted_basis, score_effect
+from identify.select.settings import START, StartSettings
 from models.catalogue import Catalogue
 from models.errors import InputError
 from models.scan import Scan
 
-# Chi-square per degree of freedom from which on a map has an error of its own, where a block stands
-# in for a body of another shape; elsewhere that of a gross misfit
-_OTHER_SHAPE = 1.5
-_ERROR_ROUNDS = 2
-_WEAKER = (1.0, 0.3, 0.1, 0.03)  # parts of the inclusions' weights
-
 
 @dataclass(frozen=True)
 class StartFit:
-    """The model that the selection starts from.
+    """Start of the selection.
 
     Attributes
     ----------
@@ -83,31 +78,37 @@ def start_fit(
     experiment: Experiment,
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
+    settings: StartSettings = START,
 ) -> StartFit:
     """Fit the map of an experiment and its effects.
 
     Parameters
     ----------
-    catalogue : effects that a contact law may be made of, and candidates of the selection
+    catalogue : effects of a contact law, and candidates of the selection
     on_iteration : called with each step of the map's fit
     """
-    law, fit, error = rough_fit(experiment, catalogue, on_iteration)
+    law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings)
     starts = law.plain.values if law else {}
-    model, start = fit_effects(experiment, fit, starts, error)
+    model, start = fit_effects(experiment, fit, starts, error, settings)
     return StartFit(experiment, catalogue, fit, model, start, law)
 
 
-def contact_law_of(experiment: Experiment, catalogue: Catalogue[Effect]) -> ContactLaw | None:
+def contact_law_of(
+    experiment: Experiment,
+    catalogue: Catalogue[Effect],
+    settings: ContactLawSettings = CONTACT_LAW,
+) -> ContactLaw | None:
     """Return the contact law of the presses alone beside the experiment's effects (`law_of`)."""
     presses = free_compliance(experiment.scan, experiment.body, experiment.noise)
-    had = [presses.begun(e, initial) for e, initial in experiment.effects if presses.shows(e)]
-    return law_of(presses, had, catalogue, experiment.say)
+    stated = [presses.begun(e, initial) for e, initial in experiment.effects if presses.shows(e)]
+    return law_of(presses, stated, catalogue, experiment.say, settings)
 
 
 def rough_fit(
     experiment: Experiment,
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
+    settings: StartSettings = START,
 ) -> tuple[ContactLaw | None, FitResult, float]:
     """Fit an initial map; a nonlinear contact law of the presses is subtracted first.
 
@@ -117,16 +118,16 @@ def rough_fit(
     relative error of a press's compliance, else 0.
     """
     scan, noise, say = experiment.scan, experiment.noise, experiment.say
-    law = contact_law_of(experiment, catalogue)
+    law = contact_law_of(experiment, catalogue, settings.contact_law)
     say("fitting the map")
     if law is None:
         return None, fit_map(experiment, callback=on_iteration, rough=True), 0.0
     placed = replace(experiment, scan=straight(scan, law.found))
     fit = fit_map(placed, callback=on_iteration, rough=True)
-    gross = PRECISE.is_gross(fit.chi2_per_dof)
+    gross = settings.fit.is_gross(fit.chi2_per_dof)
     if experiment.onto_another_shape:
-        gross = fit.chi2_per_dof > _OTHER_SHAPE
-    for _ in range(_ERROR_ROUNDS if gross else 0):
+        gross = fit.chi2_per_dof > settings.other_shape
+    for _ in range(settings.error_rounds if gross else 0):
         say("fitting the map, with an error of its own")
         error_m = typical_error_m(fit, placed.scan)
         wider = replace(noise, displacement_m=float(np.hypot(noise.displacement_m, error_m)))
@@ -140,6 +141,7 @@ def fit_effects(
     fit: FitResult,
     starts: Mapping[str, Values] = MappingProxyType({}),
     press_error: float = 0.0,
+    settings: StartSettings = START,
 ) -> tuple[MeasurementModel, GaussianMap]:
     """Return the model with the effects near their estimates, and the map beside them.
 
@@ -147,7 +149,7 @@ def fit_effects(
     """
     model = measurement_model(experiment.scan, experiment.body, fit)
     model = replace(model, press_error=press_error)
-    start = possible_map(model, fit.map)
+    start = possible_map(model, fit.map, settings)
     if start is not fit.map:
         corrected = model.mechanics.corrected(start, model.mechanics.state())
         model = replace(model, mechanics=corrected)
@@ -170,12 +172,14 @@ def with_effects(experiment: Experiment, found: FitResult) -> FitResult:
     return replace(joint, history=(*found.history, end))
 
 
-def possible_map(model: MeasurementModel, found: GaussianMap) -> GaussianMap:
+def possible_map(
+    model: MeasurementModel, found: GaussianMap, settings: StartSettings = START
+) -> GaussianMap:
     """Return the map, or one with weaker inclusions where the model cannot evaluate it.
 
     Presses that slipped may draw a map to inclusions that are finer than its mesh.
     """
-    for share in _WEAKER:
+    for share in settings.weaker:
         weaker = tuple(replace(i, weight_pa=share * i.weight_pa) for i in found.inclusions)
         stiffness = found if share == 1 else GaussianMap(found.background_pa, weaker)
         try:
@@ -183,7 +187,7 @@ def possible_map(model: MeasurementModel, found: GaussianMap) -> GaussianMap:
         except InadmissibleError:
             continue
         return stiffness
-    return found  # the fit will say what is wrong with it
+    return found  # for the error message of the fit
 
 
 def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> MeasurementModel:

@@ -1,4 +1,4 @@
-"""One step of the ladder of models: a fit, and what its residual calls for."""
+"""One step of the ladder of models: a fit, its residual analysis and its diagnosis."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
 from identify.residual.whitened import Whitened
 from identify.select.diagnosis import Diagnosis, diagnose
+from identify.select.settings import SELECTION, SelectionSettings
 from models.scan import Scan
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the ladder: a model, how well it does, and what its residual calls for."""
+    """One step of the ladder: a fit, its residual analysis, cross-validation and diagnosis."""
 
     fit: FitResult
     comparison: Comparison
@@ -32,16 +33,23 @@ def step_of(
     catalogue: Sequence[Effect],
     seed: int,
     say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
 ) -> Step:
-    """Judge a fit: its residual, its predictions, and what it lacks."""
-    say("judging what is left")
-    comparison = compare_residual(whitened_fit(fit, scan))
-    diagnosis = diagnose(fit, catalogue, seed=seed, progress=lambda name: say(f"scoring {name}"))
-    return Step(fit, comparison, cross_validate(fit), diagnosis)
+    """Analyse a fit: its residual, its predictions and its missing effects."""
+    say("analysing the residual")
+    comparison = compare_residual(whitened_fit(fit, scan), settings.residual)
+    diagnosis = diagnose(
+        fit,
+        catalogue,
+        seed=seed,
+        progress=lambda name: say(f"scoring {name}"),
+        settings=settings.diagnosis,
+    )
+    return Step(fit, comparison, cross_validate(fit, settings.cross_validation), diagnosis)
 
 
 def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
-    """Return the residual of a joint fit in the form in which `compare` judges it."""
+    """Return the whitened residual of a joint fit for `compare_residual`."""
     return Whitened(
         scan=scan.used(),
         residual_m=fit.residual_m,

@@ -1,11 +1,11 @@
-"""The verdict on each effect of the catalogue after the whole search; the faces only show it."""
+"""The verdict on each effect of the catalogue after the whole selection."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from identify.effects.base import Effect
-from identify.select.candidates import refit_chance
+from identify.effects.base import Effect, advice
+from identify.select.candidates import refit_p_value
 from identify.select.diagnosis import CandidateVerdict, EffectVerdict
 from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
 from identify.select.step import Step
@@ -20,10 +20,10 @@ def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
         verdict, confused = _in_group(name, group, explained)
         found = replace(found, verdict=verdict, confused_with=confused)
     elif found.verdict == "supported":
-        # It scores while something else is missing, but does not win: no support of its own
+        # It scores beside a missing effect, but does not win: no support of its own
         helps = explained.verdict == "unexplained"
         found = replace(found, verdict="helps" if helps else "not_seen")
-    if effect.refitted_from and (numbers := refit_numbers(name, explained)):
+    if advice(effect).refitted_from and (numbers := refit_numbers(name, explained)):
         statistic, p_value, share = numbers
         found = replace(found, statistic=statistic, p_value=p_value, explained_fraction=share)
     return found
@@ -34,21 +34,26 @@ def refit_numbers(name: str, explained: Explanation) -> tuple[float, float, floa
 
     None without a refit of the effect beside a step of the ladder.
     """
-    refits = (r for a in explained.accepted for r in (*a.candidates, *a.tried) if r.name == name)
+    refits = (
+        r
+        for a in explained.accepted
+        for r in (*a.candidates, *a.first_candidates)
+        if r.name == name
+    )
     for candidate in refits:
         others = {part for part in candidate.fit.effect_names if part != name}
         before = next((r for r in explained.ladder if set(r.fit.effect_names) == others), None)
         if before is not None:
             fall, excess = max(before.fit.chi2 - candidate.chi2, 0.0), before.diagnosis.excess
             share = min(fall / excess, 1.0) if excess > 0 else 0.0
-            return fall, refit_chance(before, candidate), share
+            return fall, refit_p_value(before, candidate), share
     return None
 
 
 def _in_group(
     name: str, group: tuple[str, ...], explained: Explanation
 ) -> tuple[CandidateVerdict, tuple[str, ...]]:
-    """Verdict on an effect of the model, or of a group that stands in the model."""
+    """Verdict on an effect of the model, or of a group in the model."""
     others = tuple(other for other in group if other != name)
     if others:
         return "indistinguishable", others
@@ -62,10 +67,10 @@ def _in_group(
 
 
 def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...] | None]:
-    """Return the step that decided on an effect, and its group if it was chosen there."""
-    for addition in explained.accepted:
-        if name in addition.group:
-            return _step_before(explained, addition.name, name), addition.group
+    """Return the deciding step of an effect, and its group if it was chosen there."""
+    for accepted in explained.accepted:
+        if name in accepted.group:
+            return _step_before(explained, accepted.name, name), accepted.group
     last = explained.final
     return (
         last if _scored(last, name) else next(s for s in explained.ladder if _scored(s, name))
@@ -73,7 +78,7 @@ def _decided_at(name: str, explained: Explanation) -> tuple[Step, tuple[str, ...
 
 
 def _step_before(explained: Explanation, added: str, name: str) -> Step:
-    """Return the last step without an addition that scored an effect."""
+    """Return the last step without an accepted effect that scored another one."""
     ladder = explained.ladder
     number = next(
         (i for i, step in enumerate(ladder) if added in step.fit.effect_names), len(ladder)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.select.diagnosis import ALIKE, Diagnosis
+from identify.select.diagnosis import Diagnosis
 from identify.select.forward_selection import Explanation
 from identify.select.step import Step
 from palpmap.figures.style import (
@@ -211,13 +211,13 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
     for i in range(n):
         for j in range(n):
             if i != j and cosines[i, j] >= 0.5:
-                alike = cosines[i, j] > ALIKE
+                alike = cosines[i, j] > diagnosis.settings.alike
                 axes.text(
                     j, i, f"{100 * cosines[i, j]:.0f}", ha="center", va="center", fontsize=7.5,
                     color="white" if cosines[i, j] > 0.6 else BLACK,
                     fontweight="bold" if alike else "normal",
                 )  # fmt: skip
-            if i != j and cosines[i, j] > ALIKE:
+            if i != j and cosines[i, j] > diagnosis.settings.alike:
                 axes.plot(
                     [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
                     [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from identify.design.detection_limits import SHARE
+from identify.design.settings import DETECTION
 from identify.fit.result import FitResult
 from palpmap.report.draw import console
 from palpmap.result.explain_words import untestable_sentences
@@ -31,7 +31,7 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
     return (
         console(limit_table(seen, shifts, letters, title)),
         "E0, w, z: shift of the map's background, first inclusion's weight and depth by an ignored "
-        f"effect of {100 * SHARE:.0f} % of the signal (in proportion).",
+        f"effect of {100 * DETECTION.bias_share:.0f} % of the signal (in proportion).",
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
         *([f"Mixed scan: the scan {planned.change} ({planned.program})."] if planned else []),
         *untestable_sentences(record.limits, "Not seen at any size"),

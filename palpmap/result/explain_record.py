@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 from identify.design.assessment import Assessment
-from identify.design.detection_limits import SHARE, Limit
+from identify.design.detection_limits import Limit
 from identify.design.predicted_limits import BetterScans
 from identify.design.scan_variants import Design
+from identify.design.settings import DETECTION
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
 from identify.select.forward_selection import Explanation
@@ -121,7 +122,7 @@ def limit_record(
         visible=limit.visible,
         confused_with=limit.confused_with,
         map_bias=limit.map_bias,
-        bias_at_share=SHARE,
+        bias_at_share=DETECTION.bias_share,
         untestable=limit.untestable,
         better_scan=better,
         in_mixed_scan=mixed,

@@ -6,7 +6,8 @@ No sentence is more certain than result.json.
 from collections.abc import Sequence
 
 from identify.body.discretization_error import MODEL_ERROR
-from identify.design.detection_limits import SHARE
+from identify.design.settings import DETECTION
+from identify.effects.base import advice
 from identify.effects.units import length, more, percent
 from identify.select.forward_selection import Explanation
 from identify.select.settings import SELECTION
@@ -187,7 +188,7 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
     if name in explained.implausible:
         final = explained.final.fit
         (part,) = (part for part in final.model.effects if part.effect.name == name)
-        why = part.effect.doubt(final.at.values[name], final.model.readings)
+        why = advice(part.effect).doubt(final.at.values[name], final.model.readings)
         return [f"{name} is not offered as the missing effect: {why}."]
     if name not in explained.added:
         return [f"{name} lowers chi-square but leaves structure, {offered}"]
@@ -270,7 +271,7 @@ def unseen_effects(record: ExplainRecord) -> str:
     hidden = record.not_counted
     return (
         "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
-        f"parameter by an undetected effect of at most {percent(SHARE)} of the signal (most: "
+        f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the signal (most: "
         f"{listed(effects)}); `palpmap limits` names the scan that narrows it."
         + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
     )

@@ -74,13 +74,13 @@ def _why(proposal: Proposal) -> str:
     """Return the gain of a scan, as a clause without its subject's name."""
     first, second = proposal.pair
     by = f"chi-square would differ by {proposal.discrimination:.3g}"
-    if not proposal.told:
+    if not proposal.separated:
         return f"it does not yet separate them: between {first} and {second} {by}"
     if proposal.enough:
         return f"it separates them: {by}" + (
-            " or more" if len(proposal.told) > 1 else f" between {first} and {second}"
+            " or more" if len(proposal.separated) > 1 else f" between {first} and {second}"
         )
-    pairs = ", ".join(f"{a} from {b}" for a, b in proposal.told)
+    pairs = ", ".join(f"{a} from {b}" for a, b in proposal.separated)
     alike = ", ".join(f"{a} and {b}" for a, b in proposal.alike)
     return f"it separates {pairs} ({by} or more); still alike would be {alike}"
 

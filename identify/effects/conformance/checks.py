@@ -1,4 +1,4 @@
-"""The checks of the conformance kit; each returns what it found, or raises `Fault`."""
+"""The checks of the conformance kit; each returns its finding, or raises `Fault`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,11 @@ from identify.effects.hook import hook_fault
 
 _TEXTS = ("title", "summary", "formula", "source", "gives_away", "cure")
 _ENDINGS = {"m": "_m", "s": "_s", "N": "_n", "Hz": "_hz", "rad": "_rad", "Pa": "_pa", "N/s": "_s"}
-_ROUNDING = 1e-12  # of the largest number: what an identity may be off
-_SMALLEST = 1e-6  # of the largest number: a typical effect moves some reading by more
-_EXAMPLE = 1e-4  # relative agreement of worked examples
-_NEAR = 0.8  # cosine of neighbouring candidates' patterns
-_GAPS = 0.05  # share of neighbours that may be further apart, where candidates are left out
 _ENDS = ("lower", "upper")
-_CANDIDATES = 40  # of a long grid are tried
 
 
 class Fault(Exception):
-    """What is wrong with the effect, one line."""
+    """Fault of an effect, in one line."""
 
 
 def described(effect: Effect, own: ExampleScan) -> str:
@@ -94,6 +88,7 @@ def examples(effect: Effect, own: ExampleScan) -> str:
     if not effect.examples:
         raise Fault("no worked example")
     names = {p.name for p in effect.parameters}
+    accuracy = own.settings.example
     for number, example in enumerate(effect.examples, 1):
         if set(example.values) != names:
             raise Fault(f"example {number} gives {sorted(example.values)}, not {sorted(names)}")
@@ -102,7 +97,7 @@ def examples(effect: Effect, own: ExampleScan) -> str:
         for name, got in work(effect, example).items():
             wanted = np.atleast_1d(example.expected[name])
             close = np.shape(got) == wanted.shape and np.allclose(
-                got, wanted, rtol=_EXAMPLE, atol=_EXAMPLE * float(np.abs(wanted).max())
+                got, wanted, rtol=accuracy, atol=accuracy * float(np.abs(wanted).max())
             )
             if not close:
                 raise Fault(f"example {number}: {name} is {got.tolist()}, not {wanted.tolist()}")
@@ -110,7 +105,7 @@ def examples(effect: Effect, own: ExampleScan) -> str:
 
 
 def testable(effect: Effect, own: ExampleScan) -> str:
-    """Take from a scan what the effect needs: it must say so."""
+    """Demand a reason from a scan without the needs of the effect."""
     reason = effect.untestable(own.readings)
     if reason:
         raise Fault(f"a scan with everything is refused: {reason}")
@@ -134,7 +129,7 @@ def identity(effect: Effect, own: ExampleScan) -> str:
         for shape in _shapes(effect, scan):
             change = scan.out(effect, {**shape, **effect.null}) - plain
             worst = max(worst, float(np.abs(change).max() / np.abs(plain).max()))
-    if not worst <= _ROUNDING:
+    if not worst <= own.settings.rounding:
         raise Fault(f"changes readings by {worst:.1e} of the largest, expected rounding only")
     return f"off by {worst:.0e} of the largest number"
 
@@ -149,7 +144,7 @@ def repeatable(effect: Effect, own: ExampleScan) -> str:
 
 
 def untouched(effect: Effect, own: ExampleScan) -> str:
-    """Look for writing to what the hook is given."""
+    """Look for writing to the input of the hook."""
     before = {name: array.copy() for name, array in arrays_of(own)}
     values = _typical(effect, own)
     kept = dict(values)
@@ -189,7 +184,7 @@ def moving(effect: Effect, own: ExampleScan) -> str:
         step = min(0.5 * p.typical, room) if room > 0 else -0.5 * p.typical
         change = own.out(effect, {**typical, p.name: typical[p.name] + step})
         moved = float(np.abs(change - own.out(effect, typical)).max() / np.abs(plain).max())
-        if not moved > _SMALLEST:
+        if not moved > own.settings.least_change:
             raise Fault(f"{p.name} moves no reading: {step:.2g} {p.unit} change it by {moved:.0e}")
         least = min(least, moved)
     return f"by {least:.1e} of the largest and more"
@@ -248,13 +243,14 @@ def dense(effect: Effect, own: ExampleScan) -> str:
         near = np.array([_likeness(a, b) for a, b in pairwise(patterns)])
     else:
         near = _best_neighbours(patterns)
-    far = np.flatnonzero(near < _NEAR)
-    if len(far) > _GAPS * len(near):
+    least, gaps = own.settings.near, own.settings.gaps
+    far = np.flatnonzero(near < least)
+    if len(far) > gaps * len(near):
         raise Fault(
-            f"{len(far)} of {len(near)} neighbours are alike by less than {_NEAR} (cosine), the "
+            f"{len(far)} of {len(near)} neighbours are alike by less than {least} (cosine), the "
             f"first after {_say(candidates[int(far[0])])}: take a finer grid"
         )
-    return f"cosine {np.quantile(near, _GAPS):.2f} and up"
+    return f"cosine {np.quantile(near, gaps):.2f} and up"
 
 
 def evident(effect: Effect, own: ExampleScan) -> str:
@@ -271,7 +267,7 @@ def evident(effect: Effect, own: ExampleScan) -> str:
 
 
 def _scans(effect: Effect, own: ExampleScan) -> Iterator[ExampleScan]:
-    """Yield the trial, one with rows lost, and one without time where that is not needed."""
+    """Yield the example scan, one with rows lost, and one without time for a timeless effect."""
     yield own
     yield ragged(trial(2, start_s=1.7e9))
     if "time" not in effect.needs:
@@ -280,12 +276,12 @@ def _scans(effect: Effect, own: ExampleScan) -> Iterator[ExampleScan]:
 
 def _shapes(effect: Effect, scan: ExampleScan) -> list[Values]:
     candidates = effect.grid(scan.readings, scan.state)
-    step = max(1, len(candidates) // _CANDIDATES)
+    step = max(1, len(candidates) // scan.settings.candidates)
     return [*candidates[::step], candidates[-1]]
 
 
 def _typical(effect: Effect, scan: ExampleScan, sign: float = 1.0) -> dict[str, float]:
-    """Typical values, of the other sign where there is room for it; shapes from mid-grid."""
+    """Typical values, of the given sign if there is room for it; shapes from mid-grid."""
     candidates = effect.grid(scan.readings, scan.state)
     values = dict(candidates[len(candidates) // 2])
     for p in effect.bounded(scan.readings, scan.state):
@@ -311,15 +307,15 @@ def _corners(effect: Effect, scan: ExampleScan) -> Iterator[dict[str, float]]:
 
 
 def _pattern(effect: Effect, own: ExampleScan, shape: Values) -> np.ndarray:
-    """Orthonormal columns: what small amplitudes add, less what one softer body would absorb."""
+    """Orthonormal columns: change by small amplitudes, less the part of one softer body."""
     null, plain = {**shape, **effect.null}, own.plain(effect)
     columns = [
         own.out(effect, {**null, p.name: null[p.name] + 1e-3 * p.typical}) - own.out(effect, null)
         for p in effect.bounded(own.readings, own.state)
         if p.null is not None
     ]
-    own_share = plain / np.linalg.norm(plain)
-    left = [c - own_share * (own_share @ c) for c in columns]
+    softer = plain / np.linalg.norm(plain)
+    left = [c - softer * (softer @ c) for c in columns]
     return np.linalg.qr(np.column_stack(left))[0]
 
 

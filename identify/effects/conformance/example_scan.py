@@ -1,4 +1,4 @@
-"""A made-up scan on which effects are tried: noisy, with forces at and below zero."""
+"""A made-up scan for the checks of effects: noisy, with forces at and below zero."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from identify.body.state import BodyState
 from identify.effects.base import BodyEffect, Effect, ForceEffect, Need, Pressing, Values
+from identify.effects.conformance.settings import CONFORMANCE, ConformanceSettings
 from identify.effects.conformance.worked_example import apply
 from identify.effects.readings import Readings
 
@@ -26,7 +27,7 @@ _FORCE_NOISE_N = 5e-3
 
 @dataclass(frozen=True)
 class ExampleScan:
-    """Readings, and what the chain would hand to an effect's hook with them.
+    """Readings, with all other input of an effect's hook.
 
     Attributes
     ----------
@@ -34,30 +35,32 @@ class ExampleScan:
     pressing : of each reading
     travel_m : (m,) the travel of a linear body, from the noisy force
     state : the body
+    settings : tolerances of the checks
     """
 
     readings: Readings
     pressing: Pressing
     travel_m: np.ndarray
     state: BodyState
+    settings: ConformanceSettings = CONFORMANCE
 
     def out(self, effect: Effect, values: Values) -> np.ndarray:
-        """Return what the effect's hook makes of it: (m,), or for a body what is felt of it."""
+        """Return the output of the effect's hook: (m,), or the features of a body."""
         if isinstance(effect, BodyEffect):
             return self.felt(effect.body(self.state, **values))
         return apply(effect, self.readings, self.pressing, self.travel_m, values)
 
     def plain(self, effect: Effect) -> np.ndarray:
-        """Return what comes out without the effect."""
+        """Return the same without the effect."""
         if isinstance(effect, BodyEffect):
             return self.felt(self.state)
         return self.readings.force_n if isinstance(effect, ForceEffect) else self.travel_m
 
     def felt(self, state: BodyState) -> np.ndarray:
-        """Say in numbers how a body differs; to judge likeness by, not to fit with.
+        """Return features of a body as numbers; to compare bodies, not to fit them.
 
-        Of the modulus what the presses feel, the mean weighted with the strain energy of a
-        half-space, 1 / (distance^2 + a^2)^2; the rest as it stands in the state.
+        The modulus under each press, a mean weighted with the strain energy of a half-space,
+        1 / (distance^2 + a^2)^2; the rest as in the state.
         """
         points, weight = self._samples
         modulus = (_MODULUS_PA + state.added_pa(points)) * state.factor(points)
@@ -98,7 +101,7 @@ class ExampleScan:
         return replace(self, readings=replace(self.readings, time_s=None))
 
     def lacking(self, need: Need) -> ExampleScan:
-        """Return the same without what an effect may need."""
+        """Return the same without one need of effects."""
         r = self.readings
         if need == "time":
             return self.without_time()
@@ -130,7 +133,7 @@ class ExampleScan:
             modulus_pa=p.modulus_pa[keep],
             radius_m=p.radius_m[keep],
         )
-        return ExampleScan(readings, pressing, self.travel_m[keep], self.state)
+        return replace(self, readings=readings, pressing=pressing, travel_m=self.travel_m[keep])
 
 
 def trial(seed: int = 0, start_s: float = 0.0) -> ExampleScan:
@@ -171,7 +174,7 @@ def ragged(full: ExampleScan, seed: int = 1) -> ExampleScan:
 
 
 def arrays_of(own: ExampleScan) -> Sequence[tuple[str, np.ndarray]]:
-    """All arrays that a hook is handed, by name."""
+    """All input arrays of a hook, by name."""
     found = [("travel_m", own.travel_m)]
     for record in (own.readings, own.pressing):
         found += [(k, v) for k, v in vars(record).items() if isinstance(v, np.ndarray)]

@@ -1,7 +1,7 @@
-"""What every effect must keep to, the built-in ones and a user's own alike.
+"""Conformance kit: the contract of every effect, built-in or a user's own.
 
-`check_effect` tries an effect on a made-up scan (`trial`). What needs a body of finite elements
-is not done here: such checks are handed in as `further` (`identify.select.plant_and_recover`).
+`check_effect` tries an effect on a made-up scan (`trial`). Checks with a body of finite elements
+are handed in as `further` (`identify.select.plant_and_recover`).
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from identify.effects.base import Effect
-from identify.effects.conformance import checks as checks
+from identify.effects.conformance import checks
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.example_scan import ExampleScan, trial
 
-Check = Callable[[Effect, ExampleScan], str]  # returns what was found, raises Fault
+Check = Callable[[Effect, ExampleScan], str]  # returns the finding, raises Fault
 
 DESCRIPTION: Mapping[str, Check] = {
     "described": checks.described,
@@ -38,13 +38,13 @@ BEHAVIOUR: Mapping[str, Check] = {
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What one check found.
+    """Finding of one check.
 
     Attributes
     ----------
-    check : what was looked at, some words
-    passed : whether the effect keeps to it
-    says : what was found, one line
+    check : subject, some words
+    passed : True for an effect that conforms
+    says : finding, one line
     """
 
     check: str
@@ -58,13 +58,12 @@ def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> 
     Parameters
     ----------
     effect : to be tried
-    further : more checks by name; each takes effect and trial, returns what it found or raises
+    further : more checks by name; each takes effect and trial, returns its finding or raises
         `Fault`
 
     Returns
     -------
-    The findings in the order of the checks. Where the description is at fault, nothing else is
-    tried.
+    The findings in the order of the checks. With a fault in the description, nothing else is tried.
 
     Examples
     --------

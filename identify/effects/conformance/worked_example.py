@@ -1,4 +1,4 @@
-"""Do a worked example: its few readings, its hook, what comes out."""
+"""Run a worked example: its few readings, its hook, its output."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _BY_HOOK = {
 
 
 def work(effect: Effect, example: WorkedExample) -> dict[str, np.ndarray]:
-    """Return what comes out of the effect's hook, under the names of `example.expected`.
+    """Return the output of the effect's hook, under the names of `example.expected`.
 
-    What may be given, one value for each of the m readings or one for all: `press`, `time_s`,
-    `phase`, `point_m`, `force_n`, `travel_m`, and for the contact `radius_m` (of the probe),
+    Input, one value for each of the m readings or one for all: `press`, `time_s`, `phase`,
+    `point_m`, `force_n`, `travel_m`, and for the contact `radius_m` (of the probe),
     `contact_radius_m`, `compliance_m_per_n`, `modulus_pa`; besides, `order` of the presses and
-    `poisson_ratio`. What is not given is one press loading at the origin, 0.3 N, 1 mm, a tip of
-    5 mm, 6 kPa. Body effects: at the points `point_m`, `factor`, `added_pa` and `inclusion` (what
-    an inclusion of 10 mm at the origin has there of its weight), or any attribute of `BodyState`.
+    `poisson_ratio`. The default is one press loading at the origin, 0.3 N, 1 mm, a tip of 5 mm,
+    6 kPa. Output of body effects: at the points `point_m`, `factor`, `added_pa` and `inclusion`
+    (share of the weight of an inclusion of 10 mm at the origin), or any attribute of `BodyState`.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def apply(
     travel_m: np.ndarray,
     values: Mapping[str, float],
 ) -> np.ndarray:
-    """Return what the effect's hook makes of readings: forces or travels (m,). Not for bodies."""
+    """Return the output of the effect's hook: forces or travels (m,). Not for bodies."""
     force = readings.force_n
     if isinstance(effect, ForceEffect):
         return effect.force(readings, force, **values)
@@ -90,7 +90,7 @@ def apply(
 
 
 class Inputs:
-    """What an example gives, spread over its m readings."""
+    """Input of an example, spread over its m readings."""
 
     def __init__(self, given: Mapping[str, object]):
         self._given = given
@@ -121,7 +121,7 @@ class Inputs:
         )
 
     def pressing(self) -> Pressing:
-        """Return what a contact effect may know of the body."""
+        """Return the body under each reading's tip."""
         return Pressing(
             compliance_m_per_n=self.get("compliance_m_per_n", 0.01),
             modulus_pa=self.get("modulus_pa", 6000.0),

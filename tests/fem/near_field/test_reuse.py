@@ -1,11 +1,13 @@
 """What presses share of their near fields: little is computed, and nothing is mixed up."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fem import Contacts, PalpationModel, block_mesh
-from fem.near_field import reuse as near_field_shared
+from fem.near_field import enrichment
 from fem.near_field.reuse import shared
 
 SIZE = (0.048, 0.048, 0.024)
@@ -24,7 +26,7 @@ def test_bodies_answer_the_same_whether_or_not_integrals_are_shared(radii, nu, m
     mesh = block_mesh(SIZE, (4, 4, 2))
     found = []
     for share in (1.0, 0.0):
-        monkeypatch.setattr(near_field_shared, "_WORTH_IT", share)
+        monkeypatch.setattr(enrichment, "shared", partial(shared, most_different=share))
         model = PalpationModel(mesh, nu, contacts)
         direction = np.array([0.8, 0.6, 0.0])
         fibres = direction, np.full(len(model.points_m), 300.0)
@@ -72,8 +74,8 @@ def test_where_all_cells_differ_each_press_computes_its_own():
         assert_allclose(sums, nodes.sum(axis=(1, 2)))
 
 
-def test_a_body_without_cells_to_share_is_none(monkeypatch):
-    monkeypatch.setattr(near_field_shared, "_WORTH_IT", -1.0)
+def test_a_body_without_cells_to_share_is_none():
     empty = np.empty((0, 4, 3))
-    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,), (0,))
+    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,), (0,),
+                   most_different=-1.0)  # fmt: skip
     assert [len(array) for (array,) in found] == [0, 0]

@@ -7,7 +7,6 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
-import fem.palpation.constrained_body
 from fem import Contacts, PalpationModel, Support, block_mesh
 from fem.errors import SolverError
 from fem.linear.assembly import Stiffness
@@ -187,24 +186,27 @@ def test_a_load_of_nothing_moves_nothing():
         assert np.isfinite(found).all()
 
 
-def model_of(support: Support | None, nu: float, solver: Solver | None = None) -> PalpationModel:
+def model_of(
+    support: Support | None, nu: float, solver: Solver | None = None, **options: int
+) -> PalpationModel:
     contacts = Contacts(
         [(0.02, 0.02, 0.03), (0.03, 0.025, 0.03), (0.04, 0.03, 0.03)], (0, 0, -1), 0.005
     )
     mesh = block_mesh(SIZE_M, (8, 6, 4), order=1)
-    return PalpationModel(mesh, nu, contacts, near_field=False, support=support, solver=solver)
+    return PalpationModel(
+        mesh, nu, contacts, near_field=False, support=support, solver=solver, **options
+    )
 
 
 @pytest.mark.parametrize(("nu", "way"), [(0.45, TwoGrid), (0.4999, SinglePrecisionFactors)])
 @pytest.mark.parametrize("support", [None, Support("base", normal=1e-7, tangential=2e-7)])
-def test_a_large_body_answers_as_a_small_one_does(monkeypatch, support, nu, way):
+def test_a_large_body_answers_as_a_small_one_does(support, nu, way):
     if way is SinglePrecisionFactors and not default_solver().single_precision:
         pytest.skip("the solver here has no single precision")
     small = model_of(support, nu)
     modulus = 5e3 + 2e4 * np.exp(-((small.points_m - [0.03, 0.02, 0.02]) ** 2).sum(1) / 2e-4)
     exact = small.evaluate(modulus)
-    monkeypatch.setattr(fem.palpation.constrained_body, "LARGE", 0)
-    large = model_of(support, nu)
+    large = model_of(support, nu, iterative_from=0)
     body = large.floating if support else large._bonded
     assert isinstance(body.iterative[0], way)
     found = large.evaluate(modulus)
@@ -216,19 +218,17 @@ def test_a_large_body_answers_as_a_small_one_does(monkeypatch, support, nu, way)
 
 
 @pytest.mark.parametrize("contrast", [1e8, 1e10])
-def test_where_single_precision_is_not_enough_double_is_taken(monkeypatch, contrast):
+def test_where_single_precision_is_not_enough_double_is_taken(contrast):
     small = model_of(None, 0.45)
     modulus = np.where(small.points_m[:, 2] > 0.015, contrast, 1.0)  # a hard body on a soft one
     exact = small.evaluate(modulus)
-    monkeypatch.setattr(fem.palpation.constrained_body, "LARGE", 0)
-    large = model_of(None, 0.45)
+    large = model_of(None, 0.45, iterative_from=0)
     found = large.evaluate(modulus)
     assert large._bonded.iterative == []
     assert_allclose(found.compliance, exact.compliance, rtol=1e-12)
 
 
-def test_without_single_precision_nothing_is_gained_by_rough_factors(monkeypatch):
-    monkeypatch.setattr(fem.palpation.constrained_body, "LARGE", 0)
+def test_without_single_precision_nothing_is_gained_by_rough_factors():
     for nu, ways in ((0.45, [TwoGrid]), (0.4999, [])):
-        body = model_of(None, nu, SuperLUSolver())._bonded
+        body = model_of(None, nu, SuperLUSolver(), iterative_from=0)._bonded
         assert [type(way) for way in body.iterative] == ways

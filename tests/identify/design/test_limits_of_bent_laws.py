@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design import detection_limits as limits
-from identify.design.detection_limits import SIGMAS, Limit, detection_limits
+from identify.design.detection_limits import Limit, detection_limits
+from identify.design.settings import DETECTION, DetectionSettings
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
@@ -32,9 +32,9 @@ def measured(**changes):
     return scan(compliance[press] * force, force, 0)
 
 
-def limit(name: str) -> Limit:
-    (own,) = detection_limits(fit(), [effect(name)])
-    return own
+def limit(name: str, settings: DetectionSettings = DETECTION) -> Limit:
+    (only,) = detection_limits(fit(), [effect(name)], settings=settings)
+    return only
 
 
 def left_by_a_whole_fit(**changes) -> float:
@@ -43,19 +43,18 @@ def left_by_a_whole_fit(**changes) -> float:
     return float(np.linalg.norm(found.at.residual - fit().at.residual))
 
 
-def test_an_edge_that_takes_the_map_far_is_seen_from_the_size_that_a_whole_fit_leaves(monkeypatch):
+def test_an_edge_that_takes_the_map_far_is_seen_from_the_size_that_a_whole_fit_leaves():
     shape = BODY.state().inclusion_shape
 
     def left(own: Limit) -> float:
         return left_by_a_whole_fit(inclusion_shape=replace(shape, edge=own.sizes["edge"]))
 
     fitted = limit("inclusion_edge")
-    assert left(fitted) == pytest.approx(SIGMAS, rel=0.2)
+    assert left(fitted) == pytest.approx(DETECTION.sigmas, rel=0.2)
     # By projection alone the edge would seem to be seen earlier, which it is not
-    monkeypatch.setattr(limits, "_FAR_MAP", np.inf)
-    projected = limit("inclusion_edge")
+    projected = limit("inclusion_edge", replace(DETECTION, far_map=np.inf))
     assert projected.smallest_share < 0.8 * fitted.smallest_share
-    assert left(projected) < 0.8 * SIGMAS
+    assert left(projected) < 0.8 * DETECTION.sigmas
 
 
 def test_the_hardest_skin_of_the_thickness_stated_is_not_seen_where_no_size_is_given():
@@ -66,9 +65,9 @@ def test_the_hardest_skin_of_the_thickness_stated_is_not_seen_where_no_size_is_g
     assert own.sizes["stiffening"] == pytest.approx(hardest)
     skin = {"skin_factor": 1 + hardest, "skin_thickness_m": own.shape["thickness_m"]}
     # So hard a skin also lowers the weight of the force's noise: by a quarter, in this scan
-    assert left_by_a_whole_fit(**skin) < 1.5 * SIGMAS
+    assert left_by_a_whole_fit(**skin) < 1.5 * DETECTION.sigmas
     # At the size at which the derivative at the null makes five standard errors it is one
-    assert left_by_a_whole_fit(**{**skin, "skin_factor": 8.7}) < SIGMAS / 2
+    assert left_by_a_whole_fit(**{**skin, "skin_factor": 8.7}) < DETECTION.sigmas / 2
 
 
 def test_an_effect_that_is_too_small_to_be_seen_at_its_largest_has_no_limit_but_a_size():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design.detection_limits import SIGMAS, detection_limits
+from identify.design.detection_limits import detection_limits
+from identify.design.settings import DETECTION
 from identify.effects.readings import Readings
 from identify.fit.joint_fit import fit_jointly
 from identify.select.score_test import fitted_basis, score_effect
@@ -79,7 +80,7 @@ def test_an_effect_of_the_size_printed_scores_five_standard_errors(problem, limi
         score(problem, name, own.smallest_share, SEED + 100 * draw, own.shape)[0]
         for draw in range(DRAWS)
     ]
-    ratio = float(np.exp(np.mean(np.log(scores)))) / SIGMAS
+    ratio = float(np.exp(np.mean(np.log(scores)))) / DETECTION.sigmas
     assert 1 / 1.5 < ratio < 1.5
 
 
@@ -90,4 +91,4 @@ def test_the_largest_effect_that_is_possible_is_not_seen_where_the_limits_say_so
     assert "the largest that is possible" in own.untestable
     found, reached = score(problem, "rigid_tip", 0.03, SEED, {})
     assert reached < own.largest_share  # a tip held upright: the effect's bounds leave some room
-    assert found < SIGMAS
+    assert found < DETECTION.sigmas

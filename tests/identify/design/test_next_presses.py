@@ -9,15 +9,15 @@ from numpy.testing import assert_array_equal
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design.next_presses import ENOUGH, FEWEST, NEEDED, _Planned, next_presses
+from identify.design.next_presses import _Planned, next_presses
 from identify.design.scan_variants import (
-    BETWEEN_SCANS_S,
     Design,
     mixed,
     presses_of,
     readings_of,
     variations,
 )
+from identify.design.settings import PLAN
 from identify.effects.readings import Readings
 from identify.fit.joint_fit import fit_jointly
 from models.scan import Scan
@@ -73,13 +73,13 @@ def proposals(candidates):
 
 
 def test_what_tells_rivals_apart_comes_first_and_the_quickest_of_it(proposals):
-    told = [len(p.told) for p in proposals]
+    told = [len(p.separated) for p in proposals]
     assert told == sorted(told, reverse=True)
-    durations = [p.design.presses.duration_s for p in proposals if p.told]
+    durations = [p.design.presses.duration_s for p in proposals if p.separated]
     assert durations == sorted(durations)
-    assert all(p.discrimination >= NEEDED for p in proposals if p.told)
-    assert all(p.discrimination < NEEDED for p in proposals if not p.told)
-    others = [p.discrimination for p in proposals if not p.told]
+    assert all(p.discrimination >= PLAN.needed for p in proposals if p.separated)
+    assert all(p.discrimination < PLAN.needed for p in proposals if not p.separated)
+    others = [p.discrimination for p in proposals if not p.separated]
     assert others == sorted(others, reverse=True)
 
 
@@ -88,17 +88,17 @@ def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, candidates)
     whole = next(d for d in variations(presses_of(candidates[0][1].model.readings), True)
                  if d.name == "two_radii").presses  # fmt: skip
     count = len(best.design.presses)
-    assert FEWEST <= count < len(whole)
-    assert ENOUGH <= best.discrimination < 2 * ENOUGH
+    assert PLAN.fewest <= count < len(whole)
+    assert PLAN.aim <= best.discrimination < 2 * PLAN.aim
     asked = [tuple(point) for point in best.design.presses.point_m]
     order = [tuple(point) for point in whole.point_m]
     chosen = list(map(order.index, asked))
     assert chosen == sorted(chosen)
     # As many of the others, filled up with the least telling of the chosen ones, would not do
     planned = _Planned(candidates[:2], replace(best.design, presses=whole))
-    (pair,) = best.told
+    (pair,) = best.separated
     least = planned.most_telling_first(pair)[::-1][:count]
-    assert planned.worth(least)[pair] < 0.8 * ENOUGH
+    assert planned.worth(least)[pair] < 0.8 * PLAN.aim
 
 
 def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_force(candidates):
@@ -163,12 +163,12 @@ def test_pairs_that_would_stay_alike_are_said(candidates):
     readings = candidates[0][1].model.readings
     designs = [d for d in variations(presses_of(readings), True) if d.name == "same"]
     (proposal,) = next_presses(candidates, designs)
-    assert {*proposal.told, *proposal.alike} == {
+    assert {*proposal.separated, *proposal.alike} == {
         ("contact_offset", "force_bias"),
         ("contact_offset", "spherical_tip"),
         ("force_bias", "spherical_tip"),
     }
-    assert proposal.pair in (proposal.told or proposal.alike)
+    assert proposal.pair in (proposal.separated or proposal.alike)
 
 
 def test_a_further_scan_goes_on_in_time_and_order(candidates):
@@ -176,5 +176,5 @@ def test_a_further_scan_goes_on_in_time_and_order(candidates):
     further = readings_of(presses_of(present), True, present)
     assert further.time_s is not None
     assert present.time_s is not None
-    assert further.time_s[0] > present.time_s[-1] + BETWEEN_SCANS_S
+    assert further.time_s[0] > present.time_s[-1] + PLAN.between_scans_s
     assert_array_equal(further.order, present.order + 25)

@@ -11,7 +11,8 @@ from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import detection_limits
 from identify.design.predicted_limits import designs_on_body, improvements, planned
-from identify.design.scan_variants import BETWEEN_SCANS_S, presses_of, readings_of, variations
+from identify.design.scan_variants import presses_of, readings_of, variations
+from identify.design.settings import PLAN
 from identify.effects.readings import Readings
 from identify.fit.cross_validation import folds
 from identify.fit.joint_fit import fit_jointly
@@ -47,7 +48,7 @@ def test_the_clock_and_the_count_of_a_further_scan_go_on(fit):
     present = fit.model.readings
     presses = presses_of(present)
     further = readings_of(presses, True, present)
-    assert further.elapsed_s[0] > present.elapsed_s[-1] + BETWEEN_SCANS_S
+    assert further.elapsed_s[0] > present.elapsed_s[-1] + PLAN.between_scans_s
     assert further.order.tolist() == list(range(25, 50))
     alone = readings_of(presses, True)
     assert alone.elapsed_s[0] == 0

@@ -5,10 +5,13 @@ from dataclasses import replace
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design.detection_limits import SHARE, Limit, detection_limits
+from identify.design.detection_limits import Limit, detection_limits
+from identify.design.settings import DETECTION
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.fit.joint_fit import fit_jointly
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
+
+SHARE = DETECTION.bias_share
 
 
 def limit(name: str, share: float | None, most: float | None = None, **bias: float) -> Limit:

@@ -13,8 +13,9 @@ import pytest
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.fit.contact_law import GROSS, contact_law
+from identify.fit.contact_law import contact_law
 from identify.fit.free_compliance import FreeCompliance, straightened
+from identify.fit.settings import CONTACT_LAW
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
 
@@ -84,7 +85,7 @@ def flat(seed: int, change=lambda d, f: (d, f)) -> FreeCompliance:
 
 def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name():
     law = contact_law(ball(0, threshold_n=0.05), CATALOGUE)
-    assert law.plain.chi2_per_dof > GROSS
+    assert law.plain.chi2_per_dof > CONTACT_LAW.bent
     assert "spherical_tip" in law.names
     assert len(law.names) == 2
     late = next(name for name in law.names if name != "spherical_tip")
@@ -99,7 +100,7 @@ def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name():
 
 def test_a_ball_whose_touch_is_declared_late_by_a_length_is_found():
     law = contact_law(ball(1, offset_m=4e-4), CATALOGUE)
-    assert law.plain.chi2_per_dof > GROSS
+    assert law.plain.chi2_per_dof > CONTACT_LAW.bent
     assert law.names == ("spherical_tip", "contact_offset")
     found = law.found.values
     assert found["contact_offset"]["offset_m"] == pytest.approx(-4e-4, rel=0.15)
@@ -134,7 +135,7 @@ def test_a_few_bad_presses_name_nothing():
 
     own = flat(5, slip)
     law = contact_law(own, CATALOGUE)
-    assert own.fit(()).chi2_per_dof > GROSS
+    assert own.fit(()).chi2_per_dof > CONTACT_LAW.bent
     assert law.names == ()
 
 
@@ -144,7 +145,7 @@ def test_what_differs_from_press_to_press_at_random_names_nothing():
 
     own = flat(6, rough)
     law = contact_law(own, CATALOGUE)
-    assert own.fit(()).chi2_per_dof > GROSS
+    assert own.fit(()).chi2_per_dof > CONTACT_LAW.bent
     assert law.names == ()
 
 

@@ -9,7 +9,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.select import candidates as candidates
-from identify.select.candidates import borne_out, compare_candidates, fit_with, shortlist
+from identify.select.candidates import compare_candidates, fit_with, predicted_share, shortlist
 from identify.select.score_test import fitted_basis, score_effect
 from identify.select.step import step_of
 from tests.identify.select.loop_problem import (  # fmt: skip
@@ -43,7 +43,7 @@ def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
     assert fit is not None
     assert fit.chi2 < saturated.fit.chi2 - 20
     assert fit.rms_m > 1.002 * saturated.fit.rms_m  # at the forces as they were read
-    assert borne_out(saturated.fit, fit) == pytest.approx(1, abs=0.3)
+    assert predicted_share(saturated.fit, fit) == pytest.approx(1, abs=0.3)
     candidates = compare_candidates(
         saturated, {e.name: e for e in CATALOGUE}, str, shortlist(saturated.diagnosis)
     )
@@ -59,12 +59,12 @@ class Sawtooth(ContactOffset):
         return travel_m + offset_m * (force_n / 1e-3 % 1 - 0.5)
 
 
-def test_a_law_that_only_allows_more_noise_is_not_borne_out(saturated):
+def test_a_law_that_only_allows_more_noise_has_no_predicted_share(saturated):
     before = saturated.fit
     steep = before.model.with_effect(Sawtooth(), {"offset_m": 2e-5}, before.at.state)
     after = fit_jointly(steep, before.map, rounds=0, max_evaluations=1)
     assert after.chi2 < 0.9 * before.chi2
-    assert borne_out(before, after) < 0.1
+    assert predicted_share(before, after) < 0.1
 
 
 def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():

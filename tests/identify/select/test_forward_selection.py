@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.fit import cross_validation as module
 from identify.fit.cross_validation import cross_validate, predicted_error
 from identify.fit.joint_fit import fit_jointly
+from identify.fit.settings import CrossValidationSettings
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.forward_selection import forward_selection
@@ -144,7 +144,7 @@ def test_a_late_force_channel_is_not_explained_by_any_name():
         assert fell > 0.1
 
 
-def test_held_out_presses_are_those_of_a_fit_without_them(monkeypatch):
+def test_presses_left_out_are_those_of_a_fit_without_them(monkeypatch):
     table = planted(7, lambda d, f, t, phase, press: (d, f))
     fit = fit_jointly(model(table), TRUE, rounds=0)
     out = table.press_index == 12
@@ -159,11 +159,11 @@ def test_held_out_presses_are_those_of_a_fit_without_them(monkeypatch):
     # Too long a step for a linear prediction: it ends before, and there the model itself is asked
     own = fit.at.residual[out]
     whole = predicted_error(fit, out) - own
-    monkeypatch.setattr(module, "_LONGEST", 0.2 * np.abs(other - fit.u).max())
+    short = CrossValidationSettings(longest_step=0.2 * np.abs(other - fit.u).max())
     asked = []
     linearise = MeasurementModel.linearise
     monkeypatch.setattr(MeasurementModel, "linearise", lambda *a: asked.append(a) or linearise(*a))
-    part = predicted_error(fit, out) - own
+    part = predicted_error(fit, out, short) - own
     assert len(asked) == 1
     assert 0.1 < part @ whole / (whole @ whole) < 0.7
 

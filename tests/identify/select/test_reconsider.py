@@ -8,8 +8,8 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
-from identify.select.candidates import MARGIN
 from identify.select.forward_selection import forward_selection
+from identify.select.settings import SELECTION
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 OFFSET_M = 1e-4
@@ -66,9 +66,9 @@ def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     assert (
         tilt.chi2 <= own.chi2 + 0.1
     )  # it contains the offset, and its slopes bring next to nothing
-    assert tilt.chi2 > own.chi2 - MARGIN
-    before = {candidate.name: candidate.chi2 for candidate in offset.tried}
-    assert before["surface_tilt"] < before["contact_offset"] - MARGIN
+    assert tilt.chi2 > own.chi2 - SELECTION.margin
+    before = {candidate.name: candidate.chi2 for candidate in offset.first_candidates}
+    assert before["surface_tilt"] < before["contact_offset"] - SELECTION.margin
 
 
 class LittleOffset(ContactOffset):

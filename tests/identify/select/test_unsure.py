@@ -11,6 +11,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.design.assessment import assess
 from identify.design.undetected_bias import UndetectedBias
+from identify.effects.base import Advice
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
@@ -86,7 +87,12 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     assert name == "viscoelasticity"
     assert explain._verdict(explained.ladder, explained.accepted, True) == "explained"
     why = "it keeps step with the presses"
-    monkeypatch.setattr(Viscoelasticity, "doubt", lambda self, values, readings: why)
+
+    class Doubted(Advice, Viscoelasticity):
+        def doubt(self, values, readings):
+            return why
+
+    monkeypatch.setattr(CATALOGUE[name], "__class__", Doubted)
     assert candidates.is_implausible(explained.final.fit, name)
     assert explain._verdict(explained.ladder, explained.accepted, True) == "unexplained"
     found = replace(explained, verdict="unexplained")
@@ -162,12 +168,12 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(expla
     def started(step, say):
         return case.explained.ladder[0].fit, [first]
 
-    def lost(fit, names, say):
+    def lost(fit, names, say, settings):
         return fit, list(names)
 
-    def looked(fit, additions, say, last_too=False):
+    def looked(fit, accepted, say, last_too, settings):
         asked.append(last_too)
-        return fit, list(additions), {}
+        return fit, list(accepted), {}
 
     policy = explain.Policy(
         first=started,

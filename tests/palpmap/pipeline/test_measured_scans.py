@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.fit.contact_law import GROSS
+from identify.fit.settings import CONTACT_LAW
 from identify.select.start_fit import contact_law_of
 from models.scan_file import read_scan, write_scan
 from palpmap import api
@@ -53,7 +53,7 @@ def test_ball_and_late_touch_of_a_twin_are_found_beside_a_wrong_body(twin):
     explained = api.explain(Experiment.of(read_scan(twin.scan), twin))
     problem = explained.problem
     assert problem.law is not None
-    assert problem.law.plain.chi2_per_dof > GROSS
+    assert problem.law.plain.chi2_per_dof > CONTACT_LAW.bent
     assert "spherical_tip" in explained.added
     groups = [explained.added, *explained.ambiguous]
     assert any("contact_offset" in group for group in groups)

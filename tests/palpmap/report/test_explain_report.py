@@ -119,9 +119,9 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
         return replace(rung, diagnosis=replace(rung.diagnosis, scores=scores))
 
     low = seen(hysteresis=0.03, contact_offset=0.04)
-    assert explain._beside(low, "hysteresis") == ("mesh_error",)
-    assert set(explain._beside(low, "mesh_error")) == {"hysteresis", "contact_offset"}
-    assert explain._beside(low, "viscoelasticity") == ()
+    assert explain._confounded(low, "hysteresis") == ("mesh_error",)
+    assert set(explain._confounded(low, "mesh_error")) == {"hysteresis", "contact_offset"}
+    assert explain._confounded(low, "viscoelasticity") == ()
     best = told.explained.accepted[0].candidates[0]
     alone = AcceptedEffect("tool_compliance", (replace(best, name="tool_compliance"),), False,
                      {"tool_compliance": ("mesh_error",)})  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
-from identify.select.forward_selection import _beside, _verdict, is_more_missing
+from identify.select.forward_selection import _confounded, _verdict, is_more_missing
 from identify.select.score_test import Score
 
 
@@ -117,4 +117,4 @@ def test_what_looks_like_the_models_own_error_is_not_told_from_it(cosine, beside
     )
     diagnosis = Diagnosis(scores, frozenset({"poisson_ratio"}), 200.0)
     rung: Any = SimpleNamespace(diagnosis=diagnosis)
-    assert _beside(rung, "poisson_ratio") == beside
+    assert _confounded(rung, "poisson_ratio") == beside

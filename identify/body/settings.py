@@ -1,0 +1,43 @@
+"""Tuning numbers of the body's mechanics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class BodySettings:
+    """Settings of `identify.body.mechanics`, its shifted block and its discretization error.
+
+    Attributes
+    ----------
+    poisson_ratios : ratios with a finite element model; C is interpolated between the nearest three
+    poisson_step : difference quotient by Poisson's ratio
+    local_depth : depth of the local modulus under a tip, in contact radii
+    believed_ratio : compliance of the finer model over the coarse one's; beyond, neither mesh
+        resolves the map, and nothing is extrapolated
+    mesh_rate : order of convergence of meshes that are not extrapolated, for presses away from
+        edges and steep inclusions
+    error_at_zero : mesh error at Poisson's ratio zero, relative to the growth -ln(1 - 2 nu), see
+        `mesh_error_growth`
+    shifts : shifts of a block with a model, in side lengths; C is interpolated between them
+    shift_room : share of the gap between tips and edges that a shift may close
+    least_shift_m : gap below which a block cannot be shifted
+    shift_step_m : distance between shifts with a finer model of their own
+    """
+
+    poisson_ratios: tuple[float, ...] = (
+        0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497,
+    )  # fmt: skip
+    poisson_step: float = 0.01
+    local_depth: float = 0.5
+    believed_ratio: tuple[float, float] = (0.6, 1.6)
+    mesh_rate: float = 2.5
+    error_at_zero: float = 0.12
+    shifts: tuple[float, ...] = (0.01, 0.025, 0.06, 0.12)
+    shift_room: float = 0.95
+    least_shift_m: float = 1e-4
+    shift_step_m: float = 1e-4
+
+
+BODY = BodySettings()

@@ -1,0 +1,45 @@
+"""Tuning numbers of the measurement model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NoiseSettings:
+    """Settings of the noise estimate (`identify.measurement.noise`).
+
+    Attributes
+    ----------
+    least_differences : third differences, below which the noise is not estimated
+    floor : least noise, relative to the rms of the column
+    motion_sigmas : standard errors of the covariance of both columns beyond which common motion is
+        subtracted
+    """
+
+    least_differences: int = 8
+    floor: float = 1e-6
+    motion_sigmas: float = 3.0
+
+
+NOISE = NoiseSettings()
+
+
+@dataclass(frozen=True)
+class LatentForceSettings:
+    """Settings of the latent force (`identify.measurement.chain.judge`).
+
+    Attributes
+    ----------
+    steepest : largest slope of travel over force, in compliances, with which the noise of the force
+        is counted: a law that turns a little force into any displacement would explain everything
+    rounds : of the latent force, if travel and force are not proportional
+    tol : change of the latent force, relative to the largest force, that ends the rounds
+    """
+
+    steepest: float = 2.0
+    rounds: int = 6
+    tol: float = 1e-3
+
+
+LATENT_FORCE = LatentForceSettings()

@@ -1,0 +1,51 @@
+"""Thresholds of the residual analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ResidualSettings:
+    """Levels, sample sizes and thresholds of `identify.residual.compare`.
+
+    Attributes
+    ----------
+    alpha : family-wise error of the tests under pure noise
+    bins : largest number of bins of force, and of time
+    neighbours : nearest presses of each press in Moran's I
+    least_presses, least_trend_presses : for a pattern over places, and for a trend in their order
+    patterns : largest number of smooth patterns over places
+    least_pairs : pairs of consecutive readings for the lag-1 correlation
+    least_differences : second differences for the reading-to-reading scatter
+    scatter_sigmas : standard errors beyond which this scatter replaces the noise given
+    independent_share : independent numbers per degree of freedom of an estimated noise, which comes
+        from third differences
+    main_share : share of the excess chi-square that a main direction takes at least
+    further_share : chi-square of a further direction, relative to the main one
+    most_outlying_presses : largest number of outlying presses; more are no matter of single presses
+    presses_per_outlier : presses in the scan for each outlying one
+    most_outlying_readings : largest number of outlying readings
+    law_share : share of the excess chi-square that a simple law surely takes. Creep is a lag of the
+        displacement to 75 %, a force that is read late to 96 to 98 %
+    """
+
+    alpha: float = 0.01
+    bins: int = 8
+    neighbours: int = 6
+    least_presses: int = 9
+    least_trend_presses: int = 8
+    patterns: int = 12
+    least_pairs: int = 20
+    least_differences: int = 30
+    scatter_sigmas: float = 3.5
+    independent_share: float = 0.4
+    main_share: float = 0.2
+    further_share: float = 0.1
+    most_outlying_presses: int = 12
+    presses_per_outlier: int = 5
+    most_outlying_readings: int = 20
+    law_share: float = 0.85
+
+
+RESIDUAL = ResidualSettings()

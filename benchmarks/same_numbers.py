@@ -1,8 +1,8 @@
 """Whether two states of the code give the same numbers: a guard for changes of its structure.
 
-    python benchmarks/same_numbers.py measure before.json      # in one checkout, about 70 min of
-    CPU python benchmarks/same_numbers.py measure after.json       # in the other python
-    benchmarks/same_numbers.py compare before.json after.json
+    python benchmarks/same_numbers.py measure before.json  # in one checkout, about 70 min of CPU
+    python benchmarks/same_numbers.py measure after.json  # in the other
+    python benchmarks/same_numbers.py compare before.json after.json
 
 Measured are the accuracy table, the paper's tests by both optimisers, the fits of `case_a` and
 `case_k`, `explain` on the open cases a to k, and twelve blind trials whose seeds stand in `SEEDS`.

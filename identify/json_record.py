@@ -1,7 +1,5 @@
 """Records with a schema number in JSON files, read with an error message for any other file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -6,8 +6,6 @@ difference quotients, sizes of caches and constants of published methods stay wi
 the grids of an effect belong to the effect.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

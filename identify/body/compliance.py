@@ -1,7 +1,5 @@
 """Compliance of every press for a map of Young's modulus that is positive everywhere."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -6,8 +6,6 @@ is the step of an extrapolation from both meshes, or for an extrapolated model i
 and as one for each press alone.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tuning numbers of the body's mechanics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -5,8 +5,6 @@ some presses and further from others; the map below the presses stays. Only the 
 are moved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

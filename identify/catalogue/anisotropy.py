@@ -1,7 +1,5 @@
 """Fibres in the plane of the surface."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A base that gives way under pressure."""
 
-from __future__ import annotations
-
 from identify.body.state import BodyState
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings

@@ -1,7 +1,5 @@
 """A base that lets the body slide sideways."""
 
-from __future__ import annotations
-
 from identify.body.state import BodyState
 from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings

@@ -1,7 +1,5 @@
 """A body that lies elsewhere than the study states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The body moves up and down on its own."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The built-in effects, in the order of the chain: body, contact, response, instrument."""
 
-from __future__ import annotations
-
 from identify.catalogue.anisotropy import Anisotropy
 from identify.catalogue.base_compliance import BaseCompliance
 from identify.catalogue.base_sliding import BaseSliding

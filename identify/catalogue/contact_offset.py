@@ -1,7 +1,5 @@
 """First touch declared too early or too late."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample

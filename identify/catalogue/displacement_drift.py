@@ -1,7 +1,5 @@
 """A robot, or a body, that moves steadily along the presses while the scan goes on."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample

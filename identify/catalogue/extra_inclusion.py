@@ -1,7 +1,5 @@
 """One more inclusion than the map has."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Geometry at large depth: how a body's changing shape bends the straight line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A force sensor that does not read zero at no force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

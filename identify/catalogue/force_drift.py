@@ -1,7 +1,5 @@
 """A force sensor whose zero wanders."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

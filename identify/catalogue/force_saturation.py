@@ -1,7 +1,5 @@
 """A force sensor that reads too little at high force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

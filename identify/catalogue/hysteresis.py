@@ -1,7 +1,5 @@
 """A loop between loading and unloading that does not depend on the speed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample

@@ -1,7 +1,5 @@
 """Inclusions that end in an edge, not in a Gaussian's slope."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import MappingProxyType
 

@@ -1,7 +1,5 @@
 """Inclusions that are longer than wide."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, degrees, exp, hypot
 

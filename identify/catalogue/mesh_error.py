@@ -1,7 +1,5 @@
 """The model's own discretisation error."""
 
-from __future__ import annotations
-
 from identify.body.state import BodyState
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings

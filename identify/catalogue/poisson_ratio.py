@@ -1,7 +1,5 @@
 """Another Poisson's ratio than the study states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from identify.body.state import BodyState

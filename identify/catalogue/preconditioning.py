@@ -1,7 +1,5 @@
 """Softening of the body from press to press."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

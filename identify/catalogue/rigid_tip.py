@@ -1,7 +1,5 @@
 """A flat tip that keeps the surface under it flat and level."""
 
-from __future__ import annotations
-
 from identify.body.state import BodyState
 from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings

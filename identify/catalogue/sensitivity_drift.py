@@ -1,7 +1,5 @@
 """A force sensor whose sensitivity wanders, or a body whose stiffness does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stiffness that changes steadily from one side of the body to the other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.body.state import BodyState

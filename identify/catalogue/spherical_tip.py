@@ -1,7 +1,5 @@
 """A tip that is rounder than the model takes it for: its contact grows with the force."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Advice, Effect, EffectParameter, Pressing, Values, WorkedExample

@@ -1,7 +1,5 @@
 """Stiffness that changes steadily with depth."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.body.state import BodyState

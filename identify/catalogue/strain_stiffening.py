@@ -1,7 +1,5 @@
 """Tissue that grows stiffer as it is strained."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, Pressing, Values, WorkedExample

@@ -1,7 +1,5 @@
 """The surface does not lie where the robot believes it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

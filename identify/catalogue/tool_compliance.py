@@ -1,7 +1,5 @@
 """The tool, the sensor and the arm bend too."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample

@@ -1,7 +1,5 @@
 """First touch that is declared at a force: travel is counted from there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Creep of the whole body: one relaxation time, the same at soft and stiff places."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.body.state import BodyState

@@ -12,8 +12,6 @@ seen from 3.2 % on, not 1.9 %): the map is then fitted to the change itself, and
 residual of that fit. Source: the same algebra as the score test, see `identify.select.score_test`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

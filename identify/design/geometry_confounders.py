@@ -6,8 +6,6 @@ separates them, a calliper does. They are therefore no effects of the catalogue,
 make its groups longer; they are named beside the effect that they mimic.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal

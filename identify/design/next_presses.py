@@ -14,8 +14,6 @@ A design with a larger D than needed is reduced to the presses with the largest 
 |P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations

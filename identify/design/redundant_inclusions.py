@@ -1,7 +1,5 @@
 """Redundant inclusions of a map."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from identify.design.settings import CONFOUNDERS, ConfounderSettings

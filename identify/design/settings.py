@@ -1,7 +1,5 @@
 """Tuning numbers of detection limits, confounders and planned scans."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -10,8 +10,6 @@ for one effect at a time. Below the limit the bias is to first order; at the lim
 if the bias is large (see `identify.design.detection_limits`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

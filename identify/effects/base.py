@@ -21,8 +21,6 @@ With all amplitudes at their null value an effect is the identity, to rounding; 
 (`identify.effects.conformance.kit`) checks this contract for built-in effects and for users' own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol, runtime_checkable

@@ -7,8 +7,6 @@ alone, so that C F - F / (2 E* Re) is the same under both.
 Source: K. L. Johnson, Contact Mechanics, Cambridge 1985, sections 3.8 and 4.2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from identify.effects.base import Pressing

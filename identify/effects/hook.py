@@ -1,7 +1,5 @@
 """The signature of an effect's hook: input from the chain, then the parameters by name."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 

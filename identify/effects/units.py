@@ -1,7 +1,5 @@
 """Numbers in the words of a reader: 0.15 mm, 20 mN, 6 %."""
 
-from __future__ import annotations
-
 
 def percent(share: float) -> str:
     """Return a share as a percentage with two digits."""

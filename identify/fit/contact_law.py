@@ -12,8 +12,6 @@ of the excess misfit; sets that differ by less than 1 % are equivalent, however 
 (`ContactLawSettings`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -9,8 +9,6 @@ with residual r_o and derivatives G_o of the rows left out. Beyond the linear ra
 only press on a small spot, the step ends and the model itself predicts.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ stiffness: without it their p-values are not quite uniform. Source: R. D. Cook, 
 Wei, Bias in nonlinear regression, Biometrika 73 (1986) 615.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

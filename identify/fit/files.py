@@ -1,7 +1,5 @@
 """A fit on disk: JSON with a schema version, every number to full precision."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, fields
 from pathlib import Path

@@ -17,8 +17,6 @@ press with chi-square X in n readings counts as a n ln(1 + X/(a n)), by weights 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -7,8 +7,6 @@ move less far from where the correction was made. A fit starts from an earlier o
 that few evaluations do.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

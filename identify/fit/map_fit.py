@@ -5,8 +5,6 @@ phase and tip; both noises enter as in `identify.measurement.errors_in_variables
 start, several are tried and the least chi-square wins.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

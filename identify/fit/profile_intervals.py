@@ -14,8 +14,6 @@ which for a straight valley is the usual one, and for the depth itself the profi
 noise says nothing of the valley, and the covariance's intervals are left as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The record of a fit: estimates, their uncertainty, and the prediction of every reading."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

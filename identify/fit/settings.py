@@ -1,7 +1,5 @@
 """Tuning numbers of the fits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -6,8 +6,6 @@ inclusions; the inclusions lie under the presses that differ most from it. A few
 are proposed, because presses do not show them directly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -11,8 +11,6 @@ An optimiser works on u (k,), not on the parameters themselves, so that all have
 - position: u = coordinate / size of the body.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -6,8 +6,6 @@ body's compliances is arithmetic on the m readings, so that its derivatives are 
 quotients: one more evaluation each, at no cost beside the finite elements.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter

@@ -20,8 +20,6 @@ therefore holds the information of a thousand samples, and an iteration does not
 number.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ columns at once, in the ratio of the press's compliance C. With the differences 
     sd_d^2 = var(D) - C cov(D, G)        sd_F^2 = var(G) - cov(D, G) / C
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

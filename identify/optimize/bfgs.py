@@ -8,8 +8,6 @@ and coordinates stay within their bounds.
 Source: Nocedal and Wright, "Numerical Optimization", eqs. 6.17 and 6.20; bounds by active set.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ Source: Nocedal and Wright, "Numerical Optimization", ch. 10; damping after Niel
 by the largest diagonal of J'J seen (More 1978); bounds by active set.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ Bracketing after Lewis and Overton, "Nonsmooth optimization via quasi-Newton met
 Program. 141 (2013), algorithm 2.6, with interpolation in place of bisection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

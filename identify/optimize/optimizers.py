@@ -1,7 +1,5 @@
 """The least-squares optimisers by the name under which a command offers them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Result of an optimiser, and the exception of an inadmissible trial."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

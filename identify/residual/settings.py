@@ -1,7 +1,5 @@
 """Thresholds of the residual analysis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

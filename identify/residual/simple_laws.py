@@ -4,8 +4,6 @@ They are no effects of the catalogue and name no cause. Beside an unexplained re
 alone takes nearly all of it is the lead to its cause.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

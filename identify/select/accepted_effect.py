@@ -1,7 +1,5 @@
 """An accepted effect with its equivalents."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

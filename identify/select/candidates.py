@@ -1,7 +1,5 @@
 """Candidates for the next effect: the best-scored ones, refitted with the map and compared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

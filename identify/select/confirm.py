@@ -1,7 +1,5 @@
 """Confirmation of an explanation on other readings: new fit, new test of each effect."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

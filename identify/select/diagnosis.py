@@ -1,7 +1,5 @@
 """Diagnosis of a fit: significant effects of a catalogue, and groups that look alike."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

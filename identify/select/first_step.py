@@ -1,7 +1,5 @@
 """First step of the selection, from the contact law of the presses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from identify.fit.contact_law import ContactLaw

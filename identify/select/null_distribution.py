@@ -6,8 +6,6 @@ Beyond the simulation, the tail is that of a number of independent trials (Gumbe
 p = 1 - exp(-N sf(S)), N matched to the simulation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ see the effect, and a refit from its linear estimate must recover the planted va
 hidden by a whole map is another question (`palpmap limits`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -7,8 +7,6 @@ earlier one is compared with its former candidates once more. A clearly better c
 place, as does a special case that does as well; near ones form its group.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

@@ -11,8 +11,6 @@ pattern along the fitted parameters cannot be seen: `visible` is the share beyon
 Source: Rao's score test; Neyman's C(alpha) for the projection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Tuning numbers of the model selection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from identify.fit.settings import (

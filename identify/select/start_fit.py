@@ -4,8 +4,6 @@ The map is searched without effects; the experiment's effects are then fitted jo
 the given values or from the linear estimate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """One step of the ladder of models: a fit, its residual analysis and its diagnosis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The verdict on each effect of the catalogue after the whole selection."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from identify.effects.base import Effect, advice

@@ -1,7 +1,5 @@
 """The checks of the conformance kit; each returns its finding, or raises `Fault`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

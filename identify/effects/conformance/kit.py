@@ -4,8 +4,6 @@
 are handed in as `further` (`identify.select.plant_and_recover`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Tolerances of the conformance kit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

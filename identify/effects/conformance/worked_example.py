@@ -1,7 +1,5 @@
 """Run a worked example: its few readings, its hook, its output."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

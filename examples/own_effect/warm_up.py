@@ -15,7 +15,7 @@ class WarmUp(Effect):
     gives_away = "early presses misfit, late ones agree with each other"
     cure = "Switch the sensor on half an hour before the scan."
     parameters = (
-        EffectParameter("rise_n", "N", "what it reads too much when warm", 0.0, -1.0, 1.0, 0.01),
+        EffectParameter("rise_n", "N", "excess of the reading when warm", 0.0, -1.0, 1.0, 0.01),
         EffectParameter("tau_s", "s", "time to warm up", None, 1.0, 1e4, 30.0, log=True),
     )
     needs = ("time", "several presses")
@@ -29,7 +29,7 @@ class WarmUp(Effect):
     )
 
     def force(self, readings, force_n, *, rise_n, tau_s):
-        """Take off what the sensor reads too much."""
+        """Subtract the excess of the reading."""
         return force_n + rise_n * np.expm1(-readings.elapsed_s / tau_s)
 
     def grid(self, readings, state):

@@ -24,7 +24,7 @@ class Breathing(Advice, Effect):
     title = "Breathing"
     order = 10
     summary = (
-        "The body rises and falls by itself, as with breath or pulse, and the robot takes that "
+        "The body rises and falls on its own, as with breath or pulse, and the robot takes that "
         "for travel. The motion goes on through all presses at one frequency."
     )
     formula = "d = u + sine sin(2 pi f t) + cosine cos(2 pi f t),  t since the scan's first reading"
@@ -100,7 +100,7 @@ class Breathing(Advice, Effect):
         if lacking is not None:
             return lacking
         if readings.presses < 8 or readings.elapsed_s[-1] < 4 / _HIGHEST_HZ:
-            return "the scan is too short to tell a steady motion from the presses themselves"
+            return "the scan is too short to separate a steady motion from the presses"
         return None
 
     def evidence(self, values: Values, readings: Readings) -> str:

@@ -26,7 +26,7 @@ class ForceBias(Effect):
     gives_away = "lines of travel over force miss the origin, the softer the place the further"
     cure = "Zero the sensor in the air before each press."
     parameters = (
-        EffectParameter("bias_n", "N", "what the sensor reads too much", 0.0, -10.0, 10.0, 0.01),
+        EffectParameter("bias_n", "N", "constant excess of the reading", 0.0, -10.0, 10.0, 0.01),
     )
     needs = ("several forces",)
     examples = (

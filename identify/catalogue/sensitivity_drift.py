@@ -31,8 +31,8 @@ class SensitivityDrift(Effect):
     )
     gives_away = "the misfit grows steadily with time, in proportion to the force"
     cure = (
-        "Press a spring of known stiffness before and after the scan, which tells the sensor "
-        "from the body, and visit the points in random order."
+        "Press a spring of known stiffness before and after the scan, which separates the "
+        "sensor from the body, and visit the points in random order."
     )
     parameters = (
         EffectParameter("rate_per_s", "1/s", "growth of the reading", 0.0, -1.0, 1.0, 1e-4),

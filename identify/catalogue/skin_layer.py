@@ -14,8 +14,8 @@ class SkinLayer(Advice, Effect):
     name = "skin_layer"
     title = "Skin layer"
     summary = (
-        "A thin layer on top is stiffer, or softer, than what lies below. "
-        "Its stiffness and its thickness can hardly be told apart: about their product counts."
+        "A thin layer on top is stiffer, or softer, than the body below. "
+        "Its stiffness and its thickness can hardly be separated: about their product counts."
     )
     formula = "E -> E (1 + stiffening) within thickness of the top surface"
     latex = r"E \to E \, (1 + \text{stiffening}) \quad \text{within thickness of the top surface}"
@@ -30,7 +30,7 @@ class SkinLayer(Advice, Effect):
     )
     examples = (
         WorkedExample(
-            "A skin of 1 mm five times as stiff as what lies below.",
+            "A skin of 1 mm five times as stiff as the body below.",
             {"stiffening": 4.0, "thickness_m": 0.001},
             {},
             {"skin_factor": 5.0, "skin_thickness_m": 0.001},
@@ -53,7 +53,7 @@ class SkinLayer(Advice, Effect):
         """Say how stiff the skin is for the thickness that was taken."""
         factor = 1 + values["stiffening"]
         return (
-            f"The top behaves as if covered by a skin {factor:.2g} times as stiff as what lies "
+            f"The top behaves as if covered by a skin {factor:.2g} times as stiff as the body "
             f"below, if it is {length(values['thickness_m'])} thick; a thinner and "
             "stiffer one would look the same."
         )

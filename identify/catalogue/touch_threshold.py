@@ -25,7 +25,7 @@ class TouchThreshold(Advice, Effect):
     order = 7
     summary = (
         "The robot takes the surface for touched when the force passes a threshold, and counts "
-        "the travel from there. What the body has yielded by then is missing in every "
+        "the travel from there. The travel up to then is missing in every "
         "displacement, most at soft places."
     )
     formula = "d = u(F) - u(threshold)"
@@ -68,6 +68,6 @@ class TouchThreshold(Advice, Effect):
         """Say at which force travel begins to be counted."""
         return (
             f"Travel is counted from where the force has reached {force(values['threshold_n'])}, "
-            "not from first touch: what the body yields to that force is missing in every "
+            "not from first touch: the travel up to that force is missing in every "
             "displacement, most at soft places."
         )

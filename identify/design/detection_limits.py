@@ -187,7 +187,7 @@ def _seen(
     except InadmissibleError as error:
         return str(error)
     if not pattern.shapes:
-        return "the scan leaves no candidate of its shape to be told from another effect"
+        return "the scan leaves no candidate of its shape that differs from another effect"
     left, _, visible = beyond(pattern, fitted)
     candidates, unmoved = [], False
     for g in range(len(left)):

@@ -53,7 +53,7 @@ def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
     else:
         text = f"The residual is not noise ({size}): {_finding(c, settings)}"
     if c.confused_with:
-        text += f"; this scan cannot tell it from {_listed(c.confused_with)}"
+        text += f"; this scan does not separate it from {_listed(c.confused_with)}"
     if c.also_along:
         text += f"; beside that it varies with {_listed(c.also_along)}"
     if c.law:
@@ -79,7 +79,7 @@ def _finding(c: Comparison, settings: ResidualSettings) -> str:
 
 def _times(c: Comparison, name: str) -> str:
     test = c.test(name)
-    return f", {test.times_noise:.2g} times what noise would show" if test.fires else ""
+    return f", {test.times_noise:.2g} times that of noise" if test.fires else ""
 
 
 def _span(levels: tuple[Level, ...], name: str) -> str:

@@ -268,7 +268,7 @@ def without_unneeded(
     """Leave out the effects of a fit that do not earn their place; the fit, and their names."""
     lost: list[str] = []
     for name in names:
-        say(f"testing whether {name} is still needed")
+        say(f"testing the need of {name}")
         without = try_fit(
             fit.model.without(name),
             fit.map,

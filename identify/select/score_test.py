@@ -195,7 +195,9 @@ def score_effect(
             if not np.isfinite(pattern.columns).all():
                 reason = "the model has no finite answer to it at this map"
             elif len(pattern.shapes) == 0:
-                reason = "the scan leaves no candidate of its shape to be told from another effect"
+                reason = (
+                    "the scan leaves no candidate of its shape that differs from another effect"
+                )
     if reason is not None:
         return unscored(effect, reason, len(fit.at.residual))
     left, basis, visible = beyond(pattern, fitted, settings)

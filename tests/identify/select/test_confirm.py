@@ -47,7 +47,7 @@ def test_an_answer_that_rests_on_a_few_readings_does_not_hold_without_them():
     others = table.rows(some)
     said = []
     assert confirmed(answer, model(others), others, some, said.append) is None
-    assert any(text.startswith("testing whether") for text in said)
+    assert any(text.startswith("testing the need of") for text in said)
 
 
 def swaying(table):

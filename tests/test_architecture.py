@@ -45,7 +45,13 @@ GROUND = {
     "palpmap.version",
 }
 """Modules outside the folders that every folder of their package may import."""
-ENGINE = ("identify.fit", "identify.residual", "identify.select")
+ENGINE = tuple(
+    f"identify.{folder}"
+    for folder in (
+        "optimize", "map", "body", "effects", "measurement", "experiment", "fit", "residual", "select",
+        "design", "settings",
+    )
+)  # fmt: skip
 """Folders that never import the catalogue: the caller hands the effects in."""
 SHOWING = ("palpmap.result", "palpmap.figures", "palpmap.report", "palpmap.recording")
 SOLVING = {"fit_jointly", "PalpationModel", "linearise"}

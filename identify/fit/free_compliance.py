@@ -29,7 +29,7 @@ from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, judge
-from identify.measurement.model import EffectInModel
+from identify.measurement.model import EffectInModel, effect_values
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
@@ -216,7 +216,7 @@ class FreeCompliance:
 
         def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             nonlocal log_c
-            values = _values(parts, u)
+            values = effect_values(parts, u)
             log_c, judged, columns = self._eliminate(chain, parts, u, values, log_c)
             r = judged.residual_m / judged.sigma_m
             latest.clear()
@@ -230,14 +230,13 @@ class FreeCompliance:
         if len(start) == 0:
             residuals(start)
             return latest[start.tobytes()]
-        bounds = [
-            np.concatenate([replace(part, start=_ends(part, end)).to_scaled() for part in parts])
-            for end in ("lower", "upper")
-        ]
+        sought = [p for part in parts for p in part.parameters]
+        lower = np.array([p.to_scaled(p.lower) for p in sought])
+        upper = np.array([p.to_scaled(p.upper) for p in sought])
         found = minimize_gauss_newton(
             residuals,
             start,
-            bounds=(bounds[0], bounds[1]),
+            bounds=(lower, upper),
             ftol=self.settings.ftol,
             rtol=self.settings.rtol,
             max_evaluations=self.settings.max_evaluations,
@@ -296,7 +295,7 @@ class FreeCompliance:
             for sign in (1.0, -1.0):
                 moved = u.copy()
                 moved[k] += sign * _STEP
-                sides.append(chain.predict(c, e, latent, _values(parts, moved)))
+                sides.append(chain.predict(c, e, latent, effect_values(parts, moved)))
             found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
         return found
 
@@ -304,19 +303,6 @@ class FreeCompliance:
 def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:
     """Displacement (m,) m of the presses without the effects: C F and the residual."""
     return found.compliance[readings.press] * readings.force_n + found.residual_m
-
-
-def _values(parts: Sequence[EffectInModel], u: np.ndarray) -> dict[str, dict[str, float]]:
-    found, first = {}, 0
-    for part in parts:
-        last = first + len(part.parameters)
-        found[part.effect.name] = part.to_values(u[first:last])
-        first = last
-    return found
-
-
-def _ends(part: EffectInModel, end: str) -> dict[str, float]:
-    return {p.name: float(getattr(p, end)) for p in part.parameters}
 
 
 def _at_bound(parts: Sequence[EffectInModel], values: Mapping[str, Values]) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ Nothing is changed in place: `with_effect` and `without` return new models.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -48,6 +48,16 @@ class EffectInModel:
     def to_values(self, u: np.ndarray) -> dict[str, float]:
         """Values by name at scaled coordinates (q,)."""
         return {p.name: p.to_value(float(c)) for p, c in zip(self.parameters, u, strict=True)}
+
+
+def effect_values(parts: Sequence[EffectInModel], u: np.ndarray) -> dict[str, dict[str, float]]:
+    """Parameters of effects at their scaled coordinates (q,), by effect and name."""
+    values, first = {}, 0
+    for part in parts:
+        last = first + len(part.parameters)
+        values[part.effect.name] = part.to_values(u[first:last])
+        first = last
+    return values
 
 
 class Compressed(NamedTuple):
@@ -230,12 +240,7 @@ class MeasurementModel:
 
     def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
         """Parameters of the effects at scaled coordinates (k,), by effect and name."""
-        found, first = {}, len(self.space.free)
-        for part in self.effects:
-            last = first + len(part.parameters)
-            found[part.effect.name] = part.to_values(u[first:last])
-            first = last
-        return found
+        return effect_values(self.effects, u[len(self.space.free) :])
 
     def state(self, values: Mapping[str, Mapping[str, float]]) -> BodyState:
         """Return the body as the effects have changed it."""

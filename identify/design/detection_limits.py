@@ -23,7 +23,6 @@ from identify.fit.result import FitResult
 from identify.measurement.model import Linearised, MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.select.score_test import beyond, effect_patterns, fitted_basis, unavailable
-from identify.select.settings import DIAGNOSIS
 
 _UNMOVED = 1e-9  # of the amplitudes' common pattern: rounding
 
@@ -127,7 +126,7 @@ def limits_at(
             for name, other in bases.items()
             if name != effect.name and effect.name in bases
         ]
-        alike = sorted((pair for pair in cosines if pair[0] > DIAGNOSIS.alike), reverse=True)
+        alike = sorted((pair for pair in cosines if pair[0] > settings.alike), reverse=True)
         factor = settings.bias_share / chosen.share if chosen.share > 0 else 0.0
         typical = [
             p.typical for p in effect.bounded(model.readings, at.state) if p.null is not None

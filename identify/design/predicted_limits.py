@@ -19,6 +19,7 @@ from identify.design.scan_variants import (
     readings_of,
     variations,
 )
+from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.measurement.model import Linearised, MeasurementModel
@@ -113,6 +114,7 @@ def improvements(
     catalogue: Sequence[Effect],
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
+    settings: DetectionSettings = DETECTION,
 ) -> tuple[Improvement, ...]:
     """Return the limits of planned scans, in the order of the designs."""
     found = []
@@ -120,7 +122,7 @@ def improvements(
         if progress:
             progress(f"planning a scan {design.change}")
         model, at = planned(fit, design)
-        found.append(Improvement(design, limits_at(model, at, fit.u, catalogue)))
+        found.append(Improvement(design, limits_at(model, at, fit.u, catalogue, settings)))
     return tuple(found)
 
 

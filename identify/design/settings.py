@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from identify.select.settings import DIAGNOSIS
+
 
 @dataclass(frozen=True)
 class DetectionSettings:
@@ -20,6 +22,7 @@ class DetectionSettings:
         edge is then seen from 3.2 % of the signal on, not 1.9 %
     fit_steps, longest_step : Gauss-Newton steps of such a fit, and their largest length
     far_signal : size beyond which the linear pattern is accurate enough
+    alike : cosine of two patterns above which their effects cannot be distinguished
     """
 
     sigmas: float = 5.0
@@ -32,6 +35,7 @@ class DetectionSettings:
     fit_steps: int = 4
     longest_step: float = 0.5
     far_signal: float = 0.5
+    alike: float = DIAGNOSIS.alike
 
 
 DETECTION = DetectionSettings()

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from identify.design.detection_limits import Limit
-from identify.design.settings import DETECTION
+from identify.design.settings import DETECTION, DetectionSettings
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,9 @@ class UndetectedBias:
     share: float
 
 
-def undetected_biases(limits: Sequence[Limit]) -> Mapping[str, UndetectedBias]:
+def undetected_biases(
+    limits: Sequence[Limit], settings: DetectionSettings = DETECTION
+) -> Mapping[str, UndetectedBias]:
     """Return the largest shift of each parameter, by name; empty if no effect has a limit.
 
     Parameters
@@ -45,9 +47,9 @@ def undetected_biases(limits: Sequence[Limit]) -> Mapping[str, UndetectedBias]:
         unseen_up_to = limit.smallest_share or limit.largest_share
         if unseen_up_to is None:
             continue
-        share = min(unseen_up_to, DETECTION.bias_share)
+        share = min(unseen_up_to, settings.bias_share)
         for name, bias in limit.map_bias.items():
-            shift = abs(bias) * share / DETECTION.bias_share
+            shift = abs(bias) * share / settings.bias_share
             if name not in found or shift > found[name].shift:
                 found[name] = UndetectedBias(shift, limit.name, share)
     return found

@@ -48,8 +48,8 @@ GROUND = {
 ENGINE = tuple(
     f"identify.{folder}"
     for folder in (
-        "optimize", "map", "body", "effects", "measurement", "experiment", "fit", "residual", "select",
-        "design", "settings",
+        "optimize", "map", "body", "effects", "measurement", "experiment", "fit", "residual",
+        "select", "design", "settings",
     )
 )  # fmt: skip
 """Folders that never import the catalogue: the caller hands the effects in."""

@@ -147,7 +147,7 @@ def limits_at(
                 dict(zip((p.name for p in effect.amplitudes), sizes.tolist(), strict=True)),
                 chosen.visible,
                 tuple(
-                    name for cosine, name in sorted(alike, reverse=True) if cosine > DIAGNOSIS.alike
+                    name for cosine, name in sorted(alike, reverse=True) if cosine > settings.alike
                 ),
                 dict(zip(model.names, (factor * chosen.bias * slope).tolist(), strict=True)),
                 reason,

@@ -39,6 +39,7 @@ class FitSettings:
     kept_starts : number of initial maps, among dozens, from which a search starts
     start_evaluations : of each of these, for one inclusion; twice as many for each more, as several
         take longer to separate
+    most_inclusions : of a map with a free number of inclusions
     start_depths, start_radii : depths and radii of initial inclusions, shares of the body's height
     curved_intervals : intervals follow the bend of the misfit's valley
     interval_evaluations : of each refit along the valley
@@ -65,6 +66,7 @@ class FitSettings:
     stops_count: bool = True
     kept_starts: int = 3
     start_evaluations: int = 8
+    most_inclusions: int = 4
     start_depths: tuple[float, ...] = (0.15, 0.35, 0.6)
     start_radii: tuple[float, ...] = (0.12, 0.25, 0.45)
     curved_intervals: bool = True

@@ -9,12 +9,10 @@ from identify.experiment import Experiment, different_presses
 from identify.fit.map_fit import fit_scan
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
-from identify.fit.settings import PRECISE
+from identify.fit.settings import PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
-
-MOST_INCLUSIONS = 4
 
 
 def fit_map(
@@ -22,6 +20,7 @@ def fit_map(
     optimizer: Optimizer = minimize_gauss_newton,
     callback: Callable[[FitIteration], None] | None = None,
     rough: bool = False,
+    settings: FitSettings = PRECISE,
 ) -> FitResult:
     """Fit the map alone.
 
@@ -34,12 +33,12 @@ def fit_map(
     known = {**guess.initial, **guess.fixed}
     start = free = None
     if guess.inclusions == "auto":
-        start = _best_number(experiment)
+        start = _best_number(experiment, settings)
     elif known:
         names = GaussianMap.from_values(np.ones(1 + 5 * guess.inclusions)).names
         values = dict.fromkeys(names, np.nan)
         if set(known) != set(names):  # open values start at the end of a quick fit
-            quick = _quick_fit(experiment, guess.inclusions).map
+            quick = _quick_fit(experiment, guess.inclusions, settings).map
             values = dict(zip(names, quick.values, strict=True))
         start = GaussianMap.from_values(np.array(list((values | known).values())))
         free = [name for name in names if name not in guess.fixed]
@@ -47,25 +46,25 @@ def fit_map(
         scan, body.coarse, inclusions=0 if guess.inclusions == "auto" else guess.inclusions,
         noise=experiment.noise, search_model=body.search if start is None else None,
         fine_model=None if rough else body.fine, start=start, free=free, optimizer=optimizer,
-        callback=callback, settings=replace(PRECISE, curved_intervals=not rough),
+        callback=callback, settings=replace(settings, curved_intervals=not rough),
     )  # fmt: skip
 
 
-def _quick_fit(experiment: Experiment, inclusions: int) -> FitResult:
+def _quick_fit(experiment: Experiment, inclusions: int, settings: FitSettings) -> FitResult:
     body = experiment.body
     return fit_scan(
         experiment.scan, body.coarse, inclusions=inclusions, noise=experiment.noise,
-        search_model=body.search,
+        search_model=body.search, settings=settings,
     )  # fmt: skip
 
 
-def _best_number(experiment: Experiment) -> GaussianMap:
+def _best_number(experiment: Experiment, settings: FitSettings) -> GaussianMap:
     """Return the map of the number of inclusions with the least information criterion."""
     used = experiment.scan.used()
     best, least = None, np.inf
     bearable = (different_presses(used) - 1) // 5  # as many unknowns as presses
-    for inclusions in range(min(MOST_INCLUSIONS, bearable) + 1):
-        fit = _quick_fit(experiment, inclusions)
+    for inclusions in range(min(settings.most_inclusions, bearable) + 1):
+        fit = _quick_fit(experiment, inclusions, settings)
         criterion = fit.chi2 + len(fit.covariance_names) * np.log(len(used))
         if best is not None and criterion > least:
             break

@@ -6,6 +6,7 @@ the given values or from the linear estimate.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -118,10 +119,11 @@ def rough_fit(
     scan, noise, say = experiment.scan, experiment.noise, experiment.say
     law = contact_law_of(experiment, catalogue, settings.contact_law)
     say("fitting the map")
+    rough = partial(fit_map, callback=on_iteration, rough=True, settings=settings.fit)
     if law is None:
-        return None, fit_map(experiment, callback=on_iteration, rough=True), 0.0
+        return None, rough(experiment), 0.0
     placed = replace(experiment, scan=straight(scan, law.found))
-    fit = fit_map(placed, callback=on_iteration, rough=True)
+    fit = rough(placed)
     gross = settings.fit.is_gross(fit.chi2_per_dof)
     if experiment.onto_another_shape:
         gross = fit.chi2_per_dof > settings.other_shape
@@ -129,7 +131,7 @@ def rough_fit(
         say("fitting the map, with an error of its own")
         error_m = typical_error_m(fit, placed.scan)
         wider = replace(noise, displacement_m=float(np.hypot(noise.displacement_m, error_m)))
-        fit = fit_map(replace(placed, noise=wider), callback=on_iteration, rough=True)
+        fit = rough(replace(placed, noise=wider))
     error = typical_error(fit, law.found) if gross else 0.0
     return law, curved_again(replace(fit, noise=noise), scan), error
 

@@ -79,25 +79,25 @@ def _contacts(fit: FitResult, presses: Presses) -> Contacts:
 
 def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
     """Return the mechanics of a design's presses; the present presses keep their models."""
-    own, present = fit.model.mechanics, presses_of(fit.model.readings)
+    mechanics, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
     same = len(presses) == len(present) and all(
         np.array_equal(getattr(presses, name), getattr(present, name))
         for name in ("point_m", "direction", "radius_m")
     )
     if same:
-        return own
-    coarse, contacts = own.coarse, _contacts(fit, presses)
+        return mechanics
+    coarse, contacts = mechanics.coarse, _contacts(fit, presses)
 
     def at_poisson_ratio(nu: float) -> PalpationModel:
         return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
 
-    other = BodyMechanics(at_poisson_ratio(own.poisson_ratio), None, at_poisson_ratio)
+    other = BodyMechanics(at_poisson_ratio(mechanics.poisson_ratio), None, at_poisson_ratio)
     other = other.corrected(fit.map, fit.at.state)
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
-    error = (own.model_error * now)[apart.argmin(axis=1)]
+    error = (mechanics.model_error * now)[apart.argmin(axis=1)]
     return replace(other, model_error=error / other.evaluate(fit.map, fit.at.state).compliance)
 
 

@@ -60,7 +60,7 @@ def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> FitRe
 def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResult:
     """Fit from scaled coordinates u (k,), as the settings of the search say."""
     s, radius, accepted, near = search.settings, np.inf, 0, False
-    own: float | None = None  # the finer model's chi-square at u, where it is known
+    fine_chi2: float | None = None  # the finer model's chi-square at u, where it is known
     stale = False  # the correction was made elsewhere than at u: its minimum says nothing
     result, at = search.minimum(model, u)
     if s.rounds == 0:
@@ -68,19 +68,19 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
     for number in range(1, s.rounds + s.nearer_rounds * s.guarded + 1):
         there = search.corrected(model, result.x)
         now = search.evaluate(there, result.x)
-        if s.guarded and own is None and now.chi2 > at.chi2 + s.raised:
+        if s.guarded and fine_chi2 is None and now.chi2 > at.chi2 + s.raised:
             before = search.evaluate(model, u).chi2
             model = search.corrected(model, u)
-            own = search.evaluate(model, u).chi2
-            stale = abs(own - before) > s.raised
-        if s.guarded and own is not None and now.chi2 > own + s.ftol:
+            fine_chi2 = search.evaluate(model, u).chi2
+            stale = abs(fine_chi2 - before) > s.raised
+        if s.guarded and fine_chi2 is not None and now.chi2 > fine_chi2 + s.ftol:
             # The correction does not hold so far from where it was made
             map_moved = (result.x - u)[: len(model.space.free)]
             radius = np.inf if stale else s.nearer * float(np.abs(map_moved).max(initial=0.0))
             stale = False
         else:
-            fell = np.inf if own is None else own - now.chi2
-            u, model, own = result.x, there, now.chi2
+            fell = np.inf if fine_chi2 is None else fine_chi2 - now.chi2
+            u, model, fine_chi2 = result.x, there, now.chi2
             accepted, radius = accepted + 1, 2 * radius
             if s.guarded and near and accepted >= s.rounds and fell < s.raised:
                 break

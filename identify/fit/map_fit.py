@@ -162,13 +162,13 @@ def _from_best(
     for stiffness in kept:
         most = s.start_evaluations * max(2 * len(stiffness.inclusions) - 1, 1)
         short = Search(replace(s, max_evaluations=most), search.optimizer)
-        own = replace(model, space=parameter_space(stiffness, box))
-        end, _ = short.minimum(own, own.start(stiffness))
-        followed.append((short, own, end))
-    best, own, end = min(followed, key=lambda one: one[2].fun)
+        trial = replace(model, space=parameter_space(stiffness, box))
+        end, _ = short.minimum(trial, trial.start(stiffness))
+        followed.append((short, trial, end))
+    best, trial, end = min(followed, key=lambda one: one[2].fun)
     search.continue_from(best)
     search.spent = len(maps) + sum(short.spent for short, _, _ in followed)
-    return own, end
+    return trial, end
 
 
 def _is_mixed(stiffness: GaussianMap) -> bool:

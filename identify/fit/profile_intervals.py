@@ -40,7 +40,7 @@ def valley_intervals(
 
     Everything beside the depth that is held is fitted again, effects too.
     """
-    own = replace(
+    quick = replace(
         settings,
         rtol=0.0,
         gross_rtol=0.0,
@@ -49,7 +49,7 @@ def valley_intervals(
     )
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
-        search, here = Search(own), model
+        search, here = Search(quick), model
         try:
             result, at = search.minimum(here, start, held=position)
             for _ in range(settings.interval_corrections):
@@ -113,8 +113,8 @@ def bent_intervals(valley: Valley, names: Sequence[str]) -> np.ndarray:
     if bent:
         curved = np.array([one for _, one in bent])
         ends = np.column_stack([curved[:, :, 0].min(axis=0), curved[:, :, 1].max(axis=0)])
-        for position, own in bent:
-            ends[position] = own[position]
+        for position, bent_ends in bent:
+            ends[position] = bent_ends[position]
     return ends
 
 

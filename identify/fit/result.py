@@ -150,8 +150,8 @@ class FitResult:
         if self.solution is None:
             return {name: entry.value for name, entry in self.parameters.items()}
         found = dict(zip(self.map.names, self.map.values.tolist(), strict=True))
-        for effect, own in self.at.values.items():
-            found |= {f"{effect}.{name}": number for name, number in own.items()}
+        for effect, parameters in self.at.values.items():
+            found |= {f"{effect}.{name}": number for name, number in parameters.items()}
         return found
 
     @property
@@ -216,14 +216,14 @@ class FitResult:
     @cached_property
     def expected_residual(self) -> np.ndarray:
         """Mean of the whitened residual under noise alone, (m,), see `curvature_bias`."""
-        own = self._live
+        live = self._live
         return expected_residual(
-            lambda u: own.model.linearise(u).residual,
-            own.u,
-            own.at.residual,
-            own.noise_covariance,
-            own.model.bounds,
-            own.settings,
+            lambda u: live.model.linearise(u).residual,
+            live.u,
+            live.at.residual,
+            live.noise_covariance,
+            live.model.bounds,
+            live.settings,
         )
 
     def intervals(self, curved: bool) -> dict[str, Estimate]:
@@ -232,13 +232,15 @@ class FitResult:
         A gross misfit has no valley worth following, nor has a map whose own error outweighs the
         noise: the intervals are then the covariance's.
         """
-        own = self._live
-        ends = own.curved_ends if curved and not self.is_gross else own.straight_ends
-        low, high = own.model.bounds
+        live = self._live
+        ends = live.curved_ends if curved and not self.is_gross else live.straight_ends
+        low, high = live.model.bounds
         ends = np.clip(ends, low[:, None], high[:, None])
-        units = {p.name: p.unit for p in (*own.model.space.parameters, *own.model.unknowns.beyond)}
+        units = {
+            p.name: p.unit for p in (*live.model.space.parameters, *live.model.unknowns.beyond)
+        }
         found = {n: Estimate(v, 0.0, units[n], v, v, free=False) for n, v in self.values.items()}
-        for p, (one, other) in zip(own.model.unknowns.unknowns, ends.tolist(), strict=True):
+        for p, (one, other) in zip(live.model.unknowns.unknowns, ends.tolist(), strict=True):
             between = sorted((p.to_value(one), p.to_value(other)))
             std = self.std[p.name]
             found[p.name] = Estimate(self.values[p.name], std, p.unit, *between, free=True)

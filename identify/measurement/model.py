@@ -91,8 +91,8 @@ class Linearised:
     jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
         scaled unknowns
     rms_m : root mean square of measured less predicted displacement
-    own : (m,) derivative of the whitened prediction by ln C of the reading's press, times the
-        model's relative error of it
+    map_error : (m,) derivative of the whitened prediction by ln C of the reading's press, times
+        the map's relative error of it
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
     body : compliances and their derivatives
     values : parameters of the effects, by effect and name
@@ -104,7 +104,7 @@ class Linearised:
     residual: np.ndarray
     jacobian: np.ndarray
     rms_m: float
-    own: np.ndarray
+    map_error: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
     body: BodyResponse
@@ -118,37 +118,39 @@ class Linearised:
 
     def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
-        own, sigma = self.own, self.sigma_m
-        return decorrelated((change_m.T / sigma).T, own, press)
+        map_error, sigma = self.map_error, self.sigma_m
+        return decorrelated((change_m.T / sigma).T, map_error, press)
 
 
-def decorrelated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
-    """Apply the inverse root of I + own own' press by press to x (m,) or (m, k).
+def decorrelated(x: np.ndarray, map_error: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Apply the inverse root of I + e e', e the map error, press by press to x (m,) or (m, k).
 
-    Exact: along own it is 1/sqrt(1 + |own|^2), across it 1.
+    Exact: along e it is 1/sqrt(1 + |e|^2), across it 1.
     """
-    return _scaled_along(x, own, press, -0.5)
+    return _scaled_along(x, map_error, press, -0.5)
 
 
-def correlated(x: np.ndarray, own: np.ndarray, press: np.ndarray) -> np.ndarray:
+def correlated(x: np.ndarray, map_error: np.ndarray, press: np.ndarray) -> np.ndarray:
     """Undo `decorrelated`.
 
-    >>> x, own, press = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 2.0]), np.array([0, 0, 1])
-    >>> correlated(decorrelated(x, own, press), own, press).round(9)
+    >>> x, e, press = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 2.0]), np.array([0, 0, 1])
+    >>> correlated(decorrelated(x, e, press), e, press).round(9)
     array([1., 2., 3.])
     """
-    return _scaled_along(x, own, press, 0.5)
+    return _scaled_along(x, map_error, press, 0.5)
 
 
-def _scaled_along(x: np.ndarray, own: np.ndarray, press: np.ndarray, power: float) -> np.ndarray:
-    """Multiply the part of x along own, press by press, by (1 + |own|^2)^power."""
-    square = np.bincount(press, own**2)
+def _scaled_along(
+    x: np.ndarray, map_error: np.ndarray, press: np.ndarray, power: float
+) -> np.ndarray:
+    """Multiply the part of x along e, press by press, by (1 + |e|^2)^power."""
+    square = np.bincount(press, map_error**2)
     if not square.any():
         return x
     gain = ((1 + square) ** power - 1) / np.maximum(square, 1e-300)
     wide = x if x.ndim == 2 else x[:, None]
-    along = np.column_stack([np.bincount(press, own * column) for column in wide.T])
-    return (wide + own[:, None] * (gain[:, None] * along)[press]).reshape(x.shape)
+    along = np.column_stack([np.bincount(press, map_error * column) for column in wide.T])
+    return (wide + map_error[:, None] * (gain[:, None] * along)[press]).reshape(x.shape)
 
 
 @dataclass(frozen=True)
@@ -190,12 +192,12 @@ class MeasurementModel:
     @cached_property
     def unknowns(self) -> ParameterSpace:
         """The map's free parameters, then those of the effects as `effect.parameter`."""
-        own = [
+        parts = [
             replace(p, name=f"{part.effect.name}.{p.name}")
             for part in self.effects
             for p in part.parameters
         ]
-        return replace(self.space, beyond=tuple(own))
+        return replace(self.space, beyond=tuple(parts))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -311,15 +313,15 @@ class MeasurementModel:
                                                   by_c, by_e)[:, None])  # fmt: skip
             first += len(part.parameters)
         press = self.readings.press
-        own = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
+        map_error = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=decorrelated(residual / sigma, own, press),
-            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], own, press),
+            residual=decorrelated(residual / sigma, map_error, press),
+            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], map_error, press),
             rms_m=float(np.sqrt(np.mean(residual**2))),
-            own=own,
+            map_error=map_error,
             by_compliance=by_c,
             by_modulus=by_e,
             body=body,

@@ -32,7 +32,7 @@ _MAP = GaussianMap(6000.0, (Inclusion(9000.0, 0.040, 0.060, 0.030, 0.015),))
 _NOISE = Noise(1e-5, 2e-3)
 
 
-def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
+def plant_and_recover(effect: Effect, case: ExampleScan) -> str:
     """Plant the effect in a known map, score it and refit; for `conformance.check_effect`.
 
     Raises
@@ -40,17 +40,17 @@ def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
     Fault
         The score does not see the effect, or the refit does not recover it.
     """
-    plain = _fit(own, effect, None)
+    plain = _fit(case, effect, None)
     score = score_effect(plain, effect, fitted_basis(plain.at))
     if score.untestable:
         return NOT_PLANTED + score.untestable
-    values = _values(effect, plain, score, own.settings.planted_sigmas)
+    values = _values(effect, plain, score, case.settings.planted_sigmas)
     if values is None:
         return NOT_PLANTED + "within its bounds this scan does not show it beside the map"
-    fit = _fit(own, effect, values)
+    fit = _fit(case, effect, values)
     score = score_effect(fit, effect, fitted_basis(fit.at))
     said = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-    if score.p_value > own.settings.score_p:
+    if score.p_value > case.settings.score_p:
         raise Fault(f"planted {said}: the score does not see it, p = {score.p_value:.2g}")
     found = fit_with(fit, effect, score)
     if found is None:
@@ -58,8 +58,8 @@ def plant_and_recover(effect: Effect, own: ExampleScan) -> str:
     for p in effect.amplitudes:
         name = f"{effect.name}.{p.name}"
         off, deviation = found.values[name] - values[p.name], found.std[name]
-        part = own.settings.recovered_share * abs(values[p.name] - (p.null or 0))
-        if not abs(off) <= max(own.settings.recovered_sigmas * deviation, part):
+        part = case.settings.recovered_share * abs(values[p.name] - (p.null or 0))
+        if not abs(off) <= max(case.settings.recovered_sigmas * deviation, part):
             raise Fault(
                 f"planted {said}: {p.name} came back as {found.values[name]:.3g} "
                 f"+- {deviation:.2g} {p.unit}"
@@ -88,11 +88,11 @@ def _mechanics() -> BodyMechanics:
     )
 
 
-def _fit(own: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
+def _fit(case: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
     """Fit the map alone to a scan with the effect planted (without for None)."""
     rng = np.random.default_rng(0)
-    readings, mechanics = own.readings, _mechanics()
-    space = parameter_space(_MAP, np.array(own.state.box_m), ["background_pa"])
+    readings, mechanics = case.readings, _mechanics()
+    space = parameter_space(_MAP, np.array(case.state.box_m), ["background_pa"])
     state = mechanics.state().changed(background_pa=_MAP.background_pa)
     if values and isinstance(effect, BodyEffect):
         state = effect.body(state, **values)

@@ -54,6 +54,6 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         sigma_m=fit.at.sigma_m.copy(),
         force_n=fit.at.latent_force_n.copy(),
         # The comparison knows the noise alone, not an error of the map (`press_error`)
-        absorbed=correlated(fit.at.jacobian, fit.at.own, fit.model.readings.press).copy(),
+        absorbed=correlated(fit.at.jacobian, fit.at.map_error, fit.model.readings.press).copy(),
         noise_estimated=fit.model.noise.estimated,
     )

@@ -21,7 +21,7 @@ class Fault(Exception):
     """Fault of an effect, in one line."""
 
 
-def described(effect: Effect, own: ExampleScan) -> str:
+def described(effect: Effect, case: ExampleScan) -> str:
     """Demand name, summary, formula, source and so on."""
     name = getattr(effect, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -32,7 +32,7 @@ def described(effect: Effect, own: ExampleScan) -> str:
     return f"'{effect.name}'"
 
 
-def parameters(effect: Effect, own: ExampleScan) -> str:
+def parameters(effect: Effect, case: ExampleScan) -> str:
     """Demand units, bounds and sizes of every parameter."""
     found = getattr(effect, "parameters", ())
     names = [p.name for p in found]
@@ -45,7 +45,7 @@ def parameters(effect: Effect, own: ExampleScan) -> str:
         raise Fault("shape parameters (null None) stand before amplitudes")
     for p in found:
         _sound(p)
-    bounded = effect.bounded(own.readings, own.state)
+    bounded = effect.bounded(case.readings, case.state)
     if [p.name for p in bounded] != names:
         raise Fault(f"bounded() returns {[p.name for p in bounded]}, expected {names}")
     for p in bounded:
@@ -73,7 +73,7 @@ def _sound(p: EffectParameter, fixed: bool = False) -> None:
         raise Fault(f"{p.name}: only a positive shape parameter can be sought as a logarithm")
 
 
-def hook(effect: Effect, own: ExampleScan) -> str:
+def hook(effect: Effect, case: ExampleScan) -> str:
     """Demand one hook that takes the effect's parameters by name."""
     fault = hook_fault(type(effect))
     if fault:
@@ -81,12 +81,12 @@ def hook(effect: Effect, own: ExampleScan) -> str:
     return f"{effect.hooks[0]}()"
 
 
-def examples(effect: Effect, own: ExampleScan) -> str:
+def examples(effect: Effect, case: ExampleScan) -> str:
     """Do the worked examples."""
     if not effect.examples:
         raise Fault("no worked example")
     names = {p.name for p in effect.parameters}
-    accuracy = own.settings.example
+    accuracy = case.settings.example
     for number, example in enumerate(effect.examples, 1):
         if set(example.values) != names:
             raise Fault(f"example {number} gives {sorted(example.values)}, not {sorted(names)}")
@@ -102,66 +102,66 @@ def examples(effect: Effect, own: ExampleScan) -> str:
     return f"{len(effect.examples)} reproduced"
 
 
-def testable(effect: Effect, own: ExampleScan) -> str:
+def testable(effect: Effect, case: ExampleScan) -> str:
     """Demand a reason from a scan without the needs of the effect."""
-    reason = effect.untestable(own.readings)
+    reason = effect.untestable(case.readings)
     if reason:
         raise Fault(f"a scan with everything is refused: {reason}")
     for need in effect.needs:
-        if not effect.untestable(own.lacking(need).readings):
+        if not effect.untestable(case.lacking(need).readings):
             raise Fault(f"needs {need}, but accepts a scan without")
     if "time" not in effect.needs:
-        effect.grid(own.without_time().readings, own.state)
-        own.without_time().out(effect, _typical(effect, own))
+        effect.grid(case.without_time().readings, case.state)
+        case.without_time().out(effect, _typical(effect, case))
     return f"needs {', '.join(effect.needs) or 'nothing special'}"
 
 
 # ---- the hook ----------------------------------------------------------------------------
 
 
-def identity(effect: Effect, own: ExampleScan) -> str:
+def identity(effect: Effect, case: ExampleScan) -> str:
     """Set the amplitudes to their null: nothing may happen."""
     worst = 0.0
-    for scan in _scans(effect, own):
+    for scan in _scans(effect, case):
         plain = scan.plain(effect)
         for shape in _shapes(effect, scan):
             change = scan.out(effect, {**shape, **effect.null}) - plain
             worst = max(worst, float(np.abs(change).max() / np.abs(plain).max()))
-    if not worst <= own.settings.rounding:
+    if not worst <= case.settings.rounding:
         raise Fault(f"changes readings by {worst:.1e} of the largest, expected rounding only")
     return f"off by {worst:.0e} of the largest number"
 
 
-def repeatable(effect: Effect, own: ExampleScan) -> str:
+def repeatable(effect: Effect, case: ExampleScan) -> str:
     """Do the same twice."""
-    values = _typical(effect, own)
-    first, second = own.out(effect, values), own.out(effect, values)
+    values = _typical(effect, case)
+    first, second = case.out(effect, values), case.out(effect, values)
     if not np.array_equal(first, second):
         raise Fault(f"a second call differs by up to {np.abs(first - second).max():.1e}")
     return "bit for bit"
 
 
-def untouched(effect: Effect, own: ExampleScan) -> str:
+def untouched(effect: Effect, case: ExampleScan) -> str:
     """Look for writing to the input of the hook."""
-    before = {name: array.copy() for name, array in arrays_of(own)}
-    values = _typical(effect, own)
+    before = {name: array.copy() for name, array in arrays_of(case)}
+    values = _typical(effect, case)
     kept = dict(values)
-    out = own.out(effect, values)
-    changed = [k for k, v in arrays_of(own) if k in before and not np.array_equal(v, before[k])]
-    for name, array in arrays_of(own):  # for the checks that follow
+    out = case.out(effect, values)
+    changed = [k for k, v in arrays_of(case) if k in before and not np.array_equal(v, before[k])]
+    for name, array in arrays_of(case):  # for the checks that follow
         if name in changed:
             array[...] = before[name]
     if changed or values != kept:
         raise Fault(f"writes to {', '.join(changed) or 'the values'}")
-    if effect.link != "body" and any(out is array for _, array in arrays_of(own)):
+    if effect.link != "body" and any(out is array for _, array in arrays_of(case)):
         raise Fault("returns its input away from the null, or writes into it")
     return "inputs are as before"
 
 
-def finite(effect: Effect, own: ExampleScan) -> str:
+def finite(effect: Effect, case: ExampleScan) -> str:
     """Go to all bounds: numbers must be finite and of the right shape."""
     tried = 0
-    for scan in _scans(effect, own):
+    for scan in _scans(effect, case):
         for values in _corners(effect, scan):
             out = scan.out(effect, values)
             if np.shape(out) != np.shape(scan.plain(effect)):
@@ -173,35 +173,35 @@ def finite(effect: Effect, own: ExampleScan) -> str:
     return f"{tried} combinations"
 
 
-def moving(effect: Effect, own: ExampleScan) -> str:
+def moving(effect: Effect, case: ExampleScan) -> str:
     """Move every parameter by half of its typical size: some reading must follow."""
-    typical, plain = _typical(effect, own), own.plain(effect)
+    typical, plain = _typical(effect, case), case.plain(effect)
     least = np.inf
-    for p in effect.bounded(own.readings, own.state):
+    for p in effect.bounded(case.readings, case.state):
         room = p.upper - typical[p.name]
         step = min(0.5 * p.typical, room) if room > 0 else -0.5 * p.typical
-        change = own.out(effect, {**typical, p.name: typical[p.name] + step})
-        moved = float(np.abs(change - own.out(effect, typical)).max() / np.abs(plain).max())
-        if not moved > own.settings.least_change:
+        change = case.out(effect, {**typical, p.name: typical[p.name] + step})
+        moved = float(np.abs(change - case.out(effect, typical)).max() / np.abs(plain).max())
+        if not moved > case.settings.least_change:
             raise Fault(f"{p.name} moves no reading: {step:.2g} {p.unit} change it by {moved:.0e}")
         least = min(least, moved)
     return f"by {least:.1e} of the largest and more"
 
 
-def steady(effect: Effect, own: ExampleScan) -> str:
+def steady(effect: Effect, case: ExampleScan) -> str:
     """Add very little force: no reading may jump."""
     if effect.link == "body":
         return "not asked of a body"
-    nudge = 1e-7 * own.readings.largest_force_n
-    force = own.readings.force_n + nudge
+    nudge = 1e-7 * case.readings.largest_force_n
+    force = case.readings.force_n + nudge
     near = replace(
-        own,
-        readings=replace(own.readings, force_n=force),
-        travel_m=own.pressing.compliance_m_per_n * force,
+        case,
+        readings=replace(case.readings, force_n=force),
+        travel_m=case.pressing.compliance_m_per_n * force,
     )
     worst = 0.0
-    for values in _corners(effect, own):
-        out = own.out(effect, values)
+    for values in _corners(effect, case):
+        out = case.out(effect, values)
         jump = float(np.abs(near.out(effect, values) - out).max() / np.abs(out).max())
         if not jump < 1e-3:
             raise Fault(f"force + 1e-7 changes a reading by {jump:.1e} at {_say(values)}")
@@ -212,13 +212,13 @@ def steady(effect: Effect, own: ExampleScan) -> str:
 # ---- the grid, the words -----------------------------------------------------------------
 
 
-def grid(effect: Effect, own: ExampleScan) -> str:
+def grid(effect: Effect, case: ExampleScan) -> str:
     """Demand candidates of the shape parameters within their bounds."""
-    candidates = effect.grid(own.readings, own.state)
+    candidates = effect.grid(case.readings, case.state)
     if not candidates:
         raise Fault("grid() returns no candidate; without shape parameters it returns [{}]")
     names = {p.name for p in effect.shapes}
-    bounded = {p.name: p for p in effect.bounded(own.readings, own.state)}
+    bounded = {p.name: p for p in effect.bounded(case.readings, case.state)}
     for candidate in candidates:
         if set(candidate) != names:
             raise Fault(f"a candidate has {sorted(candidate)}, expected {sorted(names)}")
@@ -231,17 +231,17 @@ def grid(effect: Effect, own: ExampleScan) -> str:
     return f"{len(candidates)}"
 
 
-def dense(effect: Effect, own: ExampleScan) -> str:
+def dense(effect: Effect, case: ExampleScan) -> str:
     """Compare the patterns of neighbouring candidates."""
-    candidates = effect.grid(own.readings, own.state)
+    candidates = effect.grid(case.readings, case.state)
     if len(candidates) < 2:
         return "one candidate"
-    patterns = [_pattern(effect, own, candidate) for candidate in candidates]
+    patterns = [_pattern(effect, case, candidate) for candidate in candidates]
     if len(effect.shapes) == 1:
         near = np.array([_likeness(a, b) for a, b in pairwise(patterns)])
     else:
         near = _best_neighbours(patterns)
-    least, gaps = own.settings.near, own.settings.gaps
+    least, gaps = case.settings.near, case.settings.gaps
     far = np.flatnonzero(near < least)
     if len(far) > gaps * len(near):
         raise Fault(
@@ -251,11 +251,11 @@ def dense(effect: Effect, own: ExampleScan) -> str:
     return f"cosine {np.quantile(near, gaps):.2f} and up"
 
 
-def evident(effect: Effect, own: ExampleScan) -> str:
+def evident(effect: Effect, case: ExampleScan) -> str:
     """Read the evidence: a sentence with numbers."""
     sentence = ""
-    for values in (_typical(effect, own, -1.0), _typical(effect, own)):
-        for scan in _scans(effect, own):
+    for values in (_typical(effect, case, -1.0), _typical(effect, case)):
+        for scan in _scans(effect, case):
             sentence = effect.evidence(values, scan.readings)
             if not isinstance(sentence, str) or not re.search(r"\d", sentence):
                 raise Fault(f"evidence() has no number: {sentence!r}")
@@ -264,12 +264,12 @@ def evident(effect: Effect, own: ExampleScan) -> str:
     return sentence
 
 
-def _scans(effect: Effect, own: ExampleScan) -> Iterator[ExampleScan]:
+def _scans(effect: Effect, case: ExampleScan) -> Iterator[ExampleScan]:
     """Yield the example scan, one with rows lost, and one without time for a timeless effect."""
-    yield own
+    yield case
     yield ragged(trial(2, start_s=1.7e9))
     if "time" not in effect.needs:
-        yield own.without_time()
+        yield case.without_time()
 
 
 def _shapes(effect: Effect, scan: ExampleScan) -> list[Values]:
@@ -304,12 +304,12 @@ def _corners(effect: Effect, scan: ExampleScan) -> Iterator[dict[str, float]]:
                     yield {**effect.null, **shape, p.name: getattr(p, end)}
 
 
-def _pattern(effect: Effect, own: ExampleScan, shape: Values) -> np.ndarray:
+def _pattern(effect: Effect, case: ExampleScan, shape: Values) -> np.ndarray:
     """Orthonormal columns: change by small amplitudes, less the part of one softer body."""
-    null, plain = {**shape, **effect.null}, own.plain(effect)
+    null, plain = {**shape, **effect.null}, case.plain(effect)
     columns = [
-        own.out(effect, {**null, p.name: null[p.name] + 1e-3 * p.typical}) - own.out(effect, null)
-        for p in effect.bounded(own.readings, own.state)
+        case.out(effect, {**null, p.name: null[p.name] + 1e-3 * p.typical}) - case.out(effect, null)
+        for p in effect.bounded(case.readings, case.state)
         if p.null is not None
     ]
     softer = plain / np.linalg.norm(plain)

@@ -173,9 +173,9 @@ def ragged(full: ExampleScan, seed: int = 1) -> ExampleScan:
     return full.rows(keep)
 
 
-def arrays_of(own: ExampleScan) -> Sequence[tuple[str, np.ndarray]]:
+def arrays_of(case: ExampleScan) -> Sequence[tuple[str, np.ndarray]]:
     """All input arrays of a hook, by name."""
-    found = [("travel_m", own.travel_m)]
-    for record in (own.readings, own.pressing):
+    found = [("travel_m", case.travel_m)]
+    for record in (case.readings, case.pressing):
         found += [(k, v) for k, v in vars(record).items() if isinstance(v, np.ndarray)]
     return found

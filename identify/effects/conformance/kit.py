@@ -69,11 +69,11 @@ def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> 
     >>> all(result.passed for result in pm.check_effect(pm.CATALOGUE["contact_offset"]))
     True
     """
-    own = trial()
-    findings = _run(DESCRIPTION, effect, own)
+    case = trial()
+    findings = _run(DESCRIPTION, effect, case)
     if failures(findings):
         return findings
-    return findings + _run({**BEHAVIOUR, **(further or {})}, effect, own)
+    return findings + _run({**BEHAVIOUR, **(further or {})}, effect, case)
 
 
 def failures(findings: Sequence[CheckResult]) -> list[CheckResult]:
@@ -81,11 +81,11 @@ def failures(findings: Sequence[CheckResult]) -> list[CheckResult]:
     return [finding for finding in findings if not finding.passed]
 
 
-def _run(some: Mapping[str, Check], effect: Effect, own: ExampleScan) -> list[CheckResult]:
+def _run(some: Mapping[str, Check], effect: Effect, case: ExampleScan) -> list[CheckResult]:
     found = []
     for name, check in some.items():
         try:
-            found.append(CheckResult(name, True, check(effect, own)))
+            found.append(CheckResult(name, True, check(effect, case)))
         except Fault as fault:
             found.append(CheckResult(name, False, str(fault)))
         except Exception as error:  # the effect's own code may raise anything

@@ -1,4 +1,4 @@
-"""What follows from an explanation: doubts about it, its limits, and the presses to make next."""
+"""Assessment of an explanation: confounders, detection limits, and next presses."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from identify.design.predicted_limits import designs_on_body
 from identify.design.redundant_inclusions import redundant_inclusions
 from identify.design.scan_variants import Presses, presses_of, variations
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
-from identify.effects.base import Effect
+from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
 from identify.select.forward_selection import Explanation
 from identify.select.verdicts import effect_verdict
 
 Say = Callable[[str], None]
-_IN_ORDER = ("preconditioning", "hysteresis")  # told by timing and order, with those in time
+_IN_ORDER = ("preconditioning", "hysteresis")  # separated by timing and order, with those in time
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """What follows from an explanation.
+    """Assessment of an explanation.
 
     Attributes
     ----------
     parameters : estimates of the last step, with intervals that follow the misfit's valley
     confounders : lengths of the study whose error would look like an effect that is offered
-    redundant_inclusions : numbers, from one, of the inclusions that the readings do not ask for
+    redundant_inclusions : numbers, from one, of inclusions without evidence in the readings
     limits : detection limits of the first step
     undetected_biases : largest shift of each parameter of the last step by an undetected effect
     not_counted : effects whose shift of the parameters the scan cannot bound
     verdicts : on each effect that the model did not have from the start
-    next_presses : scans that tell the last ambiguous group apart, the one to make first
+    next_presses : scans that separate the last ambiguous group, the best one first
     outlying : presses (ids) that the answer does not account for
     repeat : these presses once more
     finer_mesh : the error of the mesh is among the effects offered, so that a finer mesh decides
@@ -63,7 +63,7 @@ def assess(
     outlying: Sequence[int] = (),
     say: Say = lambda text: None,
 ) -> Assessment:
-    """Return what follows from an explanation by the effects of a catalogue.
+    """Assess an explanation with the effects of a catalogue.
 
     Redundant inclusions and undetected effects are not sought in an unexplained scan: the missing
     effect may hide any of them.
@@ -71,7 +71,7 @@ def assess(
     Parameters
     ----------
     outlying : presses (ids) that the answer does not account for
-    say : called with what is being done
+    say : called with the present task, in words
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
@@ -81,7 +81,7 @@ def assess(
     unseen: tuple[Limit, ...] = ()
     if known:
         unseen = limits if last is first else detection_limits(last, catalogue)
-    say("looking for what may pass for the effects found")
+    say("looking for confounders of the effects found")
     return Assessment(
         parameters=last.parameters,
         confounders=tuple(c for c in geometry_confounders(explained) if c.effect in offered),
@@ -124,7 +124,7 @@ def _again(explained: Explanation, outlying: Sequence[int]) -> Presses:
 def _next_presses(
     explained: Explanation, catalogue: Sequence[Effect], say: Say
 ) -> tuple[Proposal, ...]:
-    """Return the scans that tell the last ambiguous group apart."""
+    """Return the scans that separate the last ambiguous group."""
     ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1]
     if not ambiguous:
         return ()

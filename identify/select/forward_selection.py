@@ -322,7 +322,7 @@ def _verdict(
 
 @dataclass(frozen=True)
 class Policy:
-    """Decisions of the forward selection; all but `first` take the settings last.
+    """Decisions of the forward selection; each except `first` takes the settings.
 
     Attributes
     ----------

@@ -6,6 +6,7 @@ difference quotients, sizes of caches and constants of published methods stay wi
 the grids of an effect belong to the effect.
 """
 
+import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -60,5 +61,5 @@ class Settings:
     plan: PlanSettings = PLAN
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all numbers as plain data, by algorithm and name."""
-        return asdict(self)
+        """Return all numbers as in JSON, by algorithm and name."""
+        return json.loads(json.dumps(asdict(self)))

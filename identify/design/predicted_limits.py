@@ -24,8 +24,6 @@ from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.measurement.model import Linearised, MeasurementModel
 
-_BETTER = 0.7  # a planned scan is worth naming if it sees an effect of this part of the size
-
 
 def planned(
     fit: FitResult, design: Design, further: bool = False
@@ -151,6 +149,7 @@ def better_scans(
     catalogue: Sequence[Effect],
     limits: Sequence[Limit],
     say: Callable[[str], None],
+    settings: DetectionSettings = DETECTION,
 ) -> BetterScans:
     """Return the changed scans that see clearly smaller effects.
 
@@ -164,7 +163,7 @@ def better_scans(
     designs = [*variations(presses, readings.time_s is not None), all_at_once]
     plans = {
         plan.design.name: plan
-        for plan in improvements(fit, catalogue, designs_on_body(fit, designs), say)
+        for plan in improvements(fit, catalogue, designs_on_body(fit, designs), say, settings)
     }
     present = {limit.name: limit.smallest_share for limit in limits if limit.smallest_share}
     same = plans.pop("same")
@@ -175,7 +174,9 @@ def better_scans(
 
     def helps(limit: Limit) -> bool:
         share = limit.smallest_share
-        return share is not None and share < _BETTER * present.get(limit.name, np.inf)
+        return share is not None and share < settings.clearly_smaller * present.get(
+            limit.name, np.inf
+        )
 
     whole = plans.pop(all_at_once.name, None)  # a tip that fits nowhere has no scan
     found: dict[str, tuple[Design, Limit]] = {}

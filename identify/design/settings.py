@@ -23,6 +23,7 @@ class DetectionSettings:
     fit_steps, longest_step : Gauss-Newton steps of such a fit, and their largest length
     far_signal : size beyond which the linear pattern is accurate enough
     alike : cosine of two patterns above which their effects cannot be distinguished
+    clearly_smaller : detection limit of a better scan, relative to the present one
     """
 
     sigmas: float = 5.0
@@ -36,6 +37,7 @@ class DetectionSettings:
     longest_step: float = 0.5
     far_signal: float = 0.5
     alike: float = DIAGNOSIS.alike
+    clearly_smaller: float = 0.7
 
 
 DETECTION = DetectionSettings()

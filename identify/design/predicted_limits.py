@@ -173,10 +173,8 @@ def better_scans(
             present[limit.name] = min(made, limit.smallest_share)
 
     def helps(limit: Limit) -> bool:
-        share = limit.smallest_share
-        return share is not None and share < settings.clearly_smaller * present.get(
-            limit.name, np.inf
-        )
+        share, made = limit.smallest_share, present.get(limit.name, np.inf)
+        return share is not None and share < settings.clearly_smaller * made
 
     whole = plans.pop(all_at_once.name, None)  # a tip that fits nowhere has no scan
     found: dict[str, tuple[Design, Limit]] = {}

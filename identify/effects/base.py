@@ -192,6 +192,12 @@ class Advice:
     ----------------
     refitted_from : values from which the effect is refitted whatever its score; for an effect
         without which the map may end so far off that the score there is meaningless, else empty
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> [effect.name for effect in pm.CATALOGUE if isinstance(effect, pm.Advice)][:2]
+    ['inclusion_edge', 'skin_layer']
     """
 
     refitted_from: ClassVar[Values] = {}

@@ -33,6 +33,14 @@ class Imported:
     scan : the scan
     said : what was found, assumed and left out, in sentences
     cut : presses of a raw stream with their touches, lag and left-out presses; None of readings
+
+    Examples
+    --------
+    `made.write("study")` leaves scan, study and page; `import_recording` makes one.
+
+    >>> import palpmap as pm
+    >>> [name for name in pm.Imported.__dataclass_fields__]
+    ['files', 'rig', 'scan', 'said', 'cut']
     """
 
     files: tuple[Path, ...]
@@ -139,6 +147,24 @@ def import_recording(
     ------
     InputError
         Naming file, row, topic or key, what was found and what is expected.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> rig = getfixture("tmp_path") / "rig.toml"
+    >>> _ = rig.write_text('''
+    ... kind = "readings"
+    ... time = {column = "time_s"}
+    ... press = {number = "press", phase = "phase", direction = ["nx", "ny", "nz"]}
+    ... force = {column = "force_n", unit = "N"}
+    ... travel = {column = "displacement_m", unit = "m"}
+    ... point = {columns = ["x_m", "y_m", "z_m"], unit = "m"}
+    ... probe = {tip = "flat", radius_m = 0.005}
+    ... body = {shape = "block", size_m = [0.096, 0.096, 0.048], poisson_ratio = 0.49}
+    ... ''')
+    >>> made = pm.import_recording("tests/data/twelve_presses/scan.csv", rig)
+    >>> len(made.scan.press_ids)
+    12
     """
     files = [files] if isinstance(files, (str, os.PathLike)) else list(files)
     rig = rig if isinstance(rig, Rig) else load_rig(rig)

@@ -271,8 +271,8 @@ def unseen_effects(record: ExplainRecord) -> str:
     hidden = record.not_counted
     return (
         "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
-        f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the signal (most: "
-        f"{listed(effects)}); `palpmap limits` names the scan that narrows it."
+        f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the "
+        f"signal (most: {listed(effects)}); `palpmap limits` names the scan that narrows it."
         + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
     )
 

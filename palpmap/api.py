@@ -184,9 +184,8 @@ def explain(
     """
     problem = start(experiment, effects, progress, on_iteration)
     found, without = outlying_presses.explain(problem, seed, on_step)
-    left = outlying_presses.suspects_left(found, without)
-    assessment = assess(found, problem.catalogue, left, progress)
-    return Explanation.of(found, experiment, problem, assessment, without, seed)
+    assessment = assess(found, problem.catalogue, without, progress)
+    return Explanation.of(found, experiment, problem, assessment, seed)
 
 
 def limits(

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from models.errors import InputError
 
@@ -60,7 +60,7 @@ class Output:
             for renderable in renderables:  # a line each; a path is not broken in two
                 console.print(renderable, soft_wrap=isinstance(renderable, str))
 
-    def result(self, record: Mapping[str, Any], *renderables: "RenderableType") -> None:
+    def result(self, record: Mapping[str, object], *renderables: "RenderableType") -> None:
         """Print a result: the record if json, else the renderables."""
         if self.json:
             sys.stdout.write(json.dumps(record, indent=1, allow_nan=False) + "\n")

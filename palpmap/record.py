@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from models.errors import InputError
 
@@ -20,7 +20,7 @@ class Record(BaseModel):
 
     model_config = ConfigDict(frozen=True, populate_by_name=True, allow_inf_nan=False)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Return what the JSON file holds."""
         return self.model_dump(mode="json", by_alias=True)
 
@@ -64,7 +64,7 @@ class FileRecord(Record):
             ) from error
 
 
-def _content(path: Path) -> dict[str, Any]:
+def _content(path: Path) -> dict[str, JsonValue]:
     """Return a file's JSON object, of a schema that this palpmap knows."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -141,7 +141,7 @@ class FitResult(Shown, fit_result.FitResult):
 
         return drawn(draw_places, self.finding)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return the fit as plain data, as `palpmap fit --json` prints it."""
         comparison = self.finding.comparison
         return {
@@ -220,7 +220,7 @@ class Comparison(Shown):
 
         return drawn(draw_along, self.fit.finding)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return the comparison as plain data, as comparison.json holds it."""
         return self.record.to_dict()
 

@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from pydantic import JsonValue
+
 from identify.design.assessment import Assessment
 from identify.design.detection_limits import Limit
 from identify.design.next_presses import Proposal
@@ -86,7 +88,7 @@ class Diagnosis(Shown):
         """Score, p-value, verdict and evidence of each effect, best first."""
         return self.record.candidates
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Return the diagnosis as plain data, as diagnosis.json holds it."""
         return self.record.to_dict()
 
@@ -132,7 +134,6 @@ class Explanation(Shown, forward_selection.Explanation):
     experiment : scan and study
     problem : models of the body and the measurement model
     assessment : doubts, detection limits and next presses
-    without_suspects : result without outlying presses, None where there are none
     seed : of the simulated null distributions
 
     Examples
@@ -147,13 +148,12 @@ class Explanation(Shown, forward_selection.Explanation):
     experiment: Experiment = field(kw_only=True)
     problem: Problem = field(kw_only=True)
     assessment: Assessment = field(kw_only=True)
-    without_suspects: WithoutSuspects | None = field(kw_only=True)
     seed: int = field(kw_only=True)
 
     @classmethod
     def of(cls, found: forward_selection.Explanation, *given: Any) -> Self:
         """Return a record of `identify` with experiment, problem, and what follows from it."""
-        names = ("experiment", "problem", "assessment", "without_suspects", "seed")
+        names = ("experiment", "problem", "assessment", "seed")
         return cls(**values_of(found), **dict(zip(names, given, strict=True)))
 
     def __repr__(self) -> str:
@@ -164,7 +164,7 @@ class Explanation(Shown, forward_selection.Explanation):
         """The content of result.json."""
         from palpmap.result.explain_record import explain_record
 
-        return explain_record(self, self.problem, self.assessment, self.without_suspects)
+        return explain_record(self, self.problem, self.assessment)
 
     @property
     def candidates(self) -> tuple[CandidateRecord, ...]:
@@ -175,6 +175,11 @@ class Explanation(Shown, forward_selection.Explanation):
     def limits(self) -> tuple[LimitRecord, ...]:
         """Detection limit of each effect."""
         return self.record.limits
+
+    @property
+    def without_suspects(self) -> WithoutSuspects | None:
+        """Result without the outlying presses, None where there are none."""
+        return self.assessment.without
 
     @property
     def next_presses(self) -> tuple[Proposal, ...]:
@@ -200,7 +205,7 @@ class Explanation(Shown, forward_selection.Explanation):
 
         return drawn(draw_ladder, self)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Return the explanation as plain data, as result.json holds it."""
         return self.record.to_dict()
 
@@ -263,7 +268,7 @@ class Limits(Shown):
 
         return limits_record(self.limits, self.better, self.problem)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JsonValue]:
         """Return the limits as plain data, as limits.json holds them."""
         return self.record.to_dict()
 

@@ -19,6 +19,7 @@ from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
 from identify.select.forward_selection import Explanation
+from identify.select.outlying_presses import WithoutSuspects, suspects_left
 from identify.select.verdicts import effect_verdict
 
 Say = Callable[[str], None]
@@ -39,6 +40,7 @@ class Assessment:
     not_counted : effects whose shift of the parameters the scan cannot bound
     verdicts : on each effect that the model did not have from the start
     next_presses : scans that separate the last ambiguous group, the best one first
+    without : result without the outlying presses, None where there are none
     outlying : presses (ids) that the answer does not account for
     repeat : these presses once more
     finer_mesh : the error of the mesh is among the effects offered, so that a finer mesh decides
@@ -52,6 +54,7 @@ class Assessment:
     not_counted: tuple[str, ...]
     verdicts: tuple[EffectVerdict, ...]
     next_presses: tuple[Proposal, ...]
+    without: WithoutSuspects | None
     outlying: tuple[int, ...]
     repeat: Presses
     finer_mesh: bool
@@ -60,7 +63,7 @@ class Assessment:
 def assess(
     explained: Explanation,
     catalogue: Sequence[Effect],
-    outlying: Sequence[int] = (),
+    without: WithoutSuspects | None = None,
     say: Say = lambda text: None,
 ) -> Assessment:
     """Assess an explanation with the effects of a catalogue.
@@ -70,12 +73,13 @@ def assess(
 
     Parameters
     ----------
-    outlying : presses (ids) that the answer does not account for
+    without : result without the outlying presses, None where there are none
     say : called with the present task, in words
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
     known = explained.verdict != "unexplained"
+    outlying = suspects_left(explained, without)
     say("computing detection limits")
     limits = detection_limits(first, catalogue)
     unseen: tuple[Limit, ...] = ()
@@ -95,7 +99,8 @@ def assess(
             if effect.name not in first.effect_names
         ),
         next_presses=_next_presses(explained, catalogue, say),
-        outlying=tuple(outlying),
+        without=without,
+        outlying=outlying,
         repeat=_again(explained, outlying),
         finer_mesh=known and MODEL_ERROR in offered,
     )

@@ -1,34 +1,68 @@
 """`palpmap check`: read a study and its scan, and say what is there."""
 
 import os
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field, PlainSerializer
 
 from models.scan import Scan
 from models.scan_checks import PHASES
 from models.scan_file import read_scan
-from models.scan_quality import scan_findings
+from models.scan_quality import Doubt, scan_findings
+from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import cell_size_m
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.placement import Placement, place_scan
-from palpmap.study.study import Study, load_study
+from palpmap.study.study import Body, Noise, Study, load_study
 
 SMALL_STRAIN_SHARE = 0.15
 SLANTED_DEG = 30.0
 FINEST_NOISE = 0.01  # of the smallest step between two readings
 
 
-def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a study and its scan, place the presses on the body, and sum up what was found.
+Range = tuple[float, float]
+Given = PlainSerializer(lambda table: table.model_dump(mode="json", exclude_none=True))
 
-    Returns
-    -------
-    dict
-        A JSON record: counts of presses, samples by phase and ignored rows, ranges of force,
-        displacement and time, noise, placement, hashes, and notes that a user should read.
+
+class PlacementRecord(Record):
+    """How the presses were put onto the body."""
+
+    projected: bool = Field(description="moved onto a block that stands in for the body")
+    largest_distance_m: float = Field(description="off the body's surface, m")
+    largest_angle_deg: float = Field(description="off its normal, degrees")
+
+
+class CheckRecord(FileRecord):
+    """What `palpmap check --json` prints."""
+
+    study: str = Field(description="its name")
+    scan: str = Field(description="path of the scan's file")
+    sha256: Mapping[str, str] = Field(description="of study and scan")
+    body: Annotated[Body, Given] = Field(description="as the study gives it")
+    cell_size_m: float = Field(description="of the coarser mesh, m")
+    presses: int
+    rows: int
+    ignored_rows: int = Field(description="of approach and retract")
+    samples: Mapping[str, int] = Field(description="rows by phase")
+    force_n: Range = Field(description="least and largest, N")
+    displacement_m: Range = Field(description="least and largest, m")
+    time_s: Range | None = Field(description="first and last, s; null of a scan without times")
+    tip: str
+    probe_radius_m: Mapping[str, int] = Field(description="presses by tip radius in m")
+    noise: Noise = Field(description="as the study gives it; null is to be estimated")
+    inclusions: int | str = Field(description="number, or auto")
+    effects: tuple[str, ...] = Field(description="of the study's model")
+    placement: PlacementRecord
+    can_be_fitted: bool
+    doubts: tuple[Doubt, ...] = Field(description="readings to look at before a fit")
+    notes: tuple[str, ...] = Field(description="sentences for the reader")
+
+
+def check_study(path: str | os.PathLike[str]) -> CheckRecord:
+    """Read a study and its scan, place the presses on the body, and sum up what was found.
 
     Raises
     ------
@@ -44,36 +78,34 @@ def check_study(path: str | os.PathLike[str]) -> dict[str, Any]:
         _refuse_effects(study, placement)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
-    return {
-        "schema": 1,
-        "study": study.name,
-        "scan": str(study.scan),
-        "sha256": {"study": sha256(path), "scan": sha256(study.scan)},
-        "body": study.body.model_dump(mode="json", exclude_none=True),
-        "cell_size_m": cell_size_m(study.body),
-        "presses": len(scan.press_ids),
-        "rows": len(scan),
-        "ignored_rows": scan.ignored_rows,
-        "samples": {
-            phase: count for phase in PHASES if (count := int(np.sum(scan.phase == phase)))
-        },
-        "force_n": _range(used.force_n),
-        "displacement_m": _range(used.displacement_m),
-        "time_s": _range(scan.time_s) if scan.has_time else None,
-        "tip": study.probe.tip,
-        "probe_radius_m": {f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
-        "noise": study.noise.model_dump(),
-        "inclusions": study.map.inclusions,
-        "effects": [effect.name for effect in study.effects],
-        "placement": {
-            "projected": placement.projected,
-            "largest_distance_m": float(placement.distance_m.max()),
-            "largest_angle_deg": float(placement.angle_deg.max()),
-        },
-        "can_be_fitted": too_few(placement, study) is None,
-        "doubts": [asdict(doubt) for doubt in doubts],
-        "notes": [doubt.sentence for doubt in doubts] + _notes(study, scan, placement),
-    }
+    counts = {phase: int(np.sum(scan.phase == phase)) for phase in PHASES}
+    return CheckRecord(
+        study=study.name,
+        scan=str(study.scan),
+        sha256={"study": sha256(path), "scan": sha256(study.scan)},
+        body=study.body,
+        cell_size_m=cell_size_m(study.body),
+        presses=len(scan.press_ids),
+        rows=len(scan),
+        ignored_rows=scan.ignored_rows,
+        samples={phase: count for phase, count in counts.items() if count},
+        force_n=_range(used.force_n),
+        displacement_m=_range(used.displacement_m),
+        time_s=_range(scan.time_s) if scan.has_time else None,
+        tip=study.probe.tip,
+        probe_radius_m={f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
+        noise=study.noise,
+        inclusions=study.map.inclusions,
+        effects=tuple(effect.name for effect in study.effects),
+        placement=PlacementRecord(
+            projected=placement.projected,
+            largest_distance_m=float(placement.distance_m.max()),
+            largest_angle_deg=float(placement.angle_deg.max()),
+        ),
+        can_be_fitted=too_few(placement, study) is None,
+        doubts=tuple(doubts),
+        notes=(*(doubt.sentence for doubt in doubts), *_notes(study, scan, placement)),
+    )
 
 
 def _refuse_effects(study: Study, placement: Placement) -> None:
@@ -88,8 +120,8 @@ def _refuse_effects(study: Study, placement: Placement) -> None:
             refuse_effect(CATALOGUE[entry.name], readings, entry.initial)
 
 
-def _range(values: np.ndarray) -> list[float]:
-    return [float(values.min()), float(values.max())]
+def _range(values: np.ndarray) -> Range:
+    return float(values.min()), float(values.max())
 
 
 def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:

@@ -90,7 +90,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             finish_fit(run.path, finding, recording)
     presses = scan_record(scanned)
     deviations = deviations_from_truth(finding)
-    passed = presses["kept"] and all(deviation[2] for deviation in deviations.values())
+    passed = presses.kept and all(deviation[2] for deviation in deviations.values())
     times = Table.grid(padding=(0, 2))
     times.add_row("[bold]seconds[/bold]", *(f"{name} {s:.1f}" for name, s in stage_s.items()))
     report, recorded = run / "report.html", run / "recording.rrd"
@@ -98,7 +98,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         {
             **fit.to_dict(),
             "run": str(run.path),
-            "scan": presses,
+            "scan": presses.to_dict(),
             "passed": passed,
             "deviations": {
                 name: {"deviation": value, "tolerance": limit, "within": within}

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-def effect_record(effect: Effect) -> dict[str, Any]:
+def effect_record(effect: Effect) -> dict[str, object]:
     """Return all that an effect says of itself, as JSON."""
     return {
         "name": effect.name,

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from pydantic import Field, JsonValue
 
 from models.scan import Scan
 from models.scan_file import write_scan
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
+from palpmap.record import FileRecord, Record
 from palpmap.recording.recorder import Recording
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import Study, load_study, write_study
@@ -72,7 +75,7 @@ def run_scan_command(
     from models.press_program import read_program
 
     known = default_study() if study is None else load_study(study)
-    settings: dict[str, Any] = {}
+    settings: dict[str, JsonValue] = {}
     if program is None:
         force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
         per_side = presses_per_side or PRESSES_PER_SIDE
@@ -101,12 +104,12 @@ def run_scan_command(
         progress.update(task, description="done")
     record = scan_record(scanned)
     output.result(
-        {**record, "run": str(run.path)},
+        {**record.to_dict(), "run": str(run.path)},
         scan_table(record),
         f"Next: {escape(to_type('fit', run / 'study.toml'))}",
         f"Recording: {escape(to_type('review', run.path))}",
     )
-    return record["kept"]
+    return record.kept
 
 
 def planned_laboratory(
@@ -165,16 +168,39 @@ def make_scan(
     return made
 
 
-def scan_record(scanned: "ScanRun") -> dict[str, Any]:
-    """Return how well the presses were made, as a JSON record."""
+class LargestRecord(Record):
+    """Largest deviations of the presses from what was asked."""
+
+    force_error: float = Field(description="of the held force, relative")
+    overshoot: float = Field(description="of the force, relative")
+    contact_error_m: float = Field(description="of the contact's place, m")
+    coupling_error: float = Field(description="of body and robot from each other, relative")
+    depth_share: float = Field(description="depth of a press over the body's height")
+
+
+class ScanRecord(FileRecord):
+    """What `palpmap scan --json` prints: how well the presses were made."""
+
+    presses: int
+    presses_kept: int = Field(description="presses within all tolerances")
+    kept: bool = Field(description="every press within all tolerances")
+    largest: LargestRecord
+    force_n: float = Field(description="set force of the first press, N")
+    simulated_s: float = Field(description="time of the robot, s")
+    wall_s: float = Field(description="time of the computer, s")
+    real_time_factor: float = Field(description="the robot's time over the computer's")
+
+
+def scan_record(scanned: "ScanRun") -> ScanRecord:
+    """Return how well the presses were made."""
     statistics = scanned.statistics
-    largest = {
-        "force_error": max(abs(s.force_error) for s in statistics),
-        "overshoot": max(s.overshoot for s in statistics),
-        "contact_error_m": max(s.contact_error_m for s in statistics),
-        "coupling_error": max(s.coupling_error for s in statistics),
-        "depth_share": max(s.depth_share for s in statistics),
-    }
+    largest = LargestRecord(
+        force_error=max(abs(s.force_error) for s in statistics),
+        overshoot=max(s.overshoot for s in statistics),
+        contact_error_m=max(s.contact_error_m for s in statistics),
+        coupling_error=max(s.coupling_error for s in statistics),
+        depth_share=max(s.depth_share for s in statistics),
+    )
     kept = [
         abs(s.force_error) <= LARGEST_FORCE_ERROR
         and s.overshoot <= LARGEST_OVERSHOOT
@@ -182,47 +208,46 @@ def scan_record(scanned: "ScanRun") -> dict[str, Any]:
         and s.coupling_error <= LARGEST_COUPLING_ERROR
         for s in statistics
     ]
-    return {
-        "schema": 1,
-        "presses": len(statistics),
-        "presses_kept": sum(kept),
-        "kept": all(kept),
-        "largest": largest,
-        "force_n": statistics[0].set_force_n,
-        "simulated_s": scanned.simulated_s,
-        "wall_s": scanned.wall_s,
-        "real_time_factor": scanned.real_time_factor,
-    }
+    return ScanRecord(
+        presses=len(statistics),
+        presses_kept=sum(kept),
+        kept=all(kept),
+        largest=largest,
+        force_n=statistics[0].set_force_n,
+        simulated_s=scanned.simulated_s,
+        wall_s=scanned.wall_s,
+        real_time_factor=scanned.real_time_factor,
+    )
 
 
-def scan_table(record: dict[str, Any]) -> "RenderableType":
+def scan_table(record: ScanRecord) -> "RenderableType":
     """Return how well the presses were made, as a small table."""
     from rich import box
     from rich.table import Table
 
-    largest = record["largest"]
+    largest = record.largest
     table = Table(box=box.SIMPLE, show_header=False, title="scan", title_justify="left")
     table.add_row(
         "presses that kept force, place and coupling",
-        f"{record['presses_kept']} of {record['presses']} at {record['force_n']:g} N",
+        f"{record.presses_kept} of {record.presses} at {record.force_n:g} N",
     )
     table.add_row(
         "largest force error, overshoot",
-        f"{100 * largest['force_error']:.2f} %, {100 * largest['overshoot']:.1f} %",
+        f"{100 * largest.force_error:.2f} %, {100 * largest.overshoot:.1f} %",
     )
     table.add_row(
         "largest contact error, coupling error",
-        f"{1e3 * largest['contact_error_m']:.3f} mm, {100 * largest['coupling_error']:.3f} %",
+        f"{1e3 * largest.contact_error_m:.3f} mm, {100 * largest.coupling_error:.3f} %",
     )
-    if largest["depth_share"] > SMALL_DEPTH_SHARE:
+    if largest.depth_share > SMALL_DEPTH_SHARE:
         table.add_row(
             "deepest press",
-            f"{100 * largest['depth_share']:.0f} % of the body's height; a real body is linear "
+            f"{100 * largest.depth_share:.0f} % of the body's height; a real body is linear "
             "to about a tenth",
         )
     table.add_row(
         "robot time, computing time",
-        f"{record['simulated_s']:.0f} s, {record['wall_s']:.1f} s "
-        f"({record['real_time_factor']:.0f} times real time)",
+        f"{record.simulated_s:.0f} s, {record.wall_s:.1f} s "
+        f"({record.real_time_factor:.0f} times real time)",
     )
     return table

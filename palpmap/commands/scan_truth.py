@@ -1,8 +1,8 @@
 """The true map of a virtual scan: its scale, its record in truth.json, its values by name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from palpmap.result.truth import FILE, TruthRecord
 
@@ -20,7 +20,7 @@ def true_parameters(truth: "TruthMap") -> dict[str, float]:
     return values
 
 
-def write_truth(run: Path, body: "HiddenBody", effects: Sequence[dict[str, Any]]) -> None:
+def write_truth(run: Path, body: "HiddenBody", effects: Sequence[Mapping[str, object]]) -> None:
     """Write truth.json: the body with what is hidden in it, and what is hidden."""
     beyond = {"gradient": body.gradient, "poisson_ratio": body.poisson_ratio} if effects else {}
     said = TruthRecord.model_validate(

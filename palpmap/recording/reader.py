@@ -83,7 +83,7 @@ class RecordingSummary:
         )
         return f"not closed (the run was stopped, or the file is cut off): ends {last}, {made}"
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> dict[str, object]:
         """Return everything as JSON-ready data."""
         return asdict(self) | {"schema": 1, "whole": self.whole, "ending": self.ending()}
 

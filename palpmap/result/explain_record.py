@@ -36,10 +36,9 @@ def explain_record(
     explained: Explanation,
     problem: Problem,
     assessment: Assessment,
-    without: WithoutSuspects | None = None,
 ) -> ExplainRecord:
     """Return verdict, additions, ladder, candidates, parameters, limits of an explanation."""
-    final = explained.final
+    final, without = explained.final, assessment.without
     return ExplainRecord(
         verdict=explained.verdict,
         added=explained.added,

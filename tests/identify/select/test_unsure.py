@@ -74,7 +74,7 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     # Nobody has looked: the press that still stands out is said to do so
     assert suspects_left(suspected, None) == (two,)
     problem = explained_case.problem
-    assessment = assess(suspected, problem.catalogue, suspects_left(suspected, None))
+    assessment = assess(suspected, problem.catalogue)
     record = explain_record(suspected, problem, assessment)
     told = " ".join(doubts(record, suspected))
     assert f"Outlying presses: {two}." in told

@@ -88,8 +88,7 @@ def test_an_effect_that_rests_on_suspect_presses_is_not_offered_by_name(explaine
     record = explain_record(
         weighed_down,
         explained_case.problem,
-        explained_case.assessment,
-        WithoutSuspects.of((3, 8), nothing),
+        replace(explained_case.assessment, without=WithoutSuspects.of((3, 8), nothing)),
     )
     assert record.without_suspects.verdict == "nothing_missing"
     assert f"{name} or suspect_presses" in verdict_detail(weighed_down)
@@ -131,8 +130,7 @@ def test_presses_that_an_effect_accounts_for_are_not_to_be_repeated(explained_ca
     record = explain_record(
         explained,
         explained_case.problem,
-        explained_case.assessment,
-        WithoutSuspects.of((3, 8), explained),
+        replace(explained_case.assessment, without=WithoutSuspects.of((3, 8), explained)),
     )
     told = " ".join(doubts(record.changed(suspect_presses=(3, 8)), explained))
     assert "Presses 3, 8 are outliers for the map alone, but not for the last model" in told

@@ -57,8 +57,8 @@ def test_the_study_loads_and_the_page_says_what_was_assumed(scan, tmp_path):
     record = json.loads(result.stdout)
     assert (record["presses"], record["rows"]) == (12, len(scan))
     found = check_study(tmp_path / "study" / "study.toml")
-    assert found["can_be_fitted"]
-    assert found["noise"] == {"displacement_m": 2.0e-5, "force_n": 5.0e-3}
+    assert found.can_be_fitted
+    assert (found.noise.displacement_m, found.noise.force_n) == (2.0e-5, 5.0e-3)
     text = (tmp_path / "study" / "study.toml").read_text()
     assert "# Made by palpmap import from german.csv" in text
     page = (tmp_path / "study" / "import.md").read_text()
@@ -133,7 +133,7 @@ def test_a_bag_on_disk_becomes_a_study(bag, scan, tmp_path):
         travel = found.displacement_m[here].max() - scan.displacement_m[there].max()
         assert abs(travel) < 2e-4
         assert abs(found.force_n[here].max() / scan.force_n[there].max() - 1) < 0.05
-    assert check_study(tmp_path / "study" / "study.toml")["doubts"] == []
+    assert check_study(tmp_path / "study" / "study.toml").doubts == ()
 
 
 def test_a_wrong_sign_and_a_wrong_height_are_said(bag, tmp_path):

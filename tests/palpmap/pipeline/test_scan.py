@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.scan_file import read_scan
-from palpmap.commands.scan import scan_table
+from palpmap.commands.scan import ScanRecord, scan_table
 from palpmap.run_folder import sha256
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
@@ -59,7 +59,7 @@ def test_the_papers_force_presses_so_deep_that_it_is_said(run_command):
     run = run_command("scan", "--presses-per-side", "2", "--paper-force")
     assert run.exit_code == 0, run.stderr
     assert run.record["largest"]["depth_share"] == pytest.approx(0.99, abs=0.01)
-    table = scan_table(run.record)
+    table = scan_table(ScanRecord.model_validate(run.record))
     assert "deepest press" in list(table.columns[0].cells)  # pyright: ignore[reportAttributeAccessIssue]
     assert max(read_scan(run.folder / "scan.csv").displacement_m) < 0.048
 

@@ -1,0 +1,110 @@
+"""JSON Schemas of palpmap's files: `python -m palpmap.schemas docs/schema` writes them."""
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import Field, JsonValue, TypeAdapter
+
+from identify.fit.result import Estimate
+from identify.fit.search import FitIteration
+from identify.measurement.noise import Noise
+from identify.residual.comparison import Comparison
+from palpmap.blind.records import (
+    RevealRecord,
+    SealRecord,
+    TournamentRecord,
+    TrialLine,
+    TrialTruthRecord,
+)
+from palpmap.commands.check import CheckRecord
+from palpmap.commands.scan import ScanRecord
+from palpmap.paper.command import PaperRecord
+from palpmap.record import FileRecord
+from palpmap.result.history import HistoryRecord
+from palpmap.result.records import DiagnosisRecord, ExplainRecord, LimitsRecord
+from palpmap.result.truth import TruthRecord
+from palpmap.run_folder import RunsRecord
+
+Row = tuple[float, ...]
+Rows = tuple[Row, ...]
+
+
+class FitRecord(FileRecord):
+    """fit.json: a fit of j presses with m readings, k free parameters of map and effects."""
+
+    map: Mapping[str, float] = Field(description="estimated map, body frame, m and Pa")
+    parameters: Mapping[str, Estimate] = Field(description="of map and effects, by name")
+    covariance_names: tuple[str, ...] = Field(description="names of the free parameters, (k,)")
+    covariance: Rows = Field(description="of the free parameters, in their units, (k, k)")
+    noise: Noise
+    press_index: tuple[int, ...] = Field(description="press of each reading, from 0, (m,)")
+    force_n: Row = Field(description="measured force, N, (m,)")
+    displacement_m: Row = Field(description="measured travel, m, (m,)")
+    latent_force_n: Row = Field(description="best estimate of the true force, N, (m,)")
+    predicted_m: Row = Field(description="travel of the model, m, (m,)")
+    sigma_m: Row = Field(description="standard deviation of the residual, m, (m,)")
+    residual_m: Row = Field(description="measured less predicted travel, m, (m,)")
+    compliance_m_per_n: Row = Field(description="of the fitted model, m/N, (j,)")
+    compliance_jacobian: Rows = Field(
+        description="derivative of the compliance by the map's free parameters, (j, k')"
+    )
+    discretization_error: Row | None = Field(
+        description="relative error of the coarse mesh's compliance, (j,); null if not estimated"
+    )
+    history: tuple[FitIteration, ...] = Field(description="accepted steps of the search")
+    chi2: float = Field(description="chi-square of all readings")
+    chi2_per_dof: float = Field(description="chi-square per degree of freedom")
+    rms_m: float = Field(description="residual, root mean square, m")
+    success: bool = Field(description="whether the search converged")
+    message: str = Field(description="how the search ended")
+    nfev: int = Field(description="evaluations of the finite element model")
+    model_error: Row | None = Field(
+        default=None, description="relative error of the finer model, (j,); null if not estimated"
+    )
+    derivative_m: Rows | None = Field(
+        default=None, description="derivative of the travel by the free parameters, (m, k)"
+    )
+
+
+RECORDS: Mapping[str, type[FileRecord] | type[TrialLine]] = {
+    "check": CheckRecord,
+    "diagnosis": DiagnosisRecord,
+    "fit": FitRecord,
+    "history": HistoryRecord,
+    "limits": LimitsRecord,
+    "paper": PaperRecord,
+    "result": ExplainRecord,
+    "reveal": RevealRecord,
+    "run": RunsRecord,
+    "scan": ScanRecord,
+    "sealed_answer": SealRecord,
+    "tournament": TournamentRecord,
+    "trial_line": TrialLine,
+    "trial_truth": TrialTruthRecord,
+    "truth": TruthRecord,
+}
+"""Records by the name of their schema's file."""
+
+
+def schemas() -> dict[str, dict[str, JsonValue]]:
+    """Return the JSON Schema of every file, by the name of the schema's file."""
+    found = {name: kind.model_json_schema() for name, kind in RECORDS.items()}
+    comparison = TypeAdapter(Comparison).json_schema()
+    version = found["fit"]["properties"]["schema"]
+    per_dof = {"type": "number", "description": "chi-square per degree of freedom"}
+    comparison["properties"] |= {"schema": version, "chi2_per_dof": per_dof}
+    return dict(sorted({**found, "comparison": comparison}.items()))
+
+
+def write_schemas(folder: Path) -> None:
+    """Write each schema into a folder, as NAME.json."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, schema in schemas().items():
+        text = json.dumps(schema, indent=1, sort_keys=True)
+        (folder / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_schemas(Path(sys.argv[1]))

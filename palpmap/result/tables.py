@@ -162,7 +162,7 @@ def candidate_table(candidates: Sequence[CandidateRecord], title: str = "") -> T
     """Return the verdict on every effect, the supported ones first, with its reason."""
     ordered = sorted(candidates, key=lambda c: (_ORDER.index(c.verdict), -c.score))
     rows = ((*_candidate_cells(c), _why(c)) for c in ordered)
-    head = ("Effect", "Verdict", number("Share of the unexplained"), number("p-value"))
+    head = ("Effect", "Verdict", number("Explained share"), number("p-value"))
     return Table.of((*head, "Looks like", "Evidence"), rows, title)
 
 

@@ -154,19 +154,20 @@ def beyond(
 
     Returns
     -------
-    columns (g, m, q) beyond, an orthonormal basis (g, m, q) of them (zero where the map absorbs the
-    effect), visible share (g,)
+    columns (g, m, q) beyond, an orthonormal basis (g, m, r) of them (zero where the map absorbs a
+    direction; r <= q directions that some candidate keeps), visible share (g,)
     """
     a = pattern.columns
     left = a - np.einsum("mr,grq->gmq", fitted, np.einsum("mr,gmq->grq", fitted, a))
     length = np.linalg.norm(a, axis=1)
     kept = np.linalg.norm(left, axis=1)
     visible = np.sqrt(np.sum(kept**2, axis=1) / np.maximum(np.sum(length**2, axis=1), 1e-300))
-    scaled = left / np.maximum(kept, 1e-300)[:, None, :]
-    if a.shape[2] == 1:
-        basis = scaled
-    else:
-        basis, _ = np.linalg.qr(scaled)
+    if a.shape[2] == 1:  # signed: a one-sided score asks for the side
+        basis = left / np.maximum(kept, 1e-300)[:, None, :]
+    else:  # a direction below the visible share is rounding, and no degree of freedom
+        basis, share, _ = np.linalg.svd(left / np.maximum(length, 1e-300)[:, None, :], False)
+        seen = share > settings.visible
+        basis = (basis * seen[:, None, :])[:, :, : max(int(seen.sum(axis=1).max()), 1)]
     basis[visible < settings.visible] = 0.0
     return left, basis, visible
 

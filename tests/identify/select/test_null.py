@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 
 from identify.catalogue.catalogue import CATALOGUE
@@ -16,6 +17,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import score_null
+from identify.select.score_test import EffectPattern, beyond
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 SEEDS = 500
@@ -31,6 +33,21 @@ def body():
 @cache
 def compliance():
     return body().evaluate(TRUE, body().state()).compliance
+
+
+def test_a_direction_that_the_model_contains_is_no_degree_of_freedom():
+    rng = np.random.default_rng(5)
+    fitted, _ = np.linalg.qr(rng.standard_normal((300, 4)))
+    free = rng.standard_normal((300, 2))
+    # the first column lies in the model up to rounding, as an offset beside a plane with an offset
+    columns = np.column_stack([fitted @ [1.0, -2.0, 0.5, 3.0], free])[None]
+    pattern = EffectPattern(CATALOGUE["surface_tilt"], [{}], columns)
+    _, basis, visible = beyond(pattern, fitted)
+    assert basis.shape == (1, 300, 2)
+    expected, _ = np.linalg.qr(free - fitted @ (fitted.T @ free))
+    assert_allclose(basis[0] @ basis[0].T, expected @ expected.T, atol=1e-12)
+    assert 0 < visible[0] < 1
+    assert score_null(basis, False, rng).dof == 2
 
 
 def null_scan(seed: int):

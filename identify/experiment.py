@@ -11,8 +11,7 @@ import numpy as np
 from fem import Contacts, PalpationModel, RefinedModel
 from identify.effects.base import Effect, Values
 from identify.measurement.noise import Noise
-from models.scan import Scan
-from models.thin import thinned
+from models import Scan, thinned
 
 Progress = Callable[[str], None]
 """Called with the step under way, in words."""

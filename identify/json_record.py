@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from models.errors import InputError
+from models import InputError
 
 T = TypeVar("T")
 

@@ -1,1 +1,36 @@
 """Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""
+
+from models.arm import LINKS, PROBE_LENGTH_M, REACH_M, SCENE_XML, SHOULDER_M
+from models.catalogue import Catalogue
+from models.errors import InputError
+from models.press_program import PressProgram, grid_program, read_program
+from models.scan import Scan
+from models.scan_checks import PHASES, nearest
+from models.scan_file import read_scan, write_scan
+from models.scan_join import join_scans, stack_scans
+from models.scan_quality import Doubt, scan_findings
+from models.thin import MOST_PRESSES, thinned
+
+__all__ = [
+    "LINKS",
+    "MOST_PRESSES",
+    "PHASES",
+    "PROBE_LENGTH_M",
+    "REACH_M",
+    "SCENE_XML",
+    "SHOULDER_M",
+    "Catalogue",
+    "Doubt",
+    "InputError",
+    "PressProgram",
+    "Scan",
+    "grid_program",
+    "join_scans",
+    "nearest",
+    "read_program",
+    "read_scan",
+    "scan_findings",
+    "stack_scans",
+    "thinned",
+    "write_scan",
+]

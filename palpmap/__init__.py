@@ -22,15 +22,19 @@ from palpmap.version import __version__ as __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
-    from identify.catalogue.catalogue import CATALOGUE
-    from identify.effects.base import Advice, Effect, EffectParameter, WorkedExample
-    from identify.effects.conformance.kit import check_effect
-    from identify.map.gaussian_map import GaussianMap, Inclusion
-    from models.errors import InputError
-    from models.press_program import PressProgram, grid_program
-    from models.scan import Scan
-    from models.scan_file import read_scan, write_scan
-    from models.scan_join import join_scans
+    from identify.catalogue import CATALOGUE
+    from identify.effects import Advice, Effect, EffectParameter, WorkedExample
+    from identify.effects.conformance import check_effect
+    from identify.map import GaussianMap, Inclusion
+    from models import (
+        InputError,
+        PressProgram,
+        Scan,
+        grid_program,
+        join_scans,
+        read_scan,
+        write_scan,
+    )
     from palpmap.api import (
         Comparison,
         Diagnosis,
@@ -51,7 +55,7 @@ if TYPE_CHECKING:
     from palpmap.importing.importing import Imported, import_recording
     from palpmap.study.body import Body
     from palpmap.study.study import Study
-    from sim.motion.settings import ScanSettings
+    from sim.motion import ScanSettings
 
 _HOMES = {
     "identify.catalogue.catalogue": ("CATALOGUE",),

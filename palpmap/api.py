@@ -20,26 +20,16 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from identify.catalogue.catalogue import CATALOGUE
-from identify.design.assessment import assess
-from identify.design.detection_limits import detection_limits
-from identify.design.predicted_limits import BetterScans, better_scans
-from identify.effects.base import Effect
-from identify.experiment import Progress, silent
-from identify.fit.files import read_fit
-from identify.fit.joint_fit import fit_jointly
-from identify.fit.search import FitIteration
-from identify.fit.start_map import fit_map
-from identify.map.gaussian_map import GaussianMap
-from identify.optimize.gauss_newton import minimize_gauss_newton
-from identify.optimize.optimizers import Optimizer
-from identify.select import outlying_presses
-from identify.select.start_fit import start_fit, with_effects
-from identify.select.step import Step, step_of
-from models.catalogue import Catalogue
-from models.errors import InputError
-from models.press_program import PressProgram, read_program
-from models.scan import Scan
+from identify import Progress, silent
+from identify.catalogue import CATALOGUE
+from identify.design import BetterScans, assess, better_scans, detection_limits
+from identify.effects import Effect
+from identify.fit import FitIteration, fit_jointly, fit_map, read_fit
+from identify.map import GaussianMap
+from identify.optimize import Optimizer, minimize_gauss_newton
+from identify.select import Step, start_fit, step_of, with_effects
+from identify.select import explain as explain_scan
+from models import Catalogue, InputError, PressProgram, Scan, read_program
 from palpmap.experiment import Experiment, read_study
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
@@ -50,8 +40,8 @@ from palpmap.study.open_study import Problem
 from palpmap.study.study import Noise
 
 if TYPE_CHECKING:
-    from sim.motion.settings import ScanSettings
-    from sim.scan.result import PressResult
+    from sim.motion import ScanSettings
+    from sim.scan import PressResult
 
 
 def fit(
@@ -183,7 +173,7 @@ def explain(
     ('explained', ('contact_offset',))
     """
     problem = start(experiment, effects, progress, on_iteration)
-    found, without = outlying_presses.explain(problem, seed, on_step)
+    found, without = explain_scan(problem, seed, on_step)
     assessment = assess(found, problem.catalogue, without, progress)
     return Explanation.of(found, experiment, problem, assessment, seed)
 
@@ -265,8 +255,8 @@ def scan(
     >>> made.press_ids.tolist(), round(float(made.force_n.max()), 1)
     ([0, 1, 2, 3], 0.2)
     """
-    from sim.body.true_map import Inclusion, TruthMap
-    from sim.motion.settings import ScanSettings
+    from sim.body import Inclusion, TruthMap
+    from sim.motion import ScanSettings
 
     study = virtual_lab.default_study()
     study = study if body is None else study.model_copy(update={"body": body})

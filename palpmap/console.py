@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from models.errors import InputError
+from models import InputError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -147,10 +147,10 @@ def _is_for_the_user(error: ValueError) -> bool:
         return True
     if "fem" not in sys.modules:
         return False
-    from fem.errors import MeshError, SolverError
+    from fem import MeshError, SolverError
 
     if "identify.optimize.result" in sys.modules:
-        from identify.optimize.result import InadmissibleError
+        from identify.optimize import InadmissibleError
 
         if isinstance(error, InadmissibleError):
             return True

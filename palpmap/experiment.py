@@ -10,13 +10,10 @@ from typing import Literal
 
 from pydantic import ValidationError
 
-from identify.effects.base import Effect
-from identify.experiment import Experiment as Opened
-from identify.experiment import Progress, silent
-from models.errors import InputError
-from models.scan import Scan
-from models.scan_file import read_scan
-from models.thin import MOST_PRESSES
+from identify import Experiment as Opened
+from identify import Progress, silent
+from identify.effects import Effect
+from models import MOST_PRESSES, InputError, Scan, read_scan
 from palpmap.study.body import Body
 from palpmap.study.open_study import catalogue_with, open_study, own_effects
 from palpmap.study.study import About, Map, Noise, Probe, Study, load_study

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from models.errors import InputError
+from models import InputError
 
 SCHEMA = 1
 

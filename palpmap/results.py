@@ -13,8 +13,9 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from identify.fit import result as fit_result
-from identify.residual import comparison as residual
+from identify.fit import FitResult as FitRecord
+from identify.residual import Comparison as ComparisonRecord
+from identify.residual import ResidualTest
 from palpmap.experiment import Experiment
 from palpmap.run_folder import RunFolder
 
@@ -85,7 +86,7 @@ def values_of(record: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FitResult(Shown, fit_result.FitResult):
+class FitResult(Shown, FitRecord):
     """A fitted map, with the effects of the study beside it; positions in the body's frame.
 
     Its fields are those of `identify.fit.result.FitResult`: `map`, `parameters` (value, standard
@@ -107,7 +108,7 @@ class FitResult(Shown, fit_result.FitResult):
     note: str = field(default="", kw_only=True)
 
     @classmethod
-    def of(cls, found: fit_result.FitResult, experiment: Experiment, note: str = "") -> Self:
+    def of(cls, found: FitRecord, experiment: Experiment, note: str = "") -> Self:
         """Return a record of `identify` with its experiment."""
         return cls(**values_of(found), experiment=experiment, note=note)
 
@@ -191,7 +192,7 @@ class Comparison(Shown):
     """
 
     fit: FitResult
-    record: residual.Comparison = field(repr=False)
+    record: ComparisonRecord = field(repr=False)
 
     @property
     def is_noise(self) -> bool:
@@ -199,7 +200,7 @@ class Comparison(Shown):
         return self.record.is_noise
 
     @property
-    def tests(self) -> tuple[residual.ResidualTest, ...]:
+    def tests(self) -> tuple[ResidualTest, ...]:
         """Tests of the residual with their p-values."""
         return self.record.tests
 

@@ -18,8 +18,8 @@ from types import TracebackType
 from filelock import FileLock, Timeout
 from pydantic import Field, JsonValue
 
-from identify.settings import Settings
-from models.errors import InputError
+from identify import Settings
+from models import InputError
 from palpmap.record import FileRecord, Record
 from palpmap.version import __version__
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, TypeAdapter
 
-from identify.fit.result import Estimate
-from identify.fit.search import FitIteration
-from identify.measurement.noise import Noise
-from identify.residual.comparison import Comparison
+from identify.fit import Estimate, FitIteration
+from identify.measurement import Noise
+from identify.residual import Comparison
 from palpmap.blind.records import (
     RevealRecord,
     SealRecord,

@@ -10,17 +10,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import JsonValue
 
-from identify.design.assessment import Assessment
-from identify.design.detection_limits import Limit
-from identify.design.next_presses import Proposal
-from identify.design.predicted_limits import BetterScans
-from identify.fit import result as fit_result
-from identify.fit.joint_fit import fit_jointly
-from identify.select import forward_selection
-from identify.select.candidates import fit_with
-from identify.select.outlying_presses import WithoutSuspects
-from identify.select.step import Step, step_of
-from models.errors import InputError
+from identify.design import Assessment, BetterScans, Limit, Proposal
+from identify.fit import FitResult as FitRecord
+from identify.fit import fit_jointly
+from identify.select import Explanation as Selection
+from identify.select import Step, WithoutSuspects, fit_with, step_of
+from models import InputError
 from palpmap.experiment import Experiment
 from palpmap.results import FitResult, Shown, drawn, values_of
 from palpmap.run_folder import RunFolder
@@ -122,7 +117,7 @@ class Diagnosis(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Explanation(Shown, forward_selection.Explanation):
+class Explanation(Shown, Selection):
     """Missing effects of a scan, found unattended.
 
     Of the selection it has `verdict` (`nothing_missing`, `explained`, `ambiguous` or
@@ -151,7 +146,7 @@ class Explanation(Shown, forward_selection.Explanation):
     seed: int = field(kw_only=True)
 
     @classmethod
-    def of(cls, found: forward_selection.Explanation, *given: Any) -> Self:
+    def of(cls, found: Selection, *given: Any) -> Self:
         """Return a record of `identify` with experiment, problem, and what follows from it."""
         names = ("experiment", "problem", "assessment", "seed")
         return cls(**values_of(found), **dict(zip(names, given, strict=True)))
@@ -251,7 +246,7 @@ class Limits(Shown):
     """
 
     problem: Problem = field(repr=False)
-    fit: fit_result.FitResult = field(repr=False)
+    fit: FitRecord = field(repr=False)
     limits: tuple[Limit, ...]
     better: BetterScans = field(repr=False)
 

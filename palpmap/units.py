@@ -4,8 +4,8 @@ The sentences of `identify` write their own lengths and forces (`identify.effect
 `identify.residual.statement`); palpmap takes these from here.
 """
 
-from identify.effects.units import percent
-from identify.residual import statement
+from identify.effects import percent
+from identify.residual import length as length_in_words
 
 _SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "N": (1e3, "mN"), "1": (1.0, ""), "": (1.0, "")}
 _ENDINGS = {"_pa": "Pa", "_m": "m"}
@@ -97,7 +97,7 @@ def rms(metres: float) -> str:
     >>> rms(3.82e-5), rms(1.23e-3)
     ('38 µm', '1.23 mm')
     """
-    return statement.length(metres, signed=False)
+    return length_in_words(metres, signed=False)
 
 
 def p_value(p: float) -> str:

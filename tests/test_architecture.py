@@ -140,6 +140,34 @@ def forbidden_imports(root: Path) -> list[str]:
     return breaches
 
 
+def side_doors(root: Path) -> list[str]:
+    """Imports from a module inside a folder of another package, past the folder's `__init__`."""
+    found = modules(root)
+    folders = set(OURS) | {f"{package}.{f}" for package in ORDER for f in ORDER[package]}
+    shown = {
+        name: {alias.asname or alias.name for node in found[name].body
+               if isinstance(node, ast.ImportFrom) for alias in node.names}
+        for name in folders & set(found)
+    }  # fmt: skip
+    breaches = []
+    for name, tree in found.items():
+        for node in ast.walk(tree):
+            targets = []
+            if isinstance(node, ast.Import):
+                targets = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                inside = [alias.name for alias in node.names
+                          if alias.name not in shown.get(node.module, ())]  # fmt: skip
+                targets = [node.module, *(f"{node.module}.{alias}" for alias in inside)]
+            breaches += [
+                f"{name}, line {node.lineno}: imports {target}"
+                for target in targets
+                if target in found and target not in folders
+                and target.split(".")[0] != name.split(".")[0]
+            ]  # fmt: skip
+    return breaches
+
+
 def prints(root: Path) -> list[str]:
     return [
         f"{name}, line {node.lineno}: prints"
@@ -227,6 +255,32 @@ def test_no_modules_import_each_other_in_a_circle():
 
 def test_each_folder_imports_only_from_those_before_it():
     assert wrong_order(ROOT) == []
+
+
+def test_other_packages_come_in_by_a_folders_door():
+    assert side_doors(ROOT) == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from identify.fit.map_fit import fit_scan",
+        "def f():\n    import identify.fit.map_fit",
+        "from identify.fit import map_fit",
+    ],
+)
+def test_an_import_past_the_door_is_found(source, tmp_path):
+    for path, text in {
+        "palpmap/a.py": source,
+        "identify/fit/__init__.py": "from identify.fit.map_fit import fit_scan",
+        "identify/fit/map_fit.py": "fit_scan = 1",
+    }.items():
+        file = tmp_path / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    (breach,) = side_doors(tmp_path)
+    assert breach.startswith("palpmap.a, line ")
+    assert breach.endswith("imports identify.fit.map_fit")
 
 
 def test_every_folder_has_its_place_in_the_order():

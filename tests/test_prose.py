@@ -19,7 +19,7 @@ CEILINGS = {
     "fem": (0.06, 0),
     "sim": (0.06, 0),
     "identify": (0.03, 0),
-    "palpmap": (0.16, 61),
+    "palpmap": (0.08, 8),
 }
 """Share of sentences with a relative word, and number of house words, that a package may have.
 

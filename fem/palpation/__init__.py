@@ -1,1 +1,8 @@
 """The palpation model: compliance of each press and its derivatives by the modulus."""
+
+from fem.palpation.fibres import fibre_weights
+from fem.palpation.response import Response
+from fem.palpation.richardson import RefinedResponse
+from fem.palpation.rigid_punch import shape_gain, travel_under
+
+__all__ = ["RefinedResponse", "Response", "fibre_weights", "shape_gain", "travel_under"]

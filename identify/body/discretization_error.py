@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fem import PalpationModel, RefinedModel
-from fem.linear.assembly import POINTWISE
-from fem.palpation.response import Response
+from fem.linear import POINTWISE
+from fem.palpation import Response
 from identify.body.compliance import ModulusField, positive_modulus
 from identify.body.settings import BODY, BodySettings
 

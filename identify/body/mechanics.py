@@ -12,10 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fem import PalpationModel
-from fem.errors import SolverError
-from fem.palpation.response import Response
-from fem.palpation.rigid_punch import shape_gain
+from fem import PalpationModel, SolverError
+from fem.palpation import Response, shape_gain
 from identify.body.compliance import positive_modulus
 from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
 from identify.body.response import BodyResponse

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem import PalpationModel
-from fem.palpation.fibres import fibre_weights
-from fem.palpation.response import Response
+from fem.palpation import Response, fibre_weights
 from identify.body.shifted_block import Shift
 from identify.body.state import BodyState, ChangedMap
 from identify.map.gaussian_map import GaussianMap

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fem import PalpationModel, RefinedModel
-from fem.mesh.block import moved_sides
+from fem.mesh import moved_sides
 from identify.body.discretization_error import FineModel
 from identify.body.settings import BODY, BodySettings
 from identify.optimize.result import InadmissibleError

@@ -30,7 +30,7 @@ from identify.catalogue.tool_compliance import ToolCompliance
 from identify.catalogue.touch_threshold import TouchThreshold
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.effects.base import Effect
-from models.catalogue import Catalogue
+from models import Catalogue
 
 CATALOGUE: Catalogue[Effect] = Catalogue(
     (

@@ -11,7 +11,7 @@ from types import ModuleType
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import Effect
 from identify.effects.hook import hook_fault
-from models.errors import InputError
+from models import InputError
 
 _DEMANDED = (
     "name", "title", "summary", "formula", "source", "gives_away", "cure", "parameters",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from fem import Contacts, PalpationModel
-from fem.mesh.mesh import Mesh
+from fem.mesh import Mesh
 from identify.design.settings import CONFOUNDERS, ConfounderSettings
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fem import Contacts, PalpationModel
-from fem.contact.contacts import PressedSurface
+from fem.contact import PressedSurface
 from identify.body.mechanics import BodyMechanics
 from identify.design.detection_limits import Limit, limits_at
 from identify.design.scan_variants import (

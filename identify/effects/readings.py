@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from models.scan import Scan
+from models import Scan
 
 _MOST_PER_PRESS = 50  # ids for each press of the scan
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.errors import SolverError
+from fem import SolverError
 from identify.fit.result import FitResult
 from identify.fit.settings import CROSS_VALIDATION, CrossValidationSettings
 from identify.optimize.result import InadmissibleError

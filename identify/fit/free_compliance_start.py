@@ -22,7 +22,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.model import EffectInModel
 from identify.measurement.noise import Noise
-from models.scan import Scan
+from models import Scan
 
 Say = Callable[[str], None]
 

@@ -27,8 +27,7 @@ from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
 from identify.optimize.result import InadmissibleError, OptimizeResult
-from models.errors import InputError
-from models.scan import Scan
+from models import InputError, Scan
 
 
 def fit_scan(

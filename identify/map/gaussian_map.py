@@ -14,7 +14,7 @@ from math import cosh, gamma, hypot, sinh
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.map.gaussian_map import GaussianMap, Inclusion
-from models.errors import InputError
+from models import InputError
 
 
 class _Kind(NamedTuple):

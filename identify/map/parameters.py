@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from identify.map.gaussian_map import GaussianMap
-from models.errors import InputError
+from models import InputError
 
 _AT_BOUND = 1e-9  # distance from a bound, in scaled coordinates, that counts as none
 

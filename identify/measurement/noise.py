@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.measurement.settings import NOISE, NoiseSettings
-from models.errors import InputError
-from models.scan import Scan
+from models import InputError, Scan
 
 _POINTS = 4  # of a third difference
 

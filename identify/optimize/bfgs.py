@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem.errors import SolverError
+from fem import SolverError
 from identify.optimize.line_search import Trial, wolfe_step
 from identify.optimize.result import InadmissibleError, OptimizeResult, free_directions
 

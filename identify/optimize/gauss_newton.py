@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem.errors import SolverError
+from fem import SolverError
 from identify.optimize.result import InadmissibleError, OptimizeResult, free_directions
 
 _IDLE_STEPS = 2

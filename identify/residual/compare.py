@@ -29,7 +29,7 @@ from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.simple_laws import matching_law
 from identify.residual.statement import sentence
 from identify.residual.whitened import Whitened, whitened
-from models.scan import Scan
+from models import Scan
 
 QUESTIONS = {
     "size": "Is the residual larger than the noise?",

@@ -9,7 +9,7 @@ from identify.residual.hypothesis_tests import orthonormal, project_out
 from identify.residual.per_press import bad_presses
 from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
-from models.errors import InputError
+from models import InputError
 
 
 @dataclass(frozen=True)

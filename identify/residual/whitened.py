@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.fit.result import FitResult
-from models.errors import InputError
-from models.scan import Scan
+from models import InputError, Scan
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,34 @@
 """Selection of effects: score tests, candidates, forward selection, verdict."""
+
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import fit_with
+from identify.select.diagnosis import CandidateVerdict, Diagnosis, EffectVerdict
+from identify.select.forward_selection import Explanation, Verdict
+from identify.select.outlying_presses import WithoutSuspects, explain
+from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
+from identify.select.score_test import Score
+from identify.select.settings import SELECTION
+from identify.select.start_fit import StartFit, refuse_effect, start_fit, with_effects
+from identify.select.step import Step, step_of
+
+__all__ = [
+    "NOT_PLANTED",
+    "SELECTION",
+    "AcceptedEffect",
+    "CandidateVerdict",
+    "Diagnosis",
+    "EffectVerdict",
+    "Explanation",
+    "Score",
+    "StartFit",
+    "Step",
+    "Verdict",
+    "WithoutSuspects",
+    "explain",
+    "fit_with",
+    "plant_and_recover",
+    "refuse_effect",
+    "start_fit",
+    "step_of",
+    "with_effects",
+]

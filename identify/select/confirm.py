@@ -15,7 +15,7 @@ from identify.select.forward_selection import Explanation, without_unneeded
 from identify.select.reconsider import reconsider
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import whitened_fit
-from models.scan import Scan
+from models import Scan
 
 
 def confirmed(

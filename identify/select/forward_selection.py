@@ -30,7 +30,7 @@ from identify.select.candidates import Candidate, best_candidates, is_implausibl
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, step_of
-from models.scan import Scan
+from models import Scan
 
 SUSPECT_PRESSES = "suspect_presses"  # equivalent of an effect that rests on single presses
 

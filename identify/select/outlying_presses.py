@@ -21,7 +21,7 @@ from identify.select.forward_selection import Explanation, Policy, Verdict, forw
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step
-from models.errors import InputError
+from models import InputError
 
 
 @dataclass(frozen=True)

@@ -36,9 +36,7 @@ from identify.optimize.result import InadmissibleError
 from identify.select.candidates import fit_with
 from identify.select.score_test import fitted_basis, score_effect
 from identify.select.settings import START, StartSettings
-from models.catalogue import Catalogue
-from models.errors import InputError
-from models.scan import Scan
+from models import Catalogue, InputError, Scan
 
 
 @dataclass(frozen=True)

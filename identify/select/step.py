@@ -12,7 +12,7 @@ from identify.residual.comparison import Comparison
 from identify.residual.whitened import Whitened
 from identify.select.diagnosis import Diagnosis, diagnose
 from identify.select.settings import SELECTION, SelectionSettings
-from models.scan import Scan
+from models import Scan
 
 
 @dataclass(frozen=True)

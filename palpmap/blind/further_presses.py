@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from models.press_program import PressProgram, read_program
-from models.scan_file import read_scan, write_scan
-from models.scan_join import stack_scans
+from models import PressProgram, read_program, read_scan, stack_scans, write_scan
 from palpmap.blind.records import TrialTruthRecord
 from palpmap.blind.seal import seal, unseal
 from palpmap.console import Output, to_type
@@ -35,7 +33,7 @@ def run_press(*, trial: Path, program: Path, output: Output) -> bool:
 
 def press_further(trial: Path, program: PressProgram) -> Path:
     """Make further presses on a trial's body; return the path of the study with all of them."""
-    from sim.bench.planted_scan import further_scan
+    from sim.bench import further_scan
 
     before = newest_study(trial)
     study = load_study(before)

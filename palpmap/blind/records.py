@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from identify.design.undetected_bias import UndetectedBias
-from identify.select.forward_selection import Verdict
+from identify.design import UndetectedBias
+from identify.select import Verdict
 from palpmap.record import FileRecord, Record
 from palpmap.result.truth import HiddenEffectRecord, TruthRecord
 from palpmap.study.study import Noise

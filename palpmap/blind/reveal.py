@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.select.forward_selection import Verdict
-from models.errors import InputError
+from identify.select import Verdict
+from models import InputError
 from palpmap import units
 from palpmap.blind.records import AnswerRecord, MapErrorRecord, RevealRecord
 from palpmap.blind.score import map_errors, score_blind

@@ -5,7 +5,7 @@ import hashlib
 import json
 from pathlib import Path
 
-from models.errors import InputError
+from models import InputError
 from palpmap.blind.records import SealRecord, TrialTruthRecord
 
 FOLDER = "sealed"

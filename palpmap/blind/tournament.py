@@ -19,8 +19,7 @@ from threading import Thread
 import numpy as np
 from pydantic import JsonValue
 
-from models.errors import InputError
-from models.press_program import read_program
+from models import InputError, read_program
 from palpmap.blind.further_presses import press_further
 from palpmap.blind.records import AnswerRecord, AtFirstRecord, TrialLine
 from palpmap.blind.score import map_errors, score_blind
@@ -115,7 +114,7 @@ def draw_games(
     mixed: bool = True,
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
-    from sim.planted.catalogue import INSIDERS, OUTSIDERS
+    from sim.planted import INSIDERS, OUTSIDERS
 
     words = list(effects)
     if not words:
@@ -272,7 +271,7 @@ def play(game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER
     explain : the loop to be judged, that of `palpmap explain` if None
     per_side : presses along each edge
     """
-    from sim.body.soft_body import forget_models
+    from sim.body import forget_models
 
     folder = Path(game.folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan_file import write_scan
+from models import InputError, write_scan
 from palpmap.blind.records import TrialTruthRecord
 from palpmap.blind.seal import FOLDER, seal
 from palpmap.console import Output, to_type
@@ -16,7 +15,7 @@ from palpmap.run_folder import RunFolder
 from palpmap.study.study import About, Body, Map, Noise, Probe, Study, write_study
 
 if TYPE_CHECKING:
-    from sim.body.true_map import TruthMap
+    from sim.body import TruthMap
 
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
 PRESSES_PER_SIDE = 9
@@ -127,7 +126,7 @@ def draw_trial(
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
-    from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS
+    from sim.planted import HIDDEN, INSIDERS, OUTSIDERS
 
     if "+" in word:
         return tuple(HIDDEN[name].name for name in word.split("+"))
@@ -152,8 +151,7 @@ def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 def draw_map(seed: int) -> "TruthMap":
     """Draw a body: background 4 to 8 kPa and one inclusion in the middle, 2 to 6 times as stiff."""
-    from sim.body.true_body import PAPER_SIZE_M
-    from sim.body.true_map import Inclusion, TruthMap
+    from sim.body import PAPER_SIZE_M, Inclusion, TruthMap
 
     rng = np.random.default_rng([seed, 12])
     background = float(rng.uniform(4000, 8000))
@@ -165,8 +163,8 @@ def draw_map(seed: int) -> "TruthMap":
 
 def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> int:
     """Make a trial's scan, study and sealed answer in a folder; return the number of presses."""
-    from sim.bench.planted_scan import planted_scan
-    from sim.planted.catalogue import HIDDEN
+    from sim.bench import planted_scan
+    from sim.planted import HIDDEN
 
     radii = RADII_M[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
@@ -184,7 +182,7 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
 
 def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
     """Return what the experimenter knows: block, tip, noise, one inclusion."""
-    from sim.body.true_body import HiddenBody
+    from sim.body import HiddenBody
 
     known = HiddenBody()
     return Study(

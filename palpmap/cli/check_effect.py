@@ -27,15 +27,16 @@ def check_effect(
     """
     from dataclasses import asdict
 
-    from identify.catalogue.user_effect import load_effect
-    from identify.effects.conformance import kit as conformance
-    from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
+    from identify.catalogue import load_effect
+    from identify.effects.conformance import check_effect as check
+    from identify.effects.conformance import failures
+    from identify.select import NOT_PLANTED, plant_and_recover
     from palpmap.commands.effects import findings_table
 
     effect = load_effect(file)
     further = {"planted and found": plant_and_recover}
-    findings = conformance.check_effect(effect, further)
-    faults = conformance.failures(findings)
+    findings = check(effect, further)
+    faults = failures(findings)
     not_made = [finding for finding in findings if finding.says.startswith(NOT_PLANTED)]
     record = {
         "effect": effect.name,

@@ -28,8 +28,7 @@ def effects(
     """
     from rich.markdown import Markdown
 
-    from identify.catalogue.catalogue import CATALOGUE
-    from identify.catalogue.user_effect import load_effect
+    from identify.catalogue import CATALOGUE, load_effect
     from palpmap.commands.effects import catalogue_table, effect_page, effect_record
 
     output = Output(quiet=quiet, json=json)

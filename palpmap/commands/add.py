@@ -4,13 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.catalogue.catalogue import CATALOGUE
-from identify.catalogue.user_effect import load_effect
-from identify.effects.base import Effect
-from identify.effects.readings import Readings
-from identify.select.step import Step
-from models.catalogue import Catalogue
-from models.errors import InputError
+from identify.catalogue import CATALOGUE, load_effect
+from identify.effects import Effect, Readings
+from identify.select import Step
+from models import Catalogue, InputError
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study

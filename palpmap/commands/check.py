@@ -7,10 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainSerializer
 
-from models.scan import Scan
-from models.scan_checks import PHASES
-from models.scan_file import read_scan
-from models.scan_quality import Doubt, scan_findings
+from models import PHASES, Doubt, Scan, read_scan, scan_findings
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import cell_size_m
@@ -110,9 +107,9 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
 
 def _refuse_effects(study: Study, placement: Placement) -> None:
     """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
-    from identify.catalogue.catalogue import CATALOGUE
-    from identify.effects.readings import Readings
-    from identify.select.start_fit import refuse_effect
+    from identify.catalogue import CATALOGUE
+    from identify.effects import Readings
+    from identify.select import refuse_effect
 
     readings = Readings.of(placement.scan)
     for entry in study.effects:

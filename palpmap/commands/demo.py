@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from identify.fit.search import FitIteration
-from models.scan_file import read_scan
+from identify.fit import FitIteration
+from models import read_scan
 from palpmap import api
 from palpmap.commands.scan import (
     PAPER_FORCE_N,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from identify.effects.base import Effect, EffectParameter
-from identify.effects.conformance.kit import CheckResult
+from identify.effects import Effect, EffectParameter
+from identify.effects.conformance import CheckResult
 
 if TYPE_CHECKING:
     from rich.table import Table

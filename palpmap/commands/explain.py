@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from identify.catalogue.catalogue import CATALOGUE
-from identify.catalogue.user_effect import load_effect
-from identify.select.step import Step
+from identify.catalogue import CATALOGUE, load_effect
+from identify.select import Step
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import read_study

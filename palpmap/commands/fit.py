@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Literal
 
-from identify.fit.search import FitIteration
-from identify.optimize.optimizers import OPTIMIZERS
+from identify.fit import FitIteration
+from identify.optimize import OPTIMIZERS
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import read_study

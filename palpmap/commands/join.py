@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from models.errors import InputError
-from models.scan_file import read_scan, write_scan
-from models.scan_join import join_scans
+from models import InputError, join_scans, read_scan, write_scan
 from palpmap.console import Output
 from palpmap.run_folder import sha256
 

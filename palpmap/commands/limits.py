@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from identify.catalogue.catalogue import CATALOGUE
-from identify.catalogue.user_effect import load_effect
+from identify.catalogue import CATALOGUE, load_effect
 from palpmap import api
 from palpmap.console import Output
 from palpmap.experiment import read_study

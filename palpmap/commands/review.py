@@ -4,7 +4,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.errors import InputError
+from models import InputError
 from palpmap.console import Output, complain, to_type
 from palpmap.recording.integrity import examine, readable
 from palpmap.recording.viewer import ViewerError, has_display, open_window, render, viewer_program

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field, JsonValue
 
-from models.scan import Scan
-from models.scan_file import write_scan
+from models import Scan, write_scan
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
@@ -29,8 +28,8 @@ from palpmap.study.virtual_lab import (
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from sim.motion.scan_plan import ScanPlan
-    from sim.scan.result import PressResult, ScanRun
+    from sim.motion import ScanPlan
+    from sim.scan import PressResult, ScanRun
 
 PAPER_FORCE_N = 3.0
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
@@ -72,7 +71,7 @@ def run_scan_command(
     """
     from rich.markup import escape
 
-    from models.press_program import read_program
+    from models import read_program
 
     known = default_study() if study is None else load_study(study)
     settings: dict[str, JsonValue] = {}
@@ -131,7 +130,7 @@ def planned_laboratory(
     -------
     the laboratory, and the study of what is known beforehand
     """
-    from sim.motion.settings import ScanSettings
+    from sim.motion import ScanSettings
 
     share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
     settings = ScanSettings(seed=seed, deepest_share=share)

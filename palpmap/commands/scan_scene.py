@@ -16,15 +16,15 @@ from palpmap.study.virtual_lab import Laboratory
 if TYPE_CHECKING:
     import mujoco
 
-    from sim.scan.result import Frame
+    from sim.scan import Frame
 
 
 def draw_scene(
     recording: Recording, laboratory: Laboratory, parameters: dict[str, float]
 ) -> "Callable[[Frame], None]":
     """Put arm, body and truth into the recording; return what draws a frame."""
-    from models.arm import LINKS
-    from sim.robot.laboratory import build_laboratory as build_arm
+    from models import LINKS
+    from sim.robot import build_laboratory as build_arm
 
     plan, body = laboratory.plan, laboratory.body
     place = plan.body_in_world
@@ -67,7 +67,7 @@ def arm_shapes(model: "mujoco.MjModel") -> list[LinkShape]:
     """Return the drawable geoms of the arm's links and the probe, from the compiled model."""
     import mujoco
 
-    from models.arm import LINKS
+    from models import LINKS
 
     kinds = {
         mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from palpmap.result.truth import FILE, TruthRecord
 
 if TYPE_CHECKING:
-    from sim.body.true_body import HiddenBody
-    from sim.body.true_map import TruthMap
+    from sim.body import HiddenBody, TruthMap
 
 
 def true_parameters(truth: "TruthMap") -> dict[str, float]:

@@ -6,9 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.select.diagnosis import Diagnosis
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.select import Diagnosis, Explanation, Step
 from palpmap.figures.style import (
     BLACK,
     BLUE,

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from identify.body.state import ChangedMap
-from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.body import ChangedMap
+from identify.map import GaussianMap, Inclusion
 from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.result.finding import Finding
 

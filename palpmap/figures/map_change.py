@@ -4,10 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.body.state import ChangedMap
-from identify.map.gaussian_map import GaussianMap
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.body import ChangedMap
+from identify.map import GaussianMap
+from identify.select import Explanation, Step
 from palpmap.figures.curves import draw_readings
 from palpmap.figures.map import (
     cut_size,

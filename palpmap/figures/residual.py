@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from identify.residual.comparison import Comparison, Level
+from identify.residual import Comparison, Level
 from palpmap.figures.style import (
     BLUE,
     DIFFERENCE_COLORS,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.stream_data import Stream
 
 GRID_S = 0.01

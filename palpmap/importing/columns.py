@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.read_bag import RECEIVED
 from palpmap.importing.recording import PART, Channel, Recording, Table
 from palpmap.importing.rig import Clock, Rig

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan import Scan
+from models import InputError, Scan
 from palpmap.importing.alignment import GRID_S, Lag, find_lag, rough_offset, smooth
 from palpmap.importing.columns import matrices, numbers, rotated
 from palpmap.importing.contact import Contact, SpoiltPress, find_contact

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan import Scan
-from models.scan_file import read_scan, write_scan
+from models import InputError, Scan, read_scan, write_scan
 from palpmap.importing.cutting import Cut, cut_stream
 from palpmap.importing.read import read_recording
 from palpmap.importing.readings import scan_of_readings

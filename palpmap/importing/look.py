@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan_checks import PHASES
+from models import PHASES, InputError
 from palpmap.importing.read_bag import RECEIVED, STAMP
 from palpmap.importing.recording import PART, Channel, Recording, Table
 from palpmap.importing.units import DIMENSIONS, FORCE, LENGTH, TIME, name_and_unit

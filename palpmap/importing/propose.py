@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan_checks import PHASES
+from models import PHASES, InputError
 from palpmap.importing.cutting import force_with_depth
 from palpmap.importing.look import (
     counts_presses,

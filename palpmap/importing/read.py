@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.read_arrays import read_hdf5, read_matlab, read_numpy
 from palpmap.importing.read_bag import read_bag
 from palpmap.importing.read_sheet import read_sheets

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.recording import Table
 
 PACKAGES = ("geometry_msgs/", "std_msgs/", "nav_msgs/msg/Odometry")

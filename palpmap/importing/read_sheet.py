@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.read_text import header_units, is_units_row, once_each
 from palpmap.importing.recording import Table, alike
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.recording import Table
 from palpmap.importing.units import NO_UNIT, name_and_unit, spelled
 

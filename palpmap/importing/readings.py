@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan import Scan
-from models.scan_checks import PHASES, nearest
+from models import PHASES, InputError, Scan, nearest
 from palpmap.importing.columns import numbers, on_clock_of, rotated, seconds
 from palpmap.importing.recording import Recording, Table
 from palpmap.importing.rig import Rig

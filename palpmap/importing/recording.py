@@ -10,8 +10,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan_checks import nearest
+from models import InputError, nearest
 
 PART = "part"
 

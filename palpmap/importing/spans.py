@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import find_peaks
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.alignment import GRID_S, closer_offset, smoothed
 from palpmap.importing.rig import Rig
 from palpmap.importing.stream_data import Stream

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 from palpmap.importing.columns import continuous, matrices, numbers, rotated, seconds
 from palpmap.importing.recording import Recording, Table
 from palpmap.importing.rig import Clock, Pose, Rig

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 
 FORCE = {
     "N": 1.0, "mN": 1e-3, "uN": 1e-6, "kN": 1e3, "g": 9.80665e-3, "gf": 9.80665e-3,

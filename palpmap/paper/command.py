@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from identify.optimize.optimizers import OPTIMIZERS
-from models.errors import InputError
+from identify.optimize import OPTIMIZERS
+from models import InputError
 from palpmap.paper.identical_twin import (
     LARGEST_RELATIVE_ERROR,
     PaperResult,

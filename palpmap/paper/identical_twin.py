@@ -17,13 +17,10 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, PalpationModel, default_solver, paper_mesh
-from fem.solve.direct import Solver
-from fem.solve.threads import available_cores, map_over_workers, solver_for_threads
-from identify.body.compliance import compliance
-from identify.body.mechanics import BodyMechanics
-from identify.map.gaussian_map import GaussianMap, Inclusion
-from identify.map.parameters import parameter_space
-from identify.optimize.optimizers import Optimizer
+from fem.solve import Solver, available_cores, map_over_workers, solver_for_threads
+from identify.body import BodyMechanics, compliance
+from identify.map import GaussianMap, Inclusion, parameter_space
+from identify.optimize import Optimizer
 
 FORCE_N = 3.0
 POISSON_RATIO = 0.49

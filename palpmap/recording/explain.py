@@ -13,9 +13,8 @@ import rerun as rr
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from identify.fit.search import FitIteration
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.fit import FitIteration
+from identify.select import Explanation, Step
 from palpmap.figures.ladder import press_rms
 from palpmap.recording import entities as parts
 from palpmap.recording import style as style

@@ -1,7 +1,6 @@
 """The words in the recording of an explanation: candidates of a step, and result."""
 
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.select import Explanation, Step
 from palpmap import units
 from palpmap.recording import entities as parts
 from palpmap.recording.explain_layout import PRESSES

@@ -12,7 +12,7 @@ from palpmap.recording.maps import residual_colors
 from palpmap.recording.stream import Log, RecordingFile
 
 if TYPE_CHECKING:
-    from identify.fit.search import FitIteration
+    from identify.fit import FitIteration
 
 _PALETTE = (
     (255, 140, 60),

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from models.errors import InputError
+from models import InputError
 
 _MAGIC = b"RRF2"
 _FILE_HEADER = 12

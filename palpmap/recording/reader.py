@@ -12,7 +12,7 @@ import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 
-from models.errors import InputError
+from models import InputError
 from palpmap.recording import entities as parts
 from palpmap.recording.integrity import Integrity, examine, readable
 

@@ -21,7 +21,7 @@ from palpmap.recording.stream import Log, RecordingFile
 from palpmap.version import __version__
 
 if TYPE_CHECKING:
-    from identify.fit.search import FitIteration
+    from identify.fit import FitIteration
 
 _LIFT = 0.004  # m, by which the painted residuals stand off the surface
 

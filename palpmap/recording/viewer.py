@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.errors import InputError
+from models import InputError
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from identify.select.diagnosis import Diagnosis
-from identify.select.step import Step
+from identify.select import Diagnosis, Step
 from palpmap.report.draw import console
 from palpmap.result.explain_words import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences

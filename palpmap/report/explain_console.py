@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.select import Explanation, Step
 from palpmap import units
 from palpmap.report.draw import console
 from palpmap.result.evidence import added_names

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from identify.select.accepted_effect import AcceptedEffect
-from identify.select.forward_selection import Explanation
+from identify.select import AcceptedEffect, Explanation
 from palpmap import units
 from palpmap.report.draw import write_page
 from palpmap.result import explain_words as words

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from identify.residual.comparison import Comparison
-from identify.residual.statement import length, sigmas
+from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import console
 from palpmap.result.finding import Finding

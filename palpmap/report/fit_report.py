@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.residual.comparison import Comparison
-from identify.residual.statement import length, sigmas
+from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
 from palpmap.result.finding import Finding

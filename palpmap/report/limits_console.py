@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from identify.design.settings import DETECTION
-from identify.fit.result import FitResult
+from identify.design import DETECTION
+from identify.fit import FitResult
 from palpmap.report.draw import console
 from palpmap.result.explain_words import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences

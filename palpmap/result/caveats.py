@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.fit.result import FitResult
+from identify.fit import FitResult
 from palpmap.study.study import Study
 
 SMALL_STRAIN = 0.1

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.effects.readings import Readings
-from identify.select.accepted_effect import AcceptedEffect
-from identify.select.forward_selection import Explanation
-from identify.select.step import Step
+from identify.effects import Readings
+from identify.select import AcceptedEffect, Explanation, Step
 
 BINS = 12
 _MOST_BINS = 24  # along the time or force within a press

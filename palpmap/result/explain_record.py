@@ -2,17 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from identify.design.assessment import Assessment
-from identify.design.detection_limits import Limit
-from identify.design.predicted_limits import BetterScans
-from identify.design.scan_variants import Design
-from identify.design.settings import DETECTION
-from identify.fit.result import Estimate
-from identify.select.diagnosis import EffectVerdict
-from identify.select.forward_selection import Explanation
-from identify.select.outlying_presses import WithoutSuspects
-from identify.select.score_test import Score
-from identify.select.step import Step
+from identify.design import DETECTION, Assessment, BetterScans, Design, Limit
+from identify.fit import Estimate
+from identify.select import EffectVerdict, Explanation, Score, Step, WithoutSuspects
 from palpmap.result.finding import parameter_records
 from palpmap.result.next_scan import PLANNED, finer_cells, next_presses_records
 from palpmap.result.presses_words import counted, presses_record

@@ -5,12 +5,10 @@ No sentence is more certain than result.json.
 
 from collections.abc import Sequence
 
-from identify.body.discretization_error import MODEL_ERROR
-from identify.design.settings import DETECTION
-from identify.effects.base import advice
-from identify.effects.units import length, more, percent
-from identify.select.forward_selection import Explanation
-from identify.select.settings import SELECTION
+from identify.body import MODEL_ERROR
+from identify.design import DETECTION
+from identify.effects import advice, length, more, percent
+from identify.select import SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from identify.body.state import BodyState, ChangedMap
-from identify.catalogue.catalogue import CATALOGUE
-from identify.effects.base import BodyEffect
-from identify.fit.result import Estimate, FitResult
-from identify.map.gaussian_map import GaussianMap
-from identify.residual.comparison import Comparison
-from identify.select.step import Step
-from models.scan import Scan
+from identify.body import BodyState, ChangedMap
+from identify.catalogue import CATALOGUE
+from identify.effects import BodyEffect
+from identify.fit import Estimate, FitResult
+from identify.map import GaussianMap
+from identify.residual import Comparison
+from identify.select import Step
+from models import Scan
 from palpmap.result.caveats import limits_of
 from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH

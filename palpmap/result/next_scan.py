@@ -6,10 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identify.design.assessment import Assessment
-from identify.design.next_presses import Proposal
-from identify.design.predicted_limits import BetterScans
-from identify.design.scan_variants import Presses
+from identify.design import Assessment, BetterScans, Presses, Proposal
 from palpmap.result.records import ExplainRecord, NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m

@@ -1,7 +1,7 @@
 """The fit of the single presses without a map: its record and its sentences."""
 
-from identify.effects.units import force, percent
-from identify.fit.free_compliance import FreeComplianceFit
+from identify.effects import force, percent
+from identify.fit import FreeComplianceFit
 from palpmap.result.records import (
     CountRecord,
     ExplainRecord,

@@ -8,10 +8,8 @@ from collections.abc import Mapping
 
 from pydantic import Field
 
-from identify.design.geometry_confounders import GeometryConfounder
-from identify.design.undetected_bias import UndetectedBias
-from identify.select.diagnosis import CandidateVerdict
-from identify.select.forward_selection import Verdict
+from identify.design import GeometryConfounder, UndetectedBias
+from identify.select import CandidateVerdict, Verdict
 from palpmap.record import FileRecord, Record
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from identify.design.undetected_bias import UndetectedBias
+from identify.design import UndetectedBias
 from palpmap import units
 from palpmap.result.explain_words import CANDIDATES, FITTED, step_labels
 from palpmap.result.records import (

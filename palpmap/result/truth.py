@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, JsonValue
 
-from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.map import GaussianMap, Inclusion
 from palpmap.record import FileRecord, Record
 
 FILE = "truth.json"

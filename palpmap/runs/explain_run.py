@@ -5,9 +5,9 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
-from identify.design.assessment import Assessment
-from identify.fit.files import write_fit
-from identify.select.forward_selection import Explanation
+from identify.design import Assessment
+from identify.fit import write_fit
+from identify.select import Explanation
 from palpmap.figures.fit import save_figures
 from palpmap.figures.ladder import draw_cosines, draw_evidence, draw_ladder, draw_residuals
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses

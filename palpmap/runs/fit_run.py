@@ -8,15 +8,15 @@ from typing import Self
 
 import numpy as np
 
-from identify.fit.files import read_fit, write_fit
-from identify.fit.result import FitResult
-from identify.fit.search import FitIteration
-from identify.map.gaussian_map import GaussianMap
-from identify.residual.compare import compare
+from identify.fit import read_fit, write_fit
+from identify.fit import FitResult
+from identify.fit import FitIteration
+from identify.map import GaussianMap
+from identify.residual import compare
 from fem import Mesh
-from models.scan import Scan
-from models.scan_file import read_scan
-from models.thin import thinned
+from models import Scan
+from models import read_scan
+from models import thinned
 from palpmap.experiment import Experiment
 from palpmap.figures.curves import near_largest_force
 from palpmap.figures.fit import draw_figures, save_figures

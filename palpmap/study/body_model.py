@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem import Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
-from identify.experiment import BodyModel, contacts_of
-from models.errors import InputError
-from models.scan import Scan
+from identify import BodyModel, contacts_of
+from models import InputError, Scan
 from palpmap.study.body import Body
 from palpmap.study.study import Study
 
 if TYPE_CHECKING:
-    from fem.mesh.surface import Surface
+    from fem.mesh import Surface
 
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from identify.experiment import FEWEST_PRESSES, different_presses
-from models.errors import InputError
-from models.scan import Scan
+from identify import FEWEST_PRESSES, different_presses
+from models import InputError, Scan
 from palpmap.study.placement import Placement
 from palpmap.study.study import Study
 

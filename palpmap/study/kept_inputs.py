@@ -3,9 +3,7 @@
 import shutil
 from pathlib import Path
 
-from models.errors import InputError
-from models.scan import Scan
-from models.scan_file import write_scan
+from models import InputError, Scan, write_scan
 from palpmap.study.study import Study, write_study
 
 

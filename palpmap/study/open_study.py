@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from identify.catalogue.catalogue import CATALOGUE
-from identify.catalogue.user_effect import load_effect
-from identify.effects.base import Effect
-from identify.experiment import Experiment, MapGuess, Progress, silent
-from identify.measurement.noise import scan_noise
-from identify.select.start_fit import StartFit
-from models.catalogue import Catalogue
-from models.scan import Scan
-from models.thin import thinned
+from identify import Experiment, MapGuess, Progress, silent
+from identify.catalogue import CATALOGUE, load_effect
+from identify.effects import Effect
+from identify.measurement import scan_noise
+from identify.select import StartFit
+from models import Catalogue, Scan, thinned
 from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
 from palpmap.study.frame import frame_shift_m

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan import Scan
+from models import InputError, Scan
 from palpmap.study.study import Study
 
 BLOCK_TOLERANCE_M = 5.0e-4
@@ -162,7 +161,7 @@ def closest_on_surface(points: np.ndarray, file: Path) -> tuple[np.ndarray, np.n
     """Return the closest points (j, 3) on the surface in a file, and the inward normals there."""
     import pyvista
 
-    from fem.mesh.surface import read_surface
+    from fem.mesh import read_surface
 
     surface = read_surface(file)
     triangles = pyvista.PolyData.from_regular_faces(surface.vertices, surface.triangles)

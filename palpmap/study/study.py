@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from models.errors import InputError
+from models import InputError
 from palpmap.study.body import Body, File, Positive, Real, Table
 
 SCHEMA = 1

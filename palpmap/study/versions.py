@@ -8,8 +8,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from identify.fit.result import FitResult
-from models.errors import InputError
+from identify.fit import FitResult
+from models import InputError
 from palpmap.study.study import Effect, Study, write_study
 
 _VERSION = re.compile(r"^(?P<stem>.+?)(?:\.v(?P<number>\d+))?\.toml$")

@@ -9,20 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.errors import InputError
-from models.scan import Scan
-from models.scan_join import stack_scans
+from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
 from palpmap.study.study import About, Map, Noise, Probe, Study
 
 if TYPE_CHECKING:
-    from models.press_program import PressProgram
-    from sim.body.soft_body import SoftBody
-    from sim.body.true_map import TruthMap
-    from sim.motion.scan_plan import ScanPlan
-    from sim.motion.settings import ScanSettings
-    from sim.scan.plant_on_robot import RobotPlant
-    from sim.scan.result import Frame, PressResult, ScanRun
+    from models import PressProgram
+    from sim.body import SoftBody, TruthMap
+    from sim.motion import ScanPlan, ScanSettings
+    from sim.scan import Frame, PressResult, RobotPlant, ScanRun
 
 DEFAULT_FORCE_N = 0.3
 PRESSES_PER_SIDE = 9
@@ -64,7 +59,7 @@ class Laboratory:
         on_frame : called with each picture of the running scan
         on_press : called after each press with all reported readings so far
         """
-        from sim.scan.scan_program import run_scan
+        from sim.scan import run_scan
 
         done: list[Scan] = []
 
@@ -92,9 +87,8 @@ def build_laboratory(
     plant : effects to hide, with their sizes
     truth : map in the body's frame; None scales the phantom's into the body
     """
-    from sim.body.soft_body import SoftBody
-    from sim.body.true_body import HiddenBody
-    from sim.scan.plant_on_robot import plant_on_robot
+    from sim.body import HiddenBody, SoftBody
+    from sim.scan import plant_on_robot
 
     size = block_of(study)
     truth = truth or scaled_truth(size)
@@ -144,7 +138,7 @@ def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:
     InputError
         A study whose body or tip the laboratory does not have.
     """
-    from sim.motion.scan_plan import ScanPlan
+    from sim.motion import ScanPlan
 
     size = block_of(study)
     points = _grid(size, per_side)
@@ -163,7 +157,7 @@ def program_plan_of(study: Study, program: PressProgram, **settings: object) -> 
         A study whose body or tip the laboratory does not have, presses beside the block, or tips
         of several radii.
     """
-    from sim.motion.scan_plan import program_plan
+    from sim.motion import program_plan
 
     size = block_of(study)
     x, y, _ = study.body.origin_m
@@ -173,7 +167,7 @@ def program_plan_of(study: Study, program: PressProgram, **settings: object) -> 
 
 def scaled_truth(size: tuple[float, float, float]) -> TruthMap:
     """Return the phantom's true map, its inclusion moved and scaled with the body."""
-    from sim.body.true_map import Inclusion, TruthMap
+    from sim.body import Inclusion, TruthMap
 
     default, paper = TruthMap(), (0.096, 0.096, 0.048)
     share = [s / p for s, p in zip(size, paper, strict=True)]

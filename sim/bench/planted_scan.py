@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
-from models.press_program import PressProgram, grid_program
-from models.scan import Scan
+from models import InputError, PressProgram, Scan, grid_program
 from sim.bench.amplitude_search import amplitude_for, size_of
 from sim.bench.press import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Planted, press, record
 from sim.body.soft_body import DIVISIONS, Divisions

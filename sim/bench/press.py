@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.scan import Scan
+from models import Scan
 from sim.planted.bench import PARTS, Bench
 from sim.planted.effect import HiddenEffect
 

@@ -1,1 +1,7 @@
 """The body that is really there: soft body, its hidden truth, its true map."""
+
+from sim.body.soft_body import SoftBody, forget_models
+from sim.body.true_body import PAPER_SIZE_M, HiddenBody
+from sim.body.true_map import Inclusion, TruthMap
+
+__all__ = ["PAPER_SIZE_M", "HiddenBody", "Inclusion", "SoftBody", "TruthMap", "forget_models"]

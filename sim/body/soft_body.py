@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
-from fem.contact.half_space import half_space_matrix, patch_grid
-from fem.palpation.response import Response
-from fem.palpation.richardson import RefinedResponse
-from fem.palpation.rigid_punch import travel_under
+from fem.contact import half_space_matrix, patch_grid
+from fem.palpation import RefinedResponse, Response, travel_under
 from sim.body.true_body import HiddenBody
 
 DIVISIONS = (14, 14, 7)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import erf
 
-from models.errors import InputError
+from models import InputError
 
 
 def _spot(distance: np.ndarray, share: float) -> np.ndarray:

@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from models.arm import PROBE_LENGTH_M, REACH_M, SHOULDER_M
-from models.errors import InputError
+from models import PROBE_LENGTH_M, REACH_M, SHOULDER_M, InputError
 from sim.motion.clearance import Clearance
 from sim.motion.press_path import PressPath, press_path
 from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED

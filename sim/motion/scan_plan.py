@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.errors import InputError
-from models.press_program import PressProgram
+from models import InputError, PressProgram
 from sim.robot.laboratory import Placement
 
 UNIT_TOLERANCE = 1e-6

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from models.errors import InputError
+from models import InputError
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,5 @@
 """Effects that the virtual laboratory hides in a scan: own laws, own code, none of `identify`."""
+
+from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS
+
+__all__ = ["HIDDEN", "INSIDERS", "OUTSIDERS"]

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from models.press_program import PressProgram
+from models import PressProgram
 from sim.body.soft_body import DIVISIONS, block_compliance
 from sim.body.true_body import HiddenBody
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from models.catalogue import Catalogue
+from models import Catalogue
 from sim.planted import body, contact, instrument, response
 from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect

@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from models.arm import SCENE_XML
-from models.errors import InputError
+from models import SCENE_XML, InputError
 from sim.robot.pinocchio_model import pinocchio_model
 
 

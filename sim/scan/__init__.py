@@ -1,1 +1,7 @@
 """A whole scan by the arm: program, presses, first touch, result."""
+
+from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
+from sim.scan.result import Frame, PressResult, ScanRun
+from sim.scan.scan_program import run_scan
+
+__all__ = ["Frame", "PressResult", "RobotPlant", "ScanRun", "plant_on_robot", "run_scan"]

@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from models.errors import InputError
-from models.press_program import PressProgram
-from models.scan import Scan
+from models import InputError, PressProgram, Scan
 from sim.bench.amplitude_search import amplitude_for, size_of
 from sim.bench.press import Planted, Pressed
 from sim.body.soft_body import block_compliance

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from models.scan import Scan
+from models import Scan
 from sim.motion.planner import PlannedPress
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings

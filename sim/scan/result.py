@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.scan import Scan
-from models.scan_join import stack_scans
+from models import Scan, stack_scans
 
 PHASES = ("transit", "approach", "touch", "load", "hold", "unload", "retract")
 """Phases of the time series, in the order of their codes."""

@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from models.arm import LINKS
-from models.errors import InputError
+from models import LINKS, InputError
 from sim.motion.planner import PlannedPress, plan_motion, refuse_too_deep
 from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic

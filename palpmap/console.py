@@ -1,4 +1,4 @@
-"""What a command says, and what its exit code means.
+"""Messages of a command, and the meaning of its exit code.
 
 Results go to stdout, progress and errors to stderr, so that `palpmap ... --json | jq` works.
 """
@@ -96,7 +96,7 @@ class Output:
 
 
 def to_type(*words: object) -> str:
-    """Return a palpmap command as it can be typed here, whether or not palpmap is on the path."""
+    """Return a palpmap command as it can be typed here, with palpmap on the path or not."""
     program = "palpmap"
     if shutil.which(program) is None:
         installed = Path(sysconfig.get_path("scripts")) / program

@@ -1,4 +1,4 @@
-"""An experiment: a scan and what is known of body, tip and noise, for the Python door."""
+"""An experiment: a scan with its body, tip and noise, for the Python door."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _NOWHERE = Path("(in memory)") / "scan.csv"
 
 @dataclass(frozen=True, init=False, eq=False)
 class Experiment:
-    """A measured scan, and what is known of how it was made.
+    """A measured scan, with its body, tip, noise and supports.
 
     Parameters
     ----------
     scan : the measured table, in its own frame
     body : `Block`, or a `Body` from a closed surface
     tip : `FlatTip` or `Sphere`
-    noise : standard deviations of both readings; what is left out is estimated from the scan
+    noise : standard deviations of both readings; missing ones are estimated from the scan
     name : title of reports
 
     Attributes

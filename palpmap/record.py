@@ -21,7 +21,7 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, populate_by_name=True, allow_inf_nan=False)
 
     def to_dict(self) -> dict[str, JsonValue]:
-        """Return what the JSON file holds."""
+        """Return the content of the JSON file."""
         return self.model_dump(mode="json", by_alias=True)
 
     def changed(self, **fields: Any) -> Self:

@@ -196,7 +196,7 @@ class Comparison(Shown):
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residual is consistent with noise."""
+        """True where the residual is consistent with noise."""
         return self.record.is_noise
 
     @property

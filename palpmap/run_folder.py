@@ -1,4 +1,4 @@
-"""The run folder: what a command leaves behind, and how it was made.
+"""The run folder: the files of a command, and their origin.
 
 `run.json` holds one entry a command that wrote into the folder: versions, seed, settings, tuning
 numbers of the analysis, hashes of the inputs, start, end and outcome. It is written first, so that
@@ -41,7 +41,7 @@ PACKAGES = (
 
 
 class RunRecord(Record):
-    """How one command of a run folder ran; what an older palpmap did not write is empty."""
+    """How one command of a run folder ran; fields that an older palpmap did not write are empty."""
 
     command: str = Field(default="?", description="name of the command")
     started: str = Field(default="?", description="date and time in UTC, ISO 8601")

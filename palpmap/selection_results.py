@@ -63,7 +63,7 @@ class Diagnosis(Shown):
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residual is consistent with noise."""
+        """True where the residual is consistent with noise."""
         return self.step.comparison.is_noise
 
     @property
@@ -147,7 +147,7 @@ class Explanation(Shown, Selection):
 
     @classmethod
     def of(cls, found: Selection, *given: Any) -> Self:
-        """Return a record of `identify` with experiment, problem, and what follows from it."""
+        """Return a record of `identify` with experiment, problem, and its consequences."""
         names = ("experiment", "problem", "assessment", "seed")
         return cls(**values_of(found), **dict(zip(names, given, strict=True)))
 

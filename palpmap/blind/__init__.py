@@ -1,1 +1,1 @@
-"""Blind trials: hide an effect, seal the answer, judge what was found."""
+"""Blind trials: hide an effect, seal the answer, judge the finding."""

@@ -1,4 +1,4 @@
-"""The files of blind trials: sealed answers, what is judged, lines and rates of a tournament."""
+"""The files of blind trials: sealed answers, judged findings, lines and rates of a tournament."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -16,7 +16,7 @@ Groups = tuple[tuple[str, ...], ...]
 
 
 class TrialTruthRecord(TruthRecord):
-    """What is hidden in a blind trial, with all that further presses need."""
+    """Hidden effect of a blind trial, with the data for further presses."""
 
     effects: tuple[HiddenEffectRecord, ...] = Field(description="what is hidden")
     seed: int | None = Field(default=None, description="of everything in the trial")
@@ -96,7 +96,7 @@ class MapErrorRecord(Record):
 
 
 class RevealRecord(ScoreRecord, FileRecord):
-    """What `palpmap reveal --json` prints."""
+    """Output of `palpmap reveal --json`."""
 
     hidden: tuple[HiddenEffectRecord, ...]
     verdict: Verdict
@@ -115,7 +115,7 @@ class AtFirstRecord(Record):
 
     @classmethod
     def of(cls, result: AnswerRecord) -> "AtFirstRecord":
-        """Return what an answer names."""
+        """Return the effects that an answer names."""
         return cls(verdict=result.verdict, added=result.added, ambiguous=result.ambiguous)
 
 

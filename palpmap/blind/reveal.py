@@ -1,4 +1,4 @@
-"""`palpmap reveal`: the sealed answer of a blind trial beside what was found."""
+"""`palpmap reveal`: the sealed answer of a blind trial beside the finding."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

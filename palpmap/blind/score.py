@@ -1,4 +1,4 @@
-"""Judging an explanation against what was hidden: right, honest, missed or wrong.
+"""Judging an explanation against the hidden effect: right, honest, missed or wrong.
 
 | hidden | passes if |
 |---|---|
@@ -19,7 +19,7 @@ Hidden = tuple[HiddenEffectRecord, ...]
 
 
 def category_of(hidden: Hidden) -> str:
-    """Return the category of what is hidden: none, structured, compliance, pair or outsider."""
+    """Return the category of the hidden effect: none, structured, compliance, pair or outsider."""
     if any(effect.category == "outsider" for effect in hidden):
         return "outsider"
     if len(hidden) > 1:

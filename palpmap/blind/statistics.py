@@ -1,4 +1,4 @@
-"""What a tournament of blind trials has shown: rates, what was named for what, coverage."""
+"""Results of a tournament of blind trials: rates, what was named for what, coverage."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def tally(lines: Sequence[TrialLine]) -> str:
 
 
 def tournament_record(lines: Sequence[TrialLine]) -> TournamentRecord:
-    """Return rates by category and by what was hidden, and what was named for what."""
+    """Return rates by category and by hidden effect, and the confusions."""
     judged = [line for line in lines if line.error is None]
     confusion: dict[str, Counter[str]] = {}
     for line in judged:

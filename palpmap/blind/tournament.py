@@ -40,7 +40,7 @@ Explain = Callable[[Path, Path, int], AnswerRecord]
 
 @dataclass(frozen=True)
 class Game:
-    """One trial of a tournament: its number, where it is played, and what is drawn for it.
+    """One trial of a tournament: its number, where it is played, and the draw for it.
 
     `further` is how often proposed presses are made and explained if the answer is ambiguous.
     """

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
 PRESSES_PER_SIDE = 9
 MIXED = {"shuffled": True, "force_shares": (0.5, 1.5)}
-"""What a mixed scan has beside the plain one's places, see `models.press_program.grid_program`."""
+"""Additions of a mixed scan to the plain one's places, see `models.press_program.grid_program`."""
 SIZES = (0.01, 0.10)
-SMALLEST_OUTSIDER = 0.03  # below it, to call noise what is left can be the right answer
+SMALLEST_OUTSIDER = 0.03  # below it, to call the residual noise can be the right answer
 KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
-"""What may be hidden, with its probability."""
+"""A candidate for hiding, with its probability."""
 
 WORDS = ("none", "single", "pair", "outsider", "structured", "compliance")
 ALIKE = frozenset({"finite_strain", "strain_stiffening"})
@@ -32,7 +32,7 @@ ALIKE = frozenset({"finite_strain", "strain_stiffening"})
 
 @dataclass(frozen=True)
 class Trial:
-    """What is drawn for a trial.
+    """The draw for a trial.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def draw_trial(
     radii: int = 1,
     mixed: bool = True,
 ) -> Trial:
-    """Draw what is hidden in a trial.
+    """Draw the hidden effects of a trial.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
 
 
 def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
-    """Return what the experimenter knows: block, tip, noise, one inclusion."""
+    """Return the experimenter's knowledge: block, tip, noise, one inclusion."""
     from sim.body import HiddenBody
 
     known = HiddenBody()

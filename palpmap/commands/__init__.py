@@ -1,1 +1,1 @@
-"""What the commands do, behind their command lines in `palpmap.cli`."""
+"""The work of the commands, behind their command lines in `palpmap.cli`."""

@@ -33,7 +33,7 @@ class PlacementRecord(Record):
 
 
 class CheckRecord(FileRecord):
-    """What `palpmap check --json` prints."""
+    """Output of `palpmap check --json`."""
 
     study: str = Field(description="its name")
     scan: str = Field(description="path of the scan's file")
@@ -59,7 +59,7 @@ class CheckRecord(FileRecord):
 
 
 def check_study(path: str | os.PathLike[str]) -> CheckRecord:
-    """Read a study and its scan, place the presses on the body, and sum up what was found.
+    """Read a study and its scan, place the presses on the body, and sum up the findings.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _range(values: np.ndarray) -> Range:
 
 
 def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
-    """Sentences about what was assumed, ignored or cannot be seen."""
+    """Sentences about assumptions, ignored data and invisible effects."""
     notes = []
     if few := too_few(placement, study):
         notes.append(f"Not yet enough to fit the map: {few}.")

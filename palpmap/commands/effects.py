@@ -84,7 +84,7 @@ def effect_page(effect: Effect, latex: bool = False) -> str:
 def findings_table(
     findings: Sequence[CheckResult], not_made: Sequence[CheckResult] = ()
 ) -> "Table":
-    """Return a table of what the conformance kit found; of checks not made it says only why."""
+    """Return a table of the conformance kit's findings; of checks not made it says only why."""
     from rich import box
     from rich.table import Table
     from rich.text import Text

@@ -1,4 +1,4 @@
-"""`palpmap import`: what it prints."""
+"""`palpmap import`: its output."""
 
 import sys
 from collections.abc import Sequence

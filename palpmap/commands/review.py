@@ -1,4 +1,4 @@
-"""`palpmap review`: look at the recording of a run, or say what is in it."""
+"""`palpmap review`: look at the recording of a run, or list its content."""
 
 import shlex
 from pathlib import Path
@@ -19,7 +19,7 @@ PICTURE = "recording.png"
 
 
 def run_review(run: Path, png: bool, summary: bool, output: Output) -> bool:
-    """Open a recording, render it to a picture, or print what is in it.
+    """Open a recording, render it to a picture, or print its content.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _summarize(recording: Path, output: Output) -> bool:
 
 
 def _tables(found: "RecordingSummary") -> list["Table | str"]:
-    """Say what a recording holds: facts, then spans, values and entities."""
+    """Describe the content of a recording: facts, then spans, values and entities."""
     from rich.table import Column, Table
 
     seed = "" if found.seed is None else f", seed {found.seed}"

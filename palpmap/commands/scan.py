@@ -168,7 +168,7 @@ def make_scan(
 
 
 class LargestRecord(Record):
-    """Largest deviations of the presses from what was asked."""
+    """Largest deviations of the presses from their commands."""
 
     force_error: float = Field(description="of the held force, relative")
     overshoot: float = Field(description="of the force, relative")
@@ -178,7 +178,7 @@ class LargestRecord(Record):
 
 
 class ScanRecord(FileRecord):
-    """What `palpmap scan --json` prints: how well the presses were made."""
+    """Output of `palpmap scan --json`: how well the presses were made."""
 
     presses: int
     presses_kept: int = Field(description="presses within all tolerances")

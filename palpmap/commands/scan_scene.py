@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def draw_scene(
     recording: Recording, laboratory: Laboratory, parameters: dict[str, float]
 ) -> "Callable[[Frame], None]":
-    """Put arm, body and truth into the recording; return what draws a frame."""
+    """Put arm, body and truth into the recording; return the drawer of a frame."""
     from models import LINKS
     from sim.robot import build_laboratory as build_arm
 

@@ -22,7 +22,7 @@ CORNER_S, CORNER = 0.08, 0.7  # a change of speed by this share in twice this ti
 CLOSE_S, LOOSE_S = 1.0e-3, 5.0e-3  # what the force's law adds to the lag's error
 NEAR_STEP_S = 0.02
 SHARED_S = 0.5  # two sensors of one clock are never further apart
-NEARLY = 0.9  # of the best correlation: two offsets this close cannot be told apart
+NEARLY = 0.9  # of the best correlation: two offsets this close cannot be separated
 FURTHEST_S, SEARCH_STEP_S = 0.16, 0.004
 TRIMMED_S = 0.08  # of both ends of a contact, where lag and touch mix
 RELAXATION_S = (0.1, 0.3, 1.0, 4.0)
@@ -159,7 +159,7 @@ def smooth(values: np.ndarray, time: np.ndarray, width_s: float = SMOOTHED_S) ->
 
 @dataclass(frozen=True)
 class Lag:
-    """What is to be added to the pose's clock beyond the rough offset.
+    """Correction of the pose's clock beyond the rough offset.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ def _press_lag(
     force_time: np.ndarray, force: np.ndarray, pose_time: np.ndarray, travel: np.ndarray
 ) -> tuple[float, float] | None:
     """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
-    # both alike; a pose's noise that is left would make the force seem to lead
+    # both alike; a pose's remaining noise would make the force seem to lead
     travel = smooth(travel, pose_time, LAG_SMOOTHED_S)
     force = smooth(force, force_time, LAG_SMOOTHED_S)
     free, relaxing = _bases(pose_time, travel)

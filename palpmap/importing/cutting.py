@@ -1,4 +1,4 @@
-"""A raw stream cut into presses: the order of the steps, and what is said of them."""
+"""A raw stream cut into presses: the order of the steps, and the notes on them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Cut:
     Attributes
     ----------
     presses : in the order of time
-    left_out : time in s of each press that was left out, and the reason
+    left_out : time in s of each omitted press, and the reason
     lag : of the force behind the pose, in s with rough offset; None where it cannot be seen
     offset_s : rough offset of the clocks
     said : what was found and assumed

@@ -1,4 +1,4 @@
-"""From a rig's own files to a scan, a study and a page that says what was found and assumed."""
+"""From a rig's own files to a scan, a study and a page of findings and assumptions."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Imported:
         return study_file
 
     def page(self) -> str:
-        """Return what was found and assumed, as Markdown."""
+        """Return findings and assumptions as Markdown."""
         scan = self.scan
         used = scan.used()
         counts = {name: int(np.sum(scan.phase == name)) for name in np.unique(scan.phase)}

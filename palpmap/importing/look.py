@@ -109,7 +109,7 @@ def find_force(recording: Recording) -> tuple[Channel, ...]:
 
 
 def is_force(channel: Channel) -> bool:
-    """Whether unit or name is that of a force."""
+    """Return true for a unit or name of a force."""
     return channel.unit in FORCE or (not channel.unit and matches(channel, "force"))
 
 
@@ -185,7 +185,7 @@ def is_phase(channel: Channel) -> bool:
 
 
 def is_unit(triple: tuple[Channel, ...]) -> bool:
-    """Whether three columns are unit vectors."""
+    """Return true where three columns are unit vectors."""
     length = np.sqrt(sum(channel.values**2 for channel in triple))
     return bool(np.all(np.abs(length - 1) < 1e-2))
 

@@ -31,7 +31,7 @@ from palpmap.importing.recording import PART, Channel, Recording, Table
 from palpmap.importing.rig import Rig, parse_rig
 from palpmap.importing.units import LENGTH
 
-ALIKE = 0.02  # of the correlation: two frames cannot be told apart
+ALIKE = 0.02  # of the correlation: two frames cannot be separated
 PHASE_WORDS = {
     "approach": ("approach", "anfahr", "annäh"),
     "load": ("load", "press", "belast", "loading", "in", "down"),
@@ -50,7 +50,7 @@ class Line:
 
 
 def propose_rig(recording: Recording) -> str:
-    """Return a mapping as TOML; what the recording does not tell stands there as a comment.
+    """Return a mapping as TOML; unknown entries stand there as comments.
 
     Raises
     ------

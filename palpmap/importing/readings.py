@@ -14,7 +14,7 @@ PLATEAU = 0.97  # of the largest travel or force: above it the tip holds
 
 
 def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
-    """Return the scan of a recording whose rows are numbered presses, and what was assumed.
+    """Return the scan of a recording whose rows are numbered presses, and the assumptions.
 
     All columns are brought to the clock of the force; one of another table is interpolated, and
     of press and phase the last value counts.

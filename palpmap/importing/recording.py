@@ -57,7 +57,7 @@ class Channel:
 
     @property
     def is_number(self) -> bool:
-        """Whether all cells are numbers or empty."""
+        """True where all cells are numbers or empty."""
         return self.values.dtype.kind == "f"
 
     def numbers(self, empty: bool = False) -> np.ndarray:

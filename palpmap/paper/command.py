@@ -1,4 +1,4 @@
-"""`palpmap paper`: run the paper's six tests, say what was found, leave figures and numbers."""
+"""`palpmap paper`: run the paper's six tests, print the findings, leave figures and numbers."""
 
 from __future__ import annotations
 

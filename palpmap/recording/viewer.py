@@ -34,7 +34,7 @@ INSTALL_DRIVER = (
 
 
 class ViewerError(RuntimeError):
-    """The viewer could not do its work; the message says why and what to do."""
+    """The viewer could not do its work; the message says why, and the remedy."""
 
 
 def viewer_program() -> str:

@@ -103,7 +103,7 @@ class BetterScanRecord(PlannedScanRecord):
 
 
 class LimitRecord(Record):
-    """How small an effect this scan can show, and what ignoring it does to the map."""
+    """Smallest visible effect of this scan, and the map's bias where it is ignored."""
 
     name: str
     smallest_share: float | None = Field(description="size at 5 standard errors, of the signal")
@@ -141,7 +141,7 @@ class PressesFitRecord(Record):
 
 
 class PressesAloneRecord(Record):
-    """What the presses show without a map."""
+    """Findings of the presses without a map."""
 
     effects: tuple[str, ...] = Field(description="effects that they call for")
     values: Mapping[str, Mapping[str, float]] = Field(description="estimates by effect, SI units")

@@ -1,4 +1,4 @@
-"""truth.json: the true map of a virtual laboratory, and what is hidden in its scan."""
+"""truth.json: the true map of a virtual laboratory, and the hidden effects of its scan."""
 
 import json
 from collections.abc import Mapping

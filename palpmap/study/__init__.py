@@ -1,1 +1,1 @@
-"""The study: what is known of an experiment, read, checked and opened."""
+"""The study: the known facts of an experiment, read, checked and opened."""

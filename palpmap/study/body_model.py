@@ -50,7 +50,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
 
 
 def support_of(body: Body) -> Support:
-    """Return what holds a study's body.
+    """Return the supports of a study's body.
 
     >>> from palpmap.study.study import Body
     >>> support_of(Body(shape="block", size_m=(0.1, 0.1, 0.05), poisson_ratio=0.3,

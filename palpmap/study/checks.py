@@ -31,7 +31,7 @@ def refuse_contradictions(placement: Placement, study: Study) -> None:
 
 
 def too_few(placement: Placement, study: Study) -> str | None:
-    """Say what is missing where the presses cannot determine the study's map, else None."""
+    """Name the missing data where the presses cannot determine the study's map, else None."""
     scan = placement.scan.used()
     number = 0 if study.map.inclusions == "auto" else study.map.inclusions
     unknowns = 1 + 5 * number - len(study.map.fixed)

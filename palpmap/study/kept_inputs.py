@@ -1,4 +1,4 @@
-"""What a command read, copied into its run folder, so that the folder stands for itself."""
+"""Input files of a command, copied into its run folder, so that the folder stands for itself."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The study file: what is known of an experiment, in TOML beside the scan that it names."""
+"""The study file: the known facts of an experiment, in TOML beside the scan that it names."""
 
 import difflib
 import os
@@ -63,7 +63,7 @@ INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 class About(Table):
     """`[study]`: the experiment's name and its scan.
 
-    `units_checked` says that sizes which look like millimetres or grams are meant as they stand.
+    `units_checked` says that sizes which look like millimetres or grams are meant literally.
     """
 
     name: str = Field(min_length=1, description="a name for the study, as text")
@@ -336,7 +336,7 @@ _EXPECTED = {
     "model_type": "a table",
     "finite_number": "a finite number",
 }
-"""What pydantic's kinds of faults are to a person who writes TOML."""
+"""Pydantic's kinds of faults in the words of a person who writes TOML."""
 
 
 def _nearest(name: str, known: list[str]) -> str:

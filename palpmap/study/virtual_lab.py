@@ -107,7 +107,7 @@ def build_laboratory(
 
 
 def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
-    """Return what is known of a scan beforehand: noise, number of inclusions, tip, place."""
+    """Return the facts known before a scan: noise, number of inclusions, tip, place."""
     settings = laboratory.settings
     noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
     return study.model_copy(

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from models import InputError
-
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
@@ -143,6 +141,8 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
 
 
 def _is_for_the_user(error: ValueError) -> bool:
+    from models import InputError  # here, as `palpmap --help` loads no numpy
+
     if isinstance(error, InputError):
         return True
     if "fem" not in sys.modules:

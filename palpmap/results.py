@@ -118,7 +118,7 @@ class FitResult(Shown, FitRecord):
     @cached_property
     def finding(self) -> Finding:
         """The fit with its comparison, as figures and report show it."""
-        from palpmap.runs.fit_run import finding_of
+        from palpmap.run_files.fit_run import finding_of
 
         return finding_of(self, self.experiment.study, self.experiment.scan, self.note)
 
@@ -160,7 +160,7 @@ class FitResult(Shown, FitRecord):
 
     def write(self, folder: str | Path) -> Path:
         """Write the run folder of `palpmap fit`: fit, comparison, figures, report, recording."""
-        from palpmap.runs.fit_run import FitRun
+        from palpmap.run_files.fit_run import FitRun
 
         known = self.experiment
         settings = {"inclusions": known.study.map.inclusions}

@@ -221,7 +221,7 @@ class Explanation(Shown, Selection):
         kept : study that names the folder's own copies of its inputs
         files : of the user's own effects, by name
         """
-        from palpmap.runs.explain_run import write_explanation
+        from palpmap.run_files.explain_run import write_explanation
 
         write_explanation(run, self.problem, self, self.assessment, self.record, kept, files)
 

@@ -25,8 +25,8 @@ from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.result.explain_record import explain_record
 from palpmap.result.records import ExplainRecord
+from palpmap.run_files.explain_run import write_explain_files
 from palpmap.run_folder import RunFolder
-from palpmap.runs.explain_run import write_explain_files
 from palpmap.study.open_study import Problem
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study

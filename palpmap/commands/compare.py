@@ -5,8 +5,8 @@ from pathlib import Path
 from palpmap import api
 from palpmap.commands.fit import run_fit
 from palpmap.console import Output
+from palpmap.run_files.fit_run import with_making, write_finding
 from palpmap.run_folder import RunFolder
-from palpmap.runs.fit_run import with_making, write_finding
 from palpmap.study.study import load_study
 
 

@@ -21,8 +21,8 @@ from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
 from palpmap.result.finding import Finding
 from palpmap.result.truth import matched
+from palpmap.run_files.fit_run import finish_fit, record_step, with_making
 from palpmap.run_folder import RunFolder
-from palpmap.runs.fit_run import finish_fit, record_step, with_making
 from palpmap.study.virtual_lab import (
     DEFAULT_FORCE_N,
     PRESSES_PER_SIDE,

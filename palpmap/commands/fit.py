@@ -8,8 +8,8 @@ from identify.optimize import OPTIMIZERS
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import read_study
+from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
-from palpmap.runs.fit_run import FitRun
 from palpmap.study.kept_inputs import refuse_own_folder
 
 

@@ -8,9 +8,8 @@ import pytest
 
 from models.errors import InputError
 from models.scan import Scan
-from models.scan_file import write_scan
 from models.thin import thinned
-from palpmap.commands import write_fit_run as finding_files
+from palpmap.run_files import fit_run
 from palpmap.study.study import load_study
 from tests.paths import LAB
 
@@ -80,22 +79,20 @@ def test_hard_places_of_a_scan_to_one_depth_are_not_chosen_more_often_than_other
     assert levels.min() > 40
 
 
-def test_a_fit_of_a_thinned_scan_is_compared_with_what_it_was_made_on(tmp_path, monkeypatch):
+def test_a_fit_of_a_thinned_scan_is_compared_with_what_it_was_made_on(monkeypatch):
     side = np.linspace(0.012, 0.084, 15)
     places = np.array([(x, y, 0.048) for x in side for y in side])
     scan = scan_of(places, np.full(225, 0.005), np.full(225, 0.3))
-    write_scan(scan, tmp_path / "scan.csv")
     study = load_study(LAB / "case_a" / "study.toml")
-    about = study.study.model_copy(update={"scan": tmp_path / "scan.csv"})
     used = []
 
     def compared(fit, scan):
         used.append(scan)
         raise InputError("seen")
 
-    monkeypatch.setattr(finding_files, "compare", compared)
+    monkeypatch.setattr(fit_run, "compare", compared)
     for made_on in (scan, thinned(scan)):
         fit: Any = SimpleNamespace(force_n=made_on.used().force_n)
         with pytest.raises(InputError, match="seen"):
-            finding_files.build_finding(tmp_path, fit, study.model_copy(update={"study": about}))
+            fit_run.finding_of(fit, study, scan)
     assert [len(scan.press_ids) for scan in used] == [225, 200]

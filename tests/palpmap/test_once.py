@@ -10,7 +10,7 @@ import tomli_w
 
 import palpmap as pm
 import palpmap.api
-import palpmap.runs.explain_run
+import palpmap.run_files.explain_run
 from fem import block_mesh
 from identify.measurement.noise import scan_noise
 from models.scan_file import read_scan

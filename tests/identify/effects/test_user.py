@@ -6,10 +6,11 @@ import re
 import pytest
 from typer.testing import CliRunner
 
+from identify import select
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.user_effect import load_effect
 from identify.effects.conformance.kit import check_effect, failures
-from identify.select import plant_and_recover as planting
+from identify.select import NOT_PLANTED
 from models.errors import InputError
 from palpmap.__main__ import app
 from tests.paths import ROOT
@@ -120,8 +121,8 @@ def test_a_sound_effect_passes_the_command():
 
 
 def test_a_check_that_was_not_made_is_not_said_to_be_kept(monkeypatch):
-    why = planting.NOT_PLANTED + "the stiffness map absorbs it entirely"
-    monkeypatch.setattr(planting, "plant_and_recover", lambda effect, own: why)
+    why = NOT_PLANTED + "the stiffness map absorbs it entirely"
+    monkeypatch.setattr(select, "plant_and_recover", lambda effect, own: why)
     done = palpmap("check-effect", WARM_UP)
     assert done.exit_code == 0
     assert re.search(r"^ *- +planted and found", done.stdout, re.MULTILINE)

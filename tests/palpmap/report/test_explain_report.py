@@ -41,7 +41,7 @@ from palpmap.result.next_scan import finer_cells
 from palpmap.result.records import ExplainRecord, NextPressesRecord
 from palpmap.result.tables import candidate_table
 from palpmap.result.truth import read_truth
-from palpmap.runs.explain_run import explain_pictures
+from palpmap.run_files.explain_run import explain_pictures
 from palpmap.study.body_model import smallest_cell_m
 from palpmap.study.open_study import Problem
 

@@ -34,8 +34,8 @@ from palpmap.report.fit_report import write_report
 from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.tables import parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
+from palpmap.run_files.fit_run import load_finding
 from palpmap.run_folder import RunFolder
-from palpmap.runs.fit_run import load_finding
 from palpmap.study.study import load_study
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

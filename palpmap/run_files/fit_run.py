@@ -1,6 +1,5 @@
 """The run folder of a fit: its recording while it is made, its files, and the finding in them."""
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -8,15 +7,11 @@ from typing import Self
 
 import numpy as np
 
-from identify.fit import read_fit, write_fit
-from identify.fit import FitResult
-from identify.fit import FitIteration
+from fem import Mesh
+from identify.fit import FitIteration, FitResult, read_fit, write_fit
 from identify.map import GaussianMap
 from identify.residual import compare
-from fem import Mesh
-from models import Scan
-from models import read_scan
-from models import thinned
+from models import Scan, read_scan, thinned
 from palpmap.experiment import Experiment
 from palpmap.figures.curves import near_largest_force
 from palpmap.figures.fit import draw_figures, save_figures

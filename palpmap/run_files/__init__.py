@@ -1,0 +1,1 @@
+"""Run folders: files and pictures that a fit or an explanation leaves."""

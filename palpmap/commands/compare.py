@@ -5,6 +5,7 @@ from pathlib import Path
 from palpmap import api
 from palpmap.commands.fit import run_fit
 from palpmap.console import Output
+from palpmap.report.fit_console import summary
 from palpmap.run_files.fit_run import with_making, write_finding
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
@@ -44,10 +45,11 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
     inputs = [run / "fit.json", run / "study.toml"]
     with RunFolder("compare", target, inputs=inputs) as folder:
         comparison = api.compare(known.fit)
-        paths = write_finding(with_making(known.fit.finding, run), folder.path)
+        finding = with_making(known.fit.finding, run)
+        paths = write_finding(finding, folder.path)
         output.result(
             {**comparison.to_dict(), "run": str(folder.path)},
-            *comparison.renderables(),
+            *summary(finding),
             f"Report: {escape(str(paths['report']))}",
         )
     return comparison.is_noise

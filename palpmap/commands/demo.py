@@ -19,6 +19,7 @@ from palpmap.commands.scan import (
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
+from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding
 from palpmap.result.truth import matched
 from palpmap.run_files.fit_run import finish_fit, record_step, with_making
@@ -107,7 +108,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             "seconds": stage_s,
         },
         scan_table(presses),
-        *fit.renderables(),
+        *summary(finding),
         times,
         f"Report:    {escape(str(report))}",
         f"Recording: {escape(str(recorded))}",

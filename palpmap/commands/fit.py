@@ -8,6 +8,7 @@ from identify.optimize import OPTIMIZERS
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import read_study
+from palpmap.report.fit_console import summary
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
@@ -63,10 +64,10 @@ def run_fit(
                 on_iteration=on_iteration,
             )
             task.say("comparing and drawing")
-            fit_run.finish(fit.finding)
+            finding = fit_run.finish(fit.finding)
     output.result(
         {**fit.to_dict(), "run": str(run.path)},
-        *fit.renderables(),
+        *summary(finding),
         f"Fit: {escape(fit.message)}",
         f"Report: {escape(str(run / 'report.html'))}",
         f"Recording: {escape(to_type('review', run.path))}",

@@ -69,9 +69,14 @@ class FitRun:
         """Write a step of the fit into the recording."""
         record_step(self._recording, step, self._box_m, self._surface_m)
 
-    def finish(self, finding: Finding) -> None:
-        """Write fit, comparison, figures and report; end the recording with the residuals."""
-        finish_fit(self.path, finding, self._recording)
+    def finish(self, finding: Finding) -> Finding:
+        """Write fit, comparison, figures and report; end the recording with the residuals.
+
+        Returns the finding with the truth of a virtual body and the making of the run.
+        """
+        made = with_making(finding, self.path)
+        finish_fit(self.path, made, self._recording)
+        return made
 
 
 def record_scan(recording: Recording, mesh: Mesh, scan: Scan) -> np.ndarray:
@@ -110,7 +115,7 @@ def record_step(
 def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
     """Write fit.json, comparison, figures and report; end the recording with the residuals."""
     write_fit(finding.fit, run / "fit.json")
-    paths = write_finding(with_making(finding, run), run)
+    paths = write_finding(finding, run)
     measured, modelled, _ = near_largest_force(finding)
     recording.comparison(
         finding.scan.press_ids,

@@ -19,7 +19,7 @@ from identify.select.step import Step
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that was refitted; `criterion` is chi-square and the price of its parameters."""
+    """An effect that was refitted; `criterion` is its Bayesian information criterion (BIC)."""
 
     name: str
     chi2: float

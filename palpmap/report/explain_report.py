@@ -128,7 +128,7 @@ def _refit_table(accepted: AcceptedEffect) -> Table:
         )
         for candidate in accepted.candidates
     )
-    head = ("Chi-square", "Behind the best, parameters priced", "")
+    head = ("Chi-square", "BIC above the best", "")
     return Table.of(("Refitted with the map", *map(number, head)), rows)
 
 

@@ -149,8 +149,8 @@ def test_the_loop_explains_the_case(explained_case):
     assert explained_case.record.added == ("viscoelasticity",)
 
 
-def test_the_ladder_is_the_first_picture_and_the_report_stands_alone(explained_case, page):
-    assert page.headings[0] == "The error, step by step"
+def test_the_verdict_stands_on_top_and_the_ladder_is_the_first_picture(explained_case, page):
+    assert page.headings[:2] == ["Explained.", "The error, step by step"]
     assert len(page.images) >= 8
     assert all(src.startswith("data:image/png;base64,") for src in page.images)
     assert page.scripts == 0

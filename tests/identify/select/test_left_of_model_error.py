@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.catalogue.catalogue import CATALOGUE
@@ -44,6 +45,7 @@ def second(found):
     return other.group, (chi2[1] - chi2[2]) / (chi2[0] - chi2[1])
 
 
+@pytest.mark.slow
 def test_a_little_more_that_acts_on_compliances_is_not_told_from_the_rest_of_that_error():
     found = explained(SMALL, gradient=GRADIENT)
     group, share = second(found)
@@ -59,6 +61,7 @@ def test_what_explains_more_than_such_a_rest_is_named():
     assert group == found.added == ("side_gradient",)
 
 
+@pytest.mark.slow
 def test_what_no_mesh_does_is_named_however_little():
     found = explained(SMALL, drift_n=DRIFT_N)
     group, share = second(found)

@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from palpmap import __version__
-from palpmap.cli.add import add
-from palpmap.cli.blind import blind
+from palpmap.cli.add import add, history
+from palpmap.cli.blind import blind, press, reveal
 from palpmap.cli.check import check
 from palpmap.cli.check_effect import check_effect
 from palpmap.cli.compare import compare
@@ -15,13 +15,10 @@ from palpmap.cli.diagnose import diagnose
 from palpmap.cli.effects import effects
 from palpmap.cli.explain import explain
 from palpmap.cli.fit import fit
-from palpmap.cli.history import history
 from palpmap.cli.import_ import import_
 from palpmap.cli.join import join
 from palpmap.cli.limits import limits
 from palpmap.cli.paper import paper
-from palpmap.cli.press import press
-from palpmap.cli.reveal import reveal
 from palpmap.cli.review import review
 from palpmap.cli.scan import scan
 from palpmap.console import answers

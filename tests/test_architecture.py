@@ -30,7 +30,8 @@ ORDER = {
         "experiment", "fit", "residual", "select", "design",
     ),
     "palpmap": (
-        "study", "importing", "experiment", "result", "figures", "report", "recording", "run_files",
+        "study", "importing.readers", "importing.mapping", "importing.streams", "importing",
+        "experiment", "result", "figures", "report", "recording", "run_files",
         "results", "selection_results", "api", "paper", "commands", "blind", "cli",
     ),
 }  # fmt: skip

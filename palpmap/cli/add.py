@@ -1,4 +1,4 @@
-"""`palpmap add`."""
+"""Versions of a study: `palpmap add`, `history`."""
 
 from typing import Annotated
 
@@ -27,3 +27,18 @@ def add(
     return run_add(
         study=study, name=name, seed=seed, effects=effect or [], output=Output(quiet, json)
     )
+
+
+def history(
+    study: StudyFile,
+    undo: Annotated[bool, typer.Option("--undo", help="Take the last version back.")] = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Show how the error fell from version to version of a study.
+
+    Example: palpmap history study.toml
+    """
+    from palpmap.commands.add import run_history
+
+    return run_history(study=study, undo=undo, output=Output(quiet, json))

@@ -1,5 +1,6 @@
-"""`palpmap blind`."""
+"""Blind trials: `palpmap blind`, `press`, `reveal`."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -109,3 +110,49 @@ def blind(
         seed=seed,
         output=Output(quiet, json),
     )
+
+
+def press(
+    trial: Annotated[Path, typer.Argument(metavar="TRIAL", help="Folder of `palpmap blind`.")],
+    program: Annotated[
+        Path,
+        typer.Argument(metavar="PROGRAM", help="Presses, such as next_scan_1.csv of `explain`."),
+    ],
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Press the body of a blind trial further.
+
+    The answer stays sealed. Scan and study with all presses so far are written beside the first
+    ones.
+
+    Example: palpmap press trial trial/explained/next_scan_1.csv
+    """
+    from palpmap.blind.further_presses import run_press
+
+    return run_press(trial=trial, program=program, output=Output(quiet, json))
+
+
+def reveal(
+    trial: Annotated[Path, typer.Argument(metavar="TRIAL", help="Folder of `palpmap blind`.")],
+    answer: Annotated[
+        str | None,
+        typer.Option(
+            "--answer",
+            metavar="NAME,...",
+            help="Your own answer: effects, or none, or unexplained.",
+            show_default="the newest result.json below the folder",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Show what was hidden in a blind trial beside what was found.
+
+    Exit code 1 if the answer does not pass.
+
+    Example: palpmap reveal trial
+    """
+    from palpmap.blind.reveal import run_reveal
+
+    return run_reveal(trial=trial, answer=answer, output=Output(quiet, json))

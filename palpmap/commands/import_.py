@@ -6,9 +6,9 @@ from pathlib import Path
 
 from palpmap.console import Output, to_type
 from palpmap.importing.importing import import_recording
+from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.propose import propose_rig
-from palpmap.importing.read import read_recording
-from palpmap.importing.rig import parse_rig
+from palpmap.importing.readers.read import read_recording
 
 
 def run_propose(files: Sequence[Path], output: Output) -> None:

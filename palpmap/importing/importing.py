@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from models import InputError, Scan, read_scan, write_scan
-from palpmap.importing.cutting import Cut, cut_stream
-from palpmap.importing.read import read_recording
+from palpmap.importing.mapping.rig import Rig, load_rig
+from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
-from palpmap.importing.rig import Rig, load_rig
+from palpmap.importing.streams.cutting import Cut, cut_stream
 from palpmap.study.body import Body
 from palpmap.study.placement import closest_on_surface, place_scan
 from palpmap.study.study import About, Study, load_study, write_study

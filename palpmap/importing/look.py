@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from models import PHASES, InputError
-from palpmap.importing.read_bag import RECEIVED, STAMP
-from palpmap.importing.recording import PART, Channel, Recording, Table
-from palpmap.importing.units import DIMENSIONS, FORCE, LENGTH, TIME, name_and_unit
+from palpmap.importing.readers.bag import RECEIVED, STAMP
+from palpmap.importing.readers.recording import PART, Channel, Recording, Table
+from palpmap.importing.readers.units import DIMENSIONS, FORCE, LENGTH, TIME, name_and_unit
 
 NAMES = {
     "time": r"^(t|time|zeit|timestamp|stamp|clock|when|sec|seconds|date.*)$",

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from models import PHASES, InputError
-from palpmap.importing.cutting import force_with_depth
 from palpmap.importing.look import (
     counts_presses,
     find_clock,
@@ -27,9 +26,10 @@ from palpmap.importing.look import (
     time_unit,
     unit_of,
 )
-from palpmap.importing.recording import PART, Channel, Recording, Table
-from palpmap.importing.rig import Rig, parse_rig
-from palpmap.importing.units import LENGTH
+from palpmap.importing.mapping.rig import Rig, parse_rig
+from palpmap.importing.readers.recording import PART, Channel, Recording, Table
+from palpmap.importing.readers.units import LENGTH
+from palpmap.importing.streams.cutting import force_with_depth
 
 ALIKE = 0.02  # of the correlation: two frames cannot be separated
 PHASE_WORDS = {

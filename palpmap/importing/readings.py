@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from models import PHASES, InputError, Scan, nearest
-from palpmap.importing.columns import numbers, on_clock_of, rotated, seconds
-from palpmap.importing.recording import Recording, Table
-from palpmap.importing.rig import Rig
+from palpmap.importing.mapping.columns import numbers, on_clock_of, rotated, seconds
+from palpmap.importing.mapping.rig import Rig
+from palpmap.importing.readers.recording import Recording, Table
 
 LONGEST_TIME_S = 1e8  # beyond it the clock counts from 1970
 PLATEAU = 0.97  # of the largest travel or force: above it the tip holds

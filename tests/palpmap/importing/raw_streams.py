@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from palpmap.importing.recording import Recording, Table
+from palpmap.importing.readers.recording import Recording, Table
 
 STEP = 5e-4
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from models.scan_file import read_scan
-from palpmap.importing.read import read_recording
+from palpmap.importing.mapping.rig import parse_rig
+from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
-from palpmap.importing.rig import parse_rig
 from tests.palpmap.importing.foreign_files import BODY, FORMS
 from tests.paths import LAB
 

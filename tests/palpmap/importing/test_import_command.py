@@ -12,7 +12,7 @@ from palpmap.__main__ import app
 from palpmap.commands.check import check_study
 from palpmap.importing.importing import import_recording
 from palpmap.importing.propose import propose_rig
-from palpmap.importing.read import read_recording
+from palpmap.importing.readers.read import read_recording
 from tests.palpmap.importing import raw_scan
 from tests.palpmap.importing.foreign_files import BODY, FORMS, csv_german, mcap_file
 from tests.paths import LAB

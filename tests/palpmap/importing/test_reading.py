@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from models.errors import InputError
 from models.scan_file import read_scan
-from palpmap.importing.read import read_recording
+from palpmap.importing.readers.read import read_recording
 from tests.palpmap.importing.foreign_files import FORMS
 from tests.paths import LAB
 

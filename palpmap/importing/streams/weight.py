@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpmap.importing.columns import matrices
-from palpmap.importing.stream_data import Stream
+from palpmap.importing.mapping.columns import matrices
+from palpmap.importing.streams.stream import Stream
 
 if TYPE_CHECKING:
-    from palpmap.importing.contact import Contact
-    from palpmap.importing.press import Window
+    from palpmap.importing.streams.contact import Contact
+    from palpmap.importing.streams.press import Window
 
 GRAVITY = 9.80665
 LEAST_TURN_DEG = 3.0

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models import InputError, Scan
-from palpmap.importing.alignment import GRID_S, Lag, find_lag, rough_offset, smooth
-from palpmap.importing.columns import matrices, numbers, rotated
-from palpmap.importing.contact import Contact, SpoiltPress, find_contact
-from palpmap.importing.press import CutPress, Window, cut_press, window_of
-from palpmap.importing.recording import Recording
-from palpmap.importing.rig import AXES, TRAVEL, Rig
-from palpmap.importing.spans import way_into_body
-from palpmap.importing.stream_data import Stream, in_base, read_force, read_pose, without_jumps
-from palpmap.importing.weight import without_weight
+from palpmap.importing.mapping.columns import matrices, numbers, rotated
+from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
+from palpmap.importing.readers.recording import Recording
+from palpmap.importing.streams.alignment import GRID_S, Lag, find_lag, rough_offset, smooth
+from palpmap.importing.streams.contact import Contact, SpoiltPress, find_contact
+from palpmap.importing.streams.press import CutPress, Window, cut_press, window_of
+from palpmap.importing.streams.spans import way_into_body
+from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
+from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
 FELT = 0.4  # of the usual largest force

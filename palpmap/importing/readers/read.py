@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from models import InputError
-from palpmap.importing.read_arrays import read_hdf5, read_matlab, read_numpy
-from palpmap.importing.read_bag import read_bag
-from palpmap.importing.read_sheet import read_sheets
-from palpmap.importing.read_text import read_text
-from palpmap.importing.recording import Recording, Table
+from palpmap.importing.readers.arrays import read_hdf5, read_matlab, read_numpy
+from palpmap.importing.readers.bag import read_bag
+from palpmap.importing.readers.recording import Recording, Table
+from palpmap.importing.readers.sheet import read_sheets
+from palpmap.importing.readers.text import read_text
 
 READERS: dict[str, tuple[str, Callable[[Path, bytes], tuple[list[Table], list[str]]]]] = {
     ".xlsx": ("an Excel workbook", read_sheets),

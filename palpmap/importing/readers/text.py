@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from models import InputError
-from palpmap.importing.recording import Table
-from palpmap.importing.units import NO_UNIT, name_and_unit, spelled
+from palpmap.importing.readers.recording import Table
+from palpmap.importing.readers.units import NO_UNIT, name_and_unit, spelled
 
 COMMENTS = ("#", "%", "//")
 SEPARATORS = (",", ";", "\t", "|", " ")

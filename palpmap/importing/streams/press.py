@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpmap.importing.alignment import smooth
-from palpmap.importing.contact import (
+from palpmap.importing.mapping.rig import Rows
+from palpmap.importing.streams.alignment import smooth
+from palpmap.importing.streams.contact import (
     TARE_S,
     TOUCH_SHARE,
     SpoiltPress,
@@ -15,8 +16,7 @@ from palpmap.importing.contact import (
     find_touch,
     tared_at,
 )
-from palpmap.importing.rig import Rows
-from palpmap.importing.stream_data import Stream, noise_of
+from palpmap.importing.streams.stream import Stream, noise_of
 
 SIDEWAYS_M = 1.0e-3
 SIDEWAYS = 0.2  # of the stroke

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from models import InputError
-from palpmap.importing.units import factor
+from palpmap.importing.readers.units import factor
 from palpmap.study.body import Body, Point, Positive, Real, Table
 from palpmap.study.study import Map, Noise, Probe, fault_sentence
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from models import InputError
-from palpmap.importing.read_bag import RECEIVED
-from palpmap.importing.recording import PART, Channel, Recording, Table
-from palpmap.importing.rig import Clock, Rig
-from palpmap.importing.units import factor
+from palpmap.importing.mapping.rig import Clock, Rig
+from palpmap.importing.readers.bag import RECEIVED
+from palpmap.importing.readers.recording import PART, Channel, Recording, Table
+from palpmap.importing.readers.units import factor
 
 
 def numbers(

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from models import InputError
-from palpmap.importing.read_text import header_units, is_units_row, once_each
-from palpmap.importing.recording import Table, alike
+from palpmap.importing.readers.recording import Table, alike
+from palpmap.importing.readers.text import header_units, is_units_row, once_each
 
 LARGEST_BYTES = 2_000_000_000
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from models import InputError
-from palpmap.importing.recording import Table
+from palpmap.importing.readers.recording import Table
 
 PACKAGES = ("geometry_msgs/", "std_msgs/", "nav_msgs/msg/Odometry")
 LISTS = {

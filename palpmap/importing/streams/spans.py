@@ -9,9 +9,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from models import InputError
-from palpmap.importing.alignment import GRID_S, closer_offset, smoothed
-from palpmap.importing.rig import Rig
-from palpmap.importing.stream_data import Stream
+from palpmap.importing.mapping.rig import Rig
+from palpmap.importing.streams.alignment import GRID_S, closer_offset, smoothed
+from palpmap.importing.streams.stream import Stream
 
 TOGETHER = 0.6  # least correlation of force and depth
 SHALLOW_STROKE = 0.15

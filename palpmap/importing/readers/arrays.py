@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from models import InputError
-from palpmap.importing.recording import Table, alike
-from palpmap.importing.units import name_and_unit, spelled
+from palpmap.importing.readers.recording import Table, alike
+from palpmap.importing.readers.units import name_and_unit, spelled
 
 MOST_COLUMNS = 64
 HDF5 = b"\x89HDF\r\n\x1a\n"

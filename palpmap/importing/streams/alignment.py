@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from models import InputError
-from palpmap.importing.stream_data import Stream
+from palpmap.importing.streams.stream import Stream
 
 GRID_S = 0.01
 SMOOTHED_S = 0.02

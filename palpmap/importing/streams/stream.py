@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models import InputError
-from palpmap.importing.columns import continuous, matrices, numbers, rotated, seconds
-from palpmap.importing.recording import Recording, Table
-from palpmap.importing.rig import Clock, Pose, Rig
+from palpmap.importing.mapping.columns import continuous, matrices, numbers, rotated, seconds
+from palpmap.importing.mapping.rig import Clock, Pose, Rig
+from palpmap.importing.readers.recording import Recording, Table
 
 FEWEST_MESSAGES = 100
 MOST_EMPTY = 0.2  # of the rows

@@ -1,0 +1,1 @@
+"""The mapping rig.toml, and the columns that it names."""

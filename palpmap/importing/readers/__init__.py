@@ -1,0 +1,1 @@
+"""Files of strangers into tables: text, spreadsheets, arrays, bags; parsed, never executed."""

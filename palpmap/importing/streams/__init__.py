@@ -1,0 +1,1 @@
+"""A raw stream of force and pose cut into presses."""

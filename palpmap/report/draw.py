@@ -2,6 +2,8 @@
 
 import base64
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,15 +15,40 @@ from palpmap.result.tables import Table
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
-    from rich.console import RenderableType
+    from rich.console import Console, ConsoleOptions, RenderableType
 
 SCREEN_DPI = 88
 """Screen pixels an inch of a picture."""
+_LONGEST_WORD = 24
+"""Characters of a word that the console does not break."""
 _STYLES = {"": "", "good": "green", "bad": "yellow", "dim": "dim"}
 
 
 def console(table: Table) -> "RenderableType":
-    """Return a table for the console; numbers keep their width, words fold."""
+    """Return a table for the console; where it is narrow, headings fold, then words."""
+    return _Fitting(_grid(table, folded=False), _grid(table, folded=True))
+
+
+@dataclass(frozen=True)
+class _Fitting:
+    """A table as one line of headings, or with folded ones where it would not fit."""
+
+    wide: "RenderableType"
+    narrow: "RenderableType"
+
+    def __rich_console__(
+        self, console: "Console", options: "ConsoleOptions"
+    ) -> "Iterator[RenderableType]":
+        from rich.measure import Measurement
+
+        fits = Measurement.get(console, options.update(max_width=10_000), self.wide).maximum
+        yield self.wide if fits <= options.max_width else self.narrow
+
+
+def _grid(table: Table, *, folded: bool) -> "RenderableType":
+    """Return a table whose numbers keep their width; headings fold to that of their cells."""
+    from textwrap import fill
+
     from rich import box
     from rich.table import Table as Grid
     from rich.text import Text
@@ -30,11 +57,16 @@ def console(table: Table) -> "RenderableType":
         box=box.SIMPLE, title=Text(table.title) if table.title else None, title_justify="left",
         show_header=table.has_head, pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
-    for column in table.columns:
+    for number, column in enumerate(table.columns):
+        texts = [row[number].text for row in table.rows]
+        widest = max(map(len, texts), default=len(column.heading))
+        longest = max((len(word) for text in texts for word in text.split()), default=0)
+        heading = column.heading
         grid.add_column(
-            column.heading,
+            fill(heading, max(widest, 1), break_long_words=False) if folded else heading,
             justify="right" if column.right else "left",
             no_wrap=column.right,
+            min_width=min(longest, _LONGEST_WORD),
             overflow="fold",
         )
     for row in table.rows:

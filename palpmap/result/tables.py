@@ -114,9 +114,10 @@ def parameter_table(
         )
 
     found_now = "After" if before else "Found"
-    head = ("Before", found_now, "95 % interval", "", "Unseen effect", "True", "Off before", "Off")
+    head = (number("Before"), number(found_now), number("95 % interval"), number(""),
+            "Unseen effect", number("True"), number("Off before"), number("Off"))  # fmt: skip
     rows = (cells(name, p) for name, p in found.items())
-    return Table.of(("Parameter", *map(number, head)), rows, title)
+    return Table.of(("Parameter", *head), rows, title)
 
 
 def _off(p: ValueRecord, true: float) -> str | Cell:

@@ -27,7 +27,6 @@ of admissible fields, only less apt the more the surface bends under the tip.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +41,8 @@ from fem.mesh.mesh import TET_EDGES, Mesh
 from fem.near_field.cells import exact, interpolant
 from fem.near_field.moments import moments
 from fem.near_field.points import functions
-from fem.near_field.reuse import shared
+from fem.near_field.reuse import Shared, shared
+from fem.near_field.sums import CellIntegrals
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
@@ -52,32 +52,21 @@ _PLACES = monomials(4)  # measured at these points of a cell
 _PLACES = (_PLACES[:, :, None] == np.arange(4)).mean(axis=1)
 
 
-class Close(NamedTuple):
-    """Contributions like those of `Enrichment`, at the `CLOSE_SAMPLES` of each of some cells."""
-
-    cells: np.ndarray
-    coupling: np.ndarray
-    energy: np.ndarray
-
-
-@dataclass(frozen=True)
-class Enrichment:
-    """The enrichment of one press by m functions, for E = 1 at each modulus sample.
+class Enrichment(NamedTuple):
+    """The enrichment of every press by m functions.
 
     Attributes
     ----------
-    cells : (c,) cells in which the functions live, but for those that are close to a tip
-    coupling : (m, c, q, nodes, 3) contribution of each modulus sample to k, at each cell's nodes
-    energy : (m, m, c, q) contribution of each modulus sample to a
-    load : (m,) l, the work of the unit load on the functions
-    close : the same for the cells that are close to this tip or another
+    load : (j, m) l, the work of the unit load on the functions
+    ordinary : integrals at the mesh's modulus samples, a table by cell: those over the cells that
+        are not close to a tip, and where a cell's mean change of volume is resisted the part of
+        that over the cells that are
+    close : integrals over the cells close to this tip or another, at their `CLOSE_SAMPLES`
     """
 
-    cells: np.ndarray
-    coupling: np.ndarray
-    energy: np.ndarray
     load: np.ndarray
-    close: Close
+    ordinary: tuple[CellIntegrals, ...]
+    close: CellIntegrals
 
 
 class Neighbourhood(NamedTuple):
@@ -128,7 +117,7 @@ def enrich(
     weights: np.ndarray,
     places: Sequence[Neighbourhood],
     close: np.ndarray,
-) -> list[Enrichment]:
+) -> Enrichment:
     """Integrate the enrichments of all presses.
 
     Parameters
@@ -139,30 +128,42 @@ def enrich(
     close : (c,) cells with modulus samples of their own
     """
     profile, nu = contacts.profile_code, stiffness.poisson_ratio
+    near = [place.cells[np.isin(place.cells, close)] for place in places]
+    far = [np.setdiff1d(place.cells, close, assume_unique=True) for place in places]
 
-    def integrals(cells: list[np.ndarray], degree: int) -> list[tuple[np.ndarray, ...]]:
-        def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
-            own = _integrals(stiffness, places[j], cells[j][which], profile, degree)
-            return *_stored(*own[:2]), own[2]
-
-        return over_all(places, stiffness.mesh, cells, of_press, (1, 2, 1))
-
-    near_cells = [place.cells[np.isin(place.cells, close)] for place in places]
-    far_cells = [np.setdiff1d(place.cells, close, assume_unique=True) for place in places]
-    found = []
-    fields = zip(integrals(far_cells, 1), integrals(near_cells, 2), strict=True)
-    for j, ((*own, far_volume), (*its, near_volume)) in enumerate(fields):
-        cells, near = far_cells[j], near_cells[j]
+    def of_far(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        own, energy, dilatation = _integrals(stiffness, places[j], far[j][which], profile, 1)
         if stiffness.mean_lame > 0:
-            # The mean change of volume has the modulus of the cells' ordinary samples
-            more = np.concatenate([far_volume, near_volume], axis=1)
-            coupling, energy = _mean_parts(stiffness, np.concatenate([cells, near]), more)
-            coupling[:, : len(cells)] += own[0]
-            energy[:, :, : len(cells)] += own[1]
-            cells, own = np.concatenate([cells, near]), [coupling, energy]
-        load = _load(surface, contacts, j, places[j], nu, weights[j])
-        found.append(Enrichment(cells, *_stored(*own), load, Close(near, *its)))
-    return found
+            mean = _mean_parts(stiffness, far[j][which], dilatation)
+            own, energy = own + mean[0], energy + mean[1]
+        return _stored(own, energy)
+
+    def of_near(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        own, energy, dilatation = _integrals(stiffness, places[j], near[j][which], profile, 2)
+        if stiffness.mean_lame == 0:
+            return _stored(own, energy)
+        # The mean change of volume has the modulus of the cells' ordinary samples
+        mean = _mean_parts(stiffness, near[j][which], dilatation)
+        return *_stored(own, energy), *_stored(*mean)
+
+    found = over_all(places, stiffness.mesh, far, of_far)
+    ordinary = [cell_integrals(far, found.rows, found.arrays)]
+    found = over_all(places, stiffness.mesh, near, of_near)
+    at_close = cell_integrals(near, found.rows, found.arrays[:2])
+    if stiffness.mean_lame > 0:
+        ordinary.append(cell_integrals(near, found.rows, found.arrays[2:]))
+    at_close = at_close._replace(table=np.searchsorted(close, at_close.cells))
+    load = [_load(surface, contacts, j, places[j], nu, weights[j]) for j in range(len(places))]
+    return Enrichment(np.array(load), tuple(ordinary), at_close)
+
+
+def cell_integrals(
+    cells: Sequence[np.ndarray], rows: Sequence[np.ndarray], arrays: tuple[np.ndarray, ...]
+) -> CellIntegrals:
+    """Return integrals with the table of modulus samples by cell, from cells and rows by press."""
+    begin = np.cumsum([0, *map(len, cells)])
+    numbers = np.concatenate(cells)
+    return CellIntegrals(begin, numbers, numbers, np.concatenate(rows), *arrays)
 
 
 def over_all(
@@ -170,18 +171,17 @@ def over_all(
     mesh: Mesh,
     cells: Sequence[np.ndarray],
     compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
-    axes: Sequence[int],
-) -> list[tuple[np.ndarray, ...]]:
+) -> Shared:
     """Compute integrals over some cells of each press, see `fem.near_field.reuse.shared`."""
     local = [p.local[mesh.cells[own]] for p, own in zip(places, cells, strict=True)]
     alike = [b"".join([p.frame.tobytes(), p.shape.tobytes(), bytes(str(p.radius), "ascii")])
              for p in places]  # fmt: skip
-    radii = np.array([place.radius for place in places])
-    return shared(local, alike, radii, compute, axes)
+    return shared(local, alike, np.array([place.radius for place in places]), compute)
 
 
 def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Single precision where it counts: half the memory, an error of 1e-7."""
+    """Cell by cell, and single precision where it counts: half the memory, an error of 1e-7."""
+    coupling, energy = np.moveaxis(coupling, 1, 0), np.moveaxis(energy, 2, 0)
     return np.ascontiguousarray(coupling, np.float32), np.ascontiguousarray(energy)
 
 

@@ -10,10 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 _ALIKE = 1e-8  # of the tip's radius: nodes closer than this are at the same place
+
+
+class Shared(NamedTuple):
+    """Arrays (n, ...) over the different cells, and each press's rows (c,) in them."""
+
+    arrays: tuple[np.ndarray, ...]
+    rows: list[np.ndarray]
 
 
 def shared(
@@ -21,19 +29,17 @@ def shared(
     alike: Sequence[bytes],
     radius_m: np.ndarray,
     compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
-    axes: Sequence[int],
     most_different: float = 0.7,
-) -> list[tuple[np.ndarray, ...]]:
-    """Return each press's arrays, over the cells that lie alike computed but once.
+) -> Shared:
+    """Return arrays over the cells of all presses, those that lie alike computed and kept once.
 
     Parameters
     ----------
     local : for each press (c, nodes, 3) m, the nodes of its cells in its frame
     alike : for each press a key of all else that its integrals depend on
     radius_m : (j,) of the tips
-    compute : arrays of press j for some of its cells (indices); called by several threads
-    axes : the axis of each array that counts the cells
-    most_different : share of the cells; if more are different, copies cost more than they save
+    compute : arrays (c, ...) of press j for some of its cells (indices); called by several threads
+    most_different : share of the cells; if more are different, each press has its own
     """
     kinds = {kind: number for number, kind in enumerate(dict.fromkeys(alike))}
     keys = np.concatenate(
@@ -43,29 +49,21 @@ def shared(
         ]
     )
     _, first, back = np.unique(keys, return_index=True, return_inverse=True)
-    counts = [len(nodes) for nodes in local]
     if len(first) > most_different * len(keys):
-        with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
-            return list(pool.map(compute, range(len(counts)), map(np.arange, counts)))
-    begin = np.cumsum([0, *counts])
+        first = back = np.arange(len(keys))
+    begin = np.cumsum([0, *(len(nodes) for nodes in local)])
     # The first cell of each kind is computed, by the press that it belongs to
     order = np.argsort(first)
     press = np.searchsorted(begin, first[order], "right") - 1
     busy = np.unique(press) if len(press) else np.zeros(1, int)
     own = [first[order][press == j] - begin[j] for j in busy]
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
         parts = list(pool.map(compute, busy, own))
-    every = [
-        np.ascontiguousarray(np.concatenate(arrays, axis))  # else `take` would copy all each time
-        for arrays, axis in zip(zip(*parts, strict=True), axes, strict=True)
-    ]
+    every = tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     place = np.empty(len(first), np.int64)
     place[order] = np.arange(len(first))
     rows = place[back.ravel()]
-    return [
-        tuple(np.take(array, rows[b:e], axis) for array, axis in zip(every, axes, strict=True))
-        for b, e in pairwise(begin)
-    ]
+    return Shared(every, [rows[b:e] for b, e in pairwise(begin)])
 
 
 def _hashes(rows: np.ndarray, kind: int) -> np.ndarray:

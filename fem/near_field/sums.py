@@ -1,80 +1,115 @@
 """Sums over the cells of a press's near field, weighted with a modulus field.
 
-The integrals of `fem.near_field.enrichment.Enrichment` stand for E = 1 at each modulus sample; here
-they are weighted with E and added up, or with a field and kept apart.
+The integrals of `fem.near_field.enrichment` stand for E = 1 at each modulus sample; here they are
+weighted with E and added up, or with a field and kept apart.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 
-@numba.njit(cache=True, fastmath=True, parallel=True)
-def couple(by_function, energy, numbers, modulus, parts, part_energy):
-    """Add a press's k to by_function (m, 3 f), and a to energy (m, m), for a modulus (c, q).
+class CellIntegrals(NamedTuple):
+    """Integrals of every press's m functions over some cells, for E = 1 at each modulus sample.
 
-    `numbers` (c, nodes) are the cells' nodes among the free ones, -1 where held; `parts` and
-    `part_energy` the coupling and energy of `Enrichment`.
+    Cells that lie alike under their tips share a row (`fem.near_field.reuse`).
+
+    Attributes
+    ----------
+    begin : (j + 1,) first of each press's t cells
+    cells : (t,) numbers in the mesh
+    table : (t,) rows of the cells in the table of modulus samples
+    rows : (t,) rows of the two arrays
+    coupling : (n, m, q, nodes, 3) contribution of each modulus sample to k, at each cell's nodes
+    energy : (n, m, m, q) contribution of each modulus sample to a
     """
-    count, cells, samples, nodes, _ = parts.shape
-    flat = parts.reshape(count, cells, samples, 3 * nodes)
-    for m in numba.prange(count):
-        for n in range(count):
-            own = 0.0
-            for c in range(cells):
-                for q in range(samples):
-                    own += modulus[c, q] * part_energy[m, n, c, q]
-            energy[m, n] += own
-        local = np.empty(3 * nodes)
-        for c in range(cells):
-            local[:] = 0.0
-            for q in range(samples):
-                weight = modulus[c, q]
-                for i in range(3 * nodes):
-                    local[i] += weight * flat[m, c, q, i]
-            for i in range(nodes):
-                free = numbers[c, i]
-                if free >= 0:
-                    for a in range(3):
-                        by_function[m, 3 * free + a] += local[3 * i + a]
+
+    begin: np.ndarray
+    cells: np.ndarray
+    table: np.ndarray
+    rows: np.ndarray
+    coupling: np.ndarray
+    energy: np.ndarray
+
+    def add(
+        self,
+        by_function: np.ndarray,
+        energy: np.ndarray,
+        first: int,
+        numbers: np.ndarray,
+        modulus: np.ndarray,
+    ) -> None:
+        """Add k to by_function (g, m, 3 f) and a to energy (g, m, m) for g presses from `first` on.
+
+        `numbers` (e, nodes) are the mesh's nodes among the free ones, -1 where held; `modulus` is
+        the table (rows, q).
+        """
+        _couple(by_function, energy, first, numbers, modulus, *self)
+
+    def add_energies(
+        self, samples: np.ndarray, nodes: np.ndarray, fields: np.ndarray, amplitude: np.ndarray
+    ) -> None:
+        """Add near-field energies, doubled and for E = 1, to the modulus samples (j, rows, q).
+
+        From the finite element part `fields` (j, n, 3) m and the `amplitude` (j, m) of the
+        functions; `nodes` (e, nodes) are the mesh's cells.
+        """
+        _add_energies(samples, nodes, fields, amplitude, *self)
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
-def add_energies(samples, cells, nodes, field, amplitude, parts, part_energy):
-    """Add a press's near-field energy, doubled and for E = 1, to each modulus sample (e, q).
-
-    Of `cells` (c,) with `nodes` (c, nodes), from the finite element part `field` (n, 3) m and the
-    `amplitude` (m,) of the near-field functions; `parts`, `part_energy` as in `couple`.
-    """
-    count, size, shape = len(amplitude), 3 * nodes.shape[1], parts.shape
-    flat = parts.reshape(shape[0], shape[1], shape[2], size)
-    for c in numba.prange(len(cells)):
+def _couple(
+    by_function, energy, first, numbers, modulus, begin, cells, table, rows, coupling, energies
+):
+    """Sum as `CellIntegrals.add` says."""
+    kinds, count, samples, nodes, _ = coupling.shape
+    size = 3 * nodes
+    flat = coupling.reshape(kinds, count, samples, size)
+    for i in numba.prange(len(by_function)):
         local = np.empty(size)
-        for i in range(nodes.shape[1]):
-            for a in range(3):
-                local[3 * i + a] = field[nodes[c, i], a]
-        for q in range(shape[2]):
-            value = 0.0
+        for t in range(begin[first + i], begin[first + i + 1]):
+            row, weights, free = rows[t], modulus[table[t]], numbers[cells[t]]
             for m in range(count):
-                mixed = 0.0
-                for i in range(size):
-                    mixed += flat[m, c, q, i] * local[i]
-                own = 0.0
                 for n in range(count):
-                    own += amplitude[n] * part_energy[m, n, c, q]
-                value += amplitude[m] * (2 * mixed + own)
-            samples[cells[c], q] += value
+                    own = 0.0
+                    for q in range(samples):
+                        own += weights[q] * energies[row, m, n, q]
+                    energy[i, m, n] += own
+                local[:] = 0.0
+                for q in range(samples):
+                    weight = weights[q]
+                    for a in range(size):
+                        local[a] += weight * flat[row, m, q, a]
+                for k in range(nodes):
+                    if free[k] >= 0:
+                        for a in range(3):
+                            by_function[i, m, 3 * free[k] + a] += local[3 * k + a]
 
 
-@numba.njit(cache=True)
-def scatter(by_function, numbers, vectors):
-    """Add vectors (c, m, nodes, 3) of cells to by_function (m, 3 f); numbers as in `couple`."""
-    for c in range(numbers.shape[0]):
-        for i in range(numbers.shape[1]):
-            free = numbers[c, i]
-            if free < 0:
-                continue
-            for m in range(by_function.shape[0]):
+@numba.njit(cache=True, fastmath=True, parallel=True)
+def _add_energies(samples, nodes, fields, amplitude, begin, cells, table, rows, coupling, energies):
+    """Sum as `CellIntegrals.add_energies` says."""
+    kinds, count, per_cell, corners, _ = coupling.shape
+    size = 3 * corners
+    flat = coupling.reshape(kinds, count, per_cell, size)
+    for j in numba.prange(len(samples)):
+        local = np.empty(size)
+        for t in range(begin[j], begin[j + 1]):
+            row, own_nodes = rows[t], nodes[cells[t]]
+            for k in range(corners):
                 for a in range(3):
-                    by_function[m, 3 * free + a] += vectors[c, m, i, a]
+                    local[3 * k + a] = fields[j, own_nodes[k], a]
+            for q in range(per_cell):
+                value = 0.0
+                for m in range(count):
+                    mixed = 0.0
+                    for a in range(size):
+                        mixed += flat[row, m, q, a] * local[a]
+                    own = 0.0
+                    for n in range(count):
+                        own += amplitude[j, n] * energies[row, m, n, q]
+                    value += amplitude[j, m] * (2 * mixed + own)
+                samples[j, table[t], q] += value

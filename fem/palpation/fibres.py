@@ -17,7 +17,6 @@ less apt the more E_f exceeds E.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numba
@@ -28,6 +27,7 @@ from fem.errors import MeshError
 from fem.linear.assembly import Stiffness
 from fem.near_field.enrichment import (
     Neighbourhood,
+    cell_integrals,
     linear_derivatives,
     neighbourhood,
     nodal_fields,
@@ -36,6 +36,7 @@ from fem.near_field.enrichment import (
     square,
 )
 from fem.near_field.moments import pair_moments
+from fem.near_field.sums import CellIntegrals
 
 #: The pairs of (e_11, e_22, 2 e_12) whose products `Response.fibre_moments` integrates.
 PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)])
@@ -91,18 +92,20 @@ def plane_of(direction: np.ndarray) -> np.ndarray:
     return np.array([direction, helper / np.linalg.norm(helper)])
 
 
-@dataclass(frozen=True)
-class PlanePart:
-    """In-plane strains e (3) of a press's near-field functions, split over the modulus samples.
+class PlaneParts(NamedTuple):
+    """In-plane strains e (3) of near-field functions, split over the modulus samples.
+
+    Cells that lie alike under their tips share a row (`fem.near_field.reuse`).
 
     Attributes
     ----------
-    cells : (c,)
-    mixed : (m, 3, c, q, 4) integrals of each with a cell's lambda_b
-    products : (m, 3, m, 3, c, q) integrals of their products
+    cells, rows : for each press (c,), its cells, and their rows in the arrays
+    mixed : (n, m, 3, q, 4) integrals of each with a cell's lambda_b
+    products : (n, m, 3, m, 3, q) integrals of their products
     """
 
-    cells: np.ndarray
+    cells: list[np.ndarray]
+    rows: list[np.ndarray]
     mixed: np.ndarray
     products: np.ndarray
 
@@ -126,7 +129,7 @@ class FibrePlane:
         self._derivatives = linear_derivatives(stiffness.mesh.order)
         self._samples = stiffness.rule[0]
         self._gradients = stiffness.gradients @ plane.T  # (e, 4, 2)
-        self.parts: list[PlanePart] = []
+        self.parts: PlaneParts | None = None
         if near_field:
             self.parts = _plane_parts(stiffness, contacts, plane)
 
@@ -152,24 +155,26 @@ class FibrePlane:
         strain = np.empty((len(weights), 3, 4))
         _strain_products(result, strain, nodal @ self.plane.T, stiffness.mesh.cells,
                          self._derivatives, self._gradients, self._samples, weights)  # fmt: skip
-        if self.parts:
-            part = self.parts[j]
-            _add_near_products(result, strain, part.cells, amplitude, part.mixed, part.products)
+        parts = self.parts
+        if parts is not None:
+            _add_near_products(result, strain, parts.cells[j], parts.rows[j], amplitude,
+                               parts.mixed, parts.products)  # fmt: skip
         return result.reshape(-1, len(PAIRS))
 
-    def near(
-        self, j: int, direction: np.ndarray, by_cell: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Parts of k (c, m, nodes, 3) and a (m, m) by fibres of modulus by_cell (e, q)."""
-        part = self.parts[j]
+    def near(self, direction: np.ndarray) -> CellIntegrals:
+        """Return the parts of k and a by fibres of modulus 1 at each sample."""
+        parts = self.parts
+        assert parts is not None
         projection = _projection(self.plane @ direction)
-        local = by_cell[part.cells]
-        energy = np.einsum("cq,s,t,msltcq->ml", local, projection, projection, part.products,
+        energy = np.einsum("s,t,nmsltq->nmlq", projection, projection, parts.products,
                            optimize=True)  # fmt: skip
-        along = self.stiffness.gradients[part.cells] @ direction
-        coupling = np.einsum("cq,s,mscqb,ivb,cv,a->cmia", local, projection, part.mixed,
+        _, first = np.unique(np.concatenate(parts.rows), return_index=True)
+        cells = np.concatenate(parts.cells)[first]  # one of each kind
+        along = self.stiffness.gradients[cells] @ direction
+        coupling = np.einsum("s,nmsqb,ivb,nv,a->nmqia", projection, parts.mixed,
                              self._derivatives, along, direction, optimize=True)  # fmt: skip
-        return coupling, energy
+        integrals = np.ascontiguousarray(coupling), np.ascontiguousarray(energy)
+        return cell_integrals(parts.cells, parts.rows, integrals)
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
@@ -205,8 +210,8 @@ def _strain_products(out, strain, u, cells, derivatives, gradients, samples, wei
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
-def _add_near_products(out, strain, cells, amplitude, mixed, products):
-    """Add the near field's part of `_strain_products`; see `PlanePart`."""
+def _add_near_products(out, strain, cells, rows, amplitude, mixed, products):
+    """Add the near field's part of `_strain_products`; see `PlaneParts`."""
     count = len(amplitude)
     for k in numba.prange(len(cells)):
         along = np.empty((3, 4))
@@ -215,7 +220,7 @@ def _add_near_products(out, strain, cells, amplitude, mixed, products):
                 for b in range(4):
                     along[s, b] = 0.0
                     for m in range(count):
-                        along[s, b] += amplitude[m] * mixed[m, s, k, q, b]
+                        along[s, b] += amplitude[m] * mixed[rows[k], m, s, q, b]
             for pair in range(len(PAIRS)):
                 s, t = PAIRS[pair]
                 value = 0.0
@@ -224,11 +229,11 @@ def _add_near_products(out, strain, cells, amplitude, mixed, products):
                     value += along[t, b] * strain[cells[k], s, b]
                 for m in range(count):
                     for n in range(count):
-                        value += amplitude[m] * amplitude[n] * products[m, s, n, t, k, q]
+                        value += amplitude[m] * amplitude[n] * products[rows[k], m, s, n, t, q]
                 out[cells[k], q, pair] += value
 
 
-def _plane_parts(stiffness: Stiffness, contacts: Contacts, plane: np.ndarray) -> list[PlanePart]:
+def _plane_parts(stiffness: Stiffness, contacts: Contacts, plane: np.ndarray) -> PlaneParts:
     surface = PressedSurface(stiffness.mesh)
     presses = range(len(contacts))
     places = [neighbourhood(stiffness, surface, contacts, j) for j in presses]
@@ -237,14 +242,14 @@ def _plane_parts(stiffness: Stiffness, contacts: Contacts, plane: np.ndarray) ->
         return _plane_part(stiffness, contacts.profile_code, places[j], which, plane)
 
     cells = [place.cells for place in places]
-    found = over_all(places, stiffness.mesh, cells, of_press, (2, 4))
-    return [PlanePart(cells[j], *found[j]) for j in presses]
+    found = over_all(places, stiffness.mesh, cells, of_press)
+    return PlaneParts(cells, found.rows, *found.arrays)
 
 
 def _plane_part(
     stiffness: Stiffness, profile: int, place: Neighbourhood, which: np.ndarray, plane: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `mixed` and `products` of `PlanePart` for some of a press's cells."""
+    """Return `mixed` and `products` of `PlaneParts` for some of a press's cells."""
     mesh, nu = stiffness.mesh, stiffness.poisson_ratio
     frame, local, cells, shape, radius = place
     cells = cells[which]
@@ -268,7 +273,8 @@ def _plane_part(
     products = np.einsum("qa,cmslta->msltcq", basis, pairs, optimize=True)
     products -= cross + cross.transpose(2, 3, 0, 1, 4, 5)
     products += np.einsum("cq,mscq,ltcq->msltcq", volumes, at_points, at_points, optimize=True)
-    return exact - own, products
+    mixed, products = np.moveaxis(exact - own, 2, 0), np.moveaxis(products, 4, 0)
+    return np.ascontiguousarray(mixed), np.ascontiguousarray(products)
 
 
 def _strain_projection(plane: np.ndarray) -> np.ndarray:

@@ -32,7 +32,6 @@ from fem.linear.support import Support, first_order_rest
 from fem.mesh.mesh import Mesh
 from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field.points import FUNCTIONS
-from fem.near_field.sums import couple, scatter
 from fem.palpation.constrained_body import LARGE, ConstrainedBody
 from fem.palpation.fibres import FibrePlane, Fibres, checked_fibres, plane_of
 from fem.palpation.response import Response
@@ -114,7 +113,7 @@ class PalpationModel:
         self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
         self.stiffness = self._bonded.stiffness
         self._plane: FibrePlane | None = None
-        self.enrichments: list[Enrichment] = []
+        self.enrichment: Enrichment | None = None
         #: cells around the tips, with modulus samples of their own (`fem.linear.modulus_samples`)
         self.close_cells = np.zeros(0, int)
         if near_field and contacts.profile != "nodal":
@@ -124,13 +123,9 @@ class PalpationModel:
                     pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
                 )
             self.close_cells = close_cells(mesh, places)
-            self.enrichments = enrich(
+            self.enrichment = enrich(
                 self.stiffness, surface, contacts, self._weights, places, self.close_cells
             )
-        #: rows of `Material.close` that belong to each press
-        self.close_rows = [
-            np.searchsorted(self.close_cells, part.close.cells) for part in self.enrichments
-        ]
 
     def on(self, mesh: Mesh) -> PalpationModel:
         """Return the same model on another mesh."""
@@ -138,7 +133,7 @@ class PalpationModel:
             mesh,
             self.stiffness.poisson_ratio,
             self.contacts,
-            near_field=bool(self.enrichments),
+            near_field=self.enrichment is not None,
             solver=self._solver,
             support=self.support,
             skin_surface=self._skin_surface,
@@ -213,7 +208,7 @@ class PalpationModel:
         if not support.bonded:
             springs = body.foundation.effective(support.normal, support.tangential, modulus)
             body.foundation.add(values, springs)
-        if self.enrichments:
+        if self.enrichment is not None:
             compliance, field, amplitude = self._enriched(body, material, values)
         else:
             field = body.solve(values)
@@ -282,30 +277,25 @@ class PalpationModel:
         self, stiffness: Stiffness, material: Material
     ) -> Iterator[tuple[slice, NearFields]]:
         """Near fields in groups of presses, so that memory does not grow with their number."""
-        modulus, fibres = material.modulus, material.fibres
-        by_cell = modulus.reshape(-1, stiffness.samples)
+        enrichment = self.enrichment
+        if enrichment is None:
+            return
+        by_cell = material.modulus.reshape(-1, stiffness.samples)
+        integrals = [(part, by_cell) for part in enrichment.ordinary]
+        integrals.append((enrichment.close, material.close.values))
+        if material.fibres is not None:
+            direction, strength = material.fibres
+            along = self.fibre_plane(direction).near(direction)
+            integrals.append((along, np.reshape(strength, by_cell.shape)))
         m = FUNCTIONS
-        for first in range(0, len(self.enrichments), _GROUP):
-            parts = self.enrichments[first : first + _GROUP]
-            by_function = np.zeros((len(parts), m, 3 * len(stiffness.free_nodes)))
-            energy = np.zeros((len(parts), m, m))
-            for i, part in enumerate(parts):
-                local = np.ascontiguousarray(by_cell[part.cells])
-                numbers = stiffness.free_cells[part.cells]
-                couple(by_function[i], energy[i], numbers, local, part.coupling, part.energy)
-                cells, *near = part.close
-                local = material.close.values[self.close_rows[first + i]]
-                couple(by_function[i], energy[i], stiffness.free_cells[cells], local, *near)
-                if fibres is not None:
-                    plane = self.fibre_plane(fibres.direction)
-                    strength = np.reshape(fibres.modulus_pa, by_cell.shape)
-                    more, own = plane.near(first + i, fibres.direction, strength)
-                    energy[i] += own
-                    numbers = stiffness.free_cells[plane.parts[first + i].cells]
-                    scatter(by_function[i], numbers, more)
-            load = np.array([part.load for part in parts])
+        for first in range(0, len(enrichment.load), _GROUP):
+            load = enrichment.load[first : first + _GROUP]
+            by_function = np.zeros((len(load), m, 3 * len(stiffness.free_nodes)))
+            energy = np.zeros((len(load), m, m))
+            for part, table in integrals:
+                part.add(by_function, energy, first, stiffness.free_cells, table)
             near = NearFields(by_function.transpose(2, 0, 1), energy, load)
-            yield slice(first, first + len(parts)), near
+            yield slice(first, first + len(load)), near
 
     def fibre_plane(self, direction: np.ndarray) -> FibrePlane:
         """Return a plane that holds the direction: the last one used, if it does."""
@@ -316,7 +306,9 @@ class PalpationModel:
     def plane(self, plane: np.ndarray) -> FibrePlane:
         """Return the effect of fibres in a plane (2, 3), kept until another plane is asked for."""
         if self._plane is None or not np.array_equal(self._plane.plane, plane):
-            self._plane = FibrePlane(self.stiffness, self.contacts, plane, bool(self.enrichments))
+            self._plane = FibrePlane(
+                self.stiffness, self.contacts, plane, self.enrichment is not None
+            )
         return self._plane
 
 

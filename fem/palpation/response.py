@@ -16,7 +16,6 @@ import numpy as np
 
 from fem.linear.modulus_samples import CLOSE_SAMPLES
 from fem.near_field.enrichment import sample_basis
-from fem.near_field.sums import add_energies
 from fem.palpation.fibres import HORIZONTAL
 from fem.palpation.skin import Skin
 
@@ -56,17 +55,15 @@ class Response:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
-        presses = len(nodal)
-        spare = 0 if self.model.enrichments else presses  # else they come behind the close samples
+        presses, enrichment = len(nodal), self.model.enrichment
+        spare = presses if enrichment is None else 0  # else they come behind the close samples
         result = stiffness.energies(nodal, self.model.close_cells, spare)
         by_press = nodal
-        if self.model.enrichments:  # by press in memory, as they are read and added to
+        if enrichment is not None:  # by press in memory, as they are read and added to
             result, by_press = np.ascontiguousarray(result), np.ascontiguousarray(nodal)
-        for j, part in enumerate(self.model.enrichments):
-            nodes = stiffness.mesh.cells[part.cells]
-            by_cell = result[j].reshape(-1, stiffness.samples)
-            add_energies(by_cell, part.cells, nodes, by_press[j], self.amplitude[j],
-                         part.coupling, part.energy)  # fmt: skip
+            by_cell = result.reshape(presses, -1, stiffness.samples)
+            for part in enrichment.ordinary:
+                part.add_energies(by_cell, stiffness.mesh.cells, by_press, self.amplitude)
         np.negative(result, out=result)
         skin, own = self._material.skin, len(stiffness.points_m)
         by_local = np.zeros((presses, presses))
@@ -75,7 +72,7 @@ class Response:
             np.fill_diagonal(by_local, -near.value / self._material.local**2)
             for j, field in enumerate(nodal):
                 result[j, :own] -= skin.stretch_m * self._body.membrane.energies(field)
-        if not self.model.enrichments:
+        if enrichment is None:
             result[:, own:] = by_local
             return result
         close = self._material.close.by_asked(self._close_energies(nodal, by_press))
@@ -89,10 +86,9 @@ class Response:
         mesh = self.model.mesh
         result = self._body.stiffness.close_energies(nodal, self.model.close_cells)
         result = np.ascontiguousarray(result)
-        for j, part in enumerate(self.model.enrichments):
-            cells, *near = part.close
-            add_energies(result[j], self.model.close_rows[j], mesh.cells[cells], by_press[j],
-                         self.amplitude[j], *near)  # fmt: skip
+        if self.model.enrichment is not None:
+            close = self.model.enrichment.close
+            close.add_energies(result, mesh.cells, by_press, self.amplitude)
         return result
 
     @cached_property

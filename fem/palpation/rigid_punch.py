@@ -112,7 +112,7 @@ def _under(
     nodal = np.zeros((len(disc), len(nodes)))
     values = shape_functions(under.barycentric, mesh.order)
     np.add.at(nodal, (np.arange(len(disc))[:, None], place.reshape(values.shape)), values)
-    if not len(model.enrichments):
+    if model.enrichment is None:
         return nodes, nodal, np.zeros((len(disc), 0))
     nu, shape = model.stiffness.poisson_ratio, contact_shape(surface, centre, frame, radius)
     local = (mesh.nodes[nodes] - centre) @ frame.T

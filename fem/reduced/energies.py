@@ -69,9 +69,9 @@ def forces(model: PalpationModel, material: Material, fields: Fields) -> Fields:
 
 def loads(model: PalpationModel) -> Fields:
     """Return the unit loads of every press, (3 f, j) and (j, m)."""
-    own = [part.load for part in model.enrichments]
-    count = len(model.contacts)
-    return Fields(model._bonded.loads, np.array(own) if own else np.zeros((count, 0)))
+    none = np.zeros((len(model.contacts), 0))
+    own = none if model.enrichment is None else model.enrichment.load
+    return Fields(model._bonded.loads, own)
 
 
 def dual_norm_squared(model: PalpationModel, reference: Material, residual: Fields) -> np.ndarray:

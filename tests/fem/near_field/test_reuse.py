@@ -47,17 +47,19 @@ def test_of_presses_on_a_regular_grid_few_cells_are_computed():
     def compute(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
         asked.extend((j, c) for c in which)
         nodes = local[j][which]
-        return nodes.sum(axis=(1, 2)), np.array([nodes[:, 0, 0], nodes[:, 1, 1]])
+        return nodes.sum(axis=(1, 2)), np.column_stack([nodes[:, 0, 0], nodes[:, 1, 1]])
 
     # Presses 0 and 1 alike but for rounding, 2 has some of their cells, 3 another frame
     local = [cell, cell + 1e-17, cell[[3, 1]], cell[:2], cell[:0]]
     kinds = [b"a", b"a", b"a", b"b", b"a"]
-    found = shared(local, kinds, np.full(5, 0.005), compute, (0, 1))
+    found = shared(local, kinds, np.full(5, 0.005), compute)
     assert sorted(asked) == [(0, c) for c in range(5)] + [(3, 0), (3, 1)]
-    for nodes, (sums, some) in zip(local, found, strict=True):
+    assert [len(array) for array in found.arrays] == [7, 7]
+    for nodes, rows in zip(local, found.rows, strict=True):
+        sums, some = (array[rows] for array in found.arrays)
         assert_allclose(sums, nodes.sum(axis=(1, 2)))
-        assert_array_equal(some.shape, (2, len(nodes)))
-        assert_allclose(some[1], nodes[:, 1, 1])
+        assert_array_equal(some.shape, (len(nodes), 2))
+        assert_allclose(some[:, 1], nodes[:, 1, 1])
 
 
 def test_where_all_cells_differ_each_press_computes_its_own():
@@ -68,14 +70,15 @@ def test_where_all_cells_differ_each_press_computes_its_own():
         calls.append((j, which.tolist()))
         return (local[j][which].sum(axis=(1, 2)),)
 
-    found = shared(local, [b""] * 4, np.ones(4), compute, (0,))
+    found = shared(local, [b""] * 4, np.ones(4), compute)
     assert sorted(calls) == [(j, [0, 1, 2]) for j in range(4)]
-    for nodes, (sums,) in zip(local, found, strict=True):
-        assert_allclose(sums, nodes.sum(axis=(1, 2)))
+    for nodes, rows in zip(local, found.rows, strict=True):
+        assert_allclose(found.arrays[0][rows], nodes.sum(axis=(1, 2)))
 
 
 def test_a_body_without_cells_to_share_is_none():
     empty = np.empty((0, 4, 3))
-    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,), (0,),
+    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,),
                    most_different=-1.0)  # fmt: skip
-    assert [len(array) for (array,) in found] == [0, 0]
+    assert [len(rows) for rows in found.rows] == [0, 0]
+    assert len(found.arrays[0]) == 0

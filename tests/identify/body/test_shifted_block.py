@@ -57,7 +57,7 @@ def test_the_models_of_the_body_elsewhere_are_made_like_that_of_the_body_as_stat
         mesh, 0.45, contacts, near_field=False, solver=solver, skin_surface="x0"
     )
     moved = ShiftedBlock(stated, None).coarse_at((0.001, 0.0))
-    assert not moved.enrichments
+    assert moved.enrichment is None
     assert moved._solver is solver
     assert moved._skin_surface == "x0"
 

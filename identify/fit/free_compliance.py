@@ -31,6 +31,7 @@ from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, judge
 from identify.measurement.model import EffectInModel, effect_values
 from identify.measurement.noise import Noise
+from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
 
@@ -218,7 +219,7 @@ class FreeCompliance:
             nonlocal log_c
             values = effect_values(parts, u)
             log_c, judged, columns = self._eliminate(chain, parts, u, values, log_c)
-            r = judged.residual_m / judged.sigma_m
+            r = self._white(judged, judged.residual_m)
             latest.clear()
             latest[u.tobytes()] = FreeComplianceFit(
                 tuple(parts), values, self.readings.press, np.exp(log_c), r, judged.residual_m,
@@ -262,9 +263,9 @@ class FreeCompliance:
             c = np.exp(log_c)
             e = self.unit_compliance / c
             judged = judge(chain, c, e, self.displacement_m, self.noise, values)
-            r = judged.residual_m / judged.sigma_m
+            r = self._white(judged, judged.residual_m)
             by_c, by_e = chain.by_body(c, e, judged.latent_force_n, values)
-            own = (by_c * c[press] - by_e * e[press]) / judged.sigma_m
+            own = self._white(judged, by_c * c[press] - by_e * e[press])
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
             step = np.clip(np.bincount(press, own * r, presses) / square, -most, most)
             if not np.isfinite(step).all():
@@ -273,11 +274,16 @@ class FreeCompliance:
                 break
             log_c = log_c + step
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
-        columns = columns / judged.sigma_m[:, None]
+        columns = self._white(judged, columns)
         for k in range(columns.shape[1]):
             share = np.bincount(press, own * columns[:, k], presses) / square
             columns[:, k] -= own * share[press]
         return np.log(c), judged, columns
+
+    def _white(self, judged: Judged, change_m: np.ndarray) -> np.ndarray:
+        """Whiten changes (m,) or (m, q) by the noise and the error of first touch."""
+        errors = touch_errors(self.noise.touch_m, judged.sigma_m)
+        return decorrelated((change_m.T / judged.sigma_m).T, errors, self.readings.press)
 
     def _columns(
         self,

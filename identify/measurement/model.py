@@ -28,6 +28,7 @@ from identify.map.parameters import Parameter, ParameterSpace
 from identify.measurement.chain import Chain, judge
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.noise import Noise
+from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.result import InadmissibleError
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
@@ -91,8 +92,8 @@ class Linearised:
     jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
         scaled unknowns
     rms_m : root mean square of measured less predicted displacement
-    map_error : (m,) derivative of the whitened prediction by ln C of the reading's press, times
-        the map's relative error of it
+    shared_errors : (m, 2) change of the whitened prediction by one standard deviation of each error
+        that the readings of a press share: of the map (by ln C) and of first touch
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
     body : compliances and their derivatives
     values : parameters of the effects, by effect and name
@@ -104,7 +105,7 @@ class Linearised:
     residual: np.ndarray
     jacobian: np.ndarray
     rms_m: float
-    map_error: np.ndarray
+    shared_errors: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
     body: BodyResponse
@@ -118,39 +119,7 @@ class Linearised:
 
     def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
-        map_error, sigma = self.map_error, self.sigma_m
-        return decorrelated((change_m.T / sigma).T, map_error, press)
-
-
-def decorrelated(x: np.ndarray, map_error: np.ndarray, press: np.ndarray) -> np.ndarray:
-    """Apply the inverse root of I + e e', e the map error, press by press to x (m,) or (m, k).
-
-    Exact: along e it is 1/sqrt(1 + |e|^2), across it 1.
-    """
-    return _scaled_along(x, map_error, press, -0.5)
-
-
-def correlated(x: np.ndarray, map_error: np.ndarray, press: np.ndarray) -> np.ndarray:
-    """Undo `decorrelated`.
-
-    >>> x, e, press = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.0, 2.0]), np.array([0, 0, 1])
-    >>> correlated(decorrelated(x, e, press), e, press).round(9)
-    array([1., 2., 3.])
-    """
-    return _scaled_along(x, map_error, press, 0.5)
-
-
-def _scaled_along(
-    x: np.ndarray, map_error: np.ndarray, press: np.ndarray, power: float
-) -> np.ndarray:
-    """Multiply the part of x along e, press by press, by (1 + |e|^2)^power."""
-    square = np.bincount(press, map_error**2)
-    if not square.any():
-        return x
-    gain = ((1 + square) ** power - 1) / np.maximum(square, 1e-300)
-    wide = x if x.ndim == 2 else x[:, None]
-    along = np.column_stack([np.bincount(press, map_error * column) for column in wide.T])
-    return (wide + map_error[:, None] * (gain[:, None] * along)[press]).reshape(x.shape)
+        return decorrelated((change_m.T / self.sigma_m).T, self.shared_errors, press)
 
 
 @dataclass(frozen=True)
@@ -267,7 +236,7 @@ class MeasurementModel:
     @property
     def is_linear(self) -> bool:
         """Whether d = C F with the noise alone, so that two rows a press suffice."""
-        return not (self.effects or self.chain.nonlinear or self.press_error)
+        return not (self.effects or self.chain.nonlinear or self.press_error or self.noise.touch_m)
 
     def evaluate(self, u: np.ndarray) -> Compressed | Linearised:
         """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
@@ -314,14 +283,15 @@ class MeasurementModel:
             first += len(part.parameters)
         press = self.readings.press
         map_error = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
+        shared = np.hstack([map_error[:, None], touch_errors(self.noise.touch_m, sigma)])
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=decorrelated(residual / sigma, map_error, press),
-            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], map_error, press),
+            residual=decorrelated(residual / sigma, shared, press),
+            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], shared, press),
             rms_m=float(np.sqrt(np.mean(residual**2))),
-            map_error=map_error,
+            shared_errors=shared,
             by_compliance=by_c,
             by_modulus=by_e,
             body=body,

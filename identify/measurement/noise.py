@@ -23,15 +23,24 @@ _POINTS = 4  # of a third difference
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of displacement (m) and force (N), each given or estimated."""
+    """Standard deviation of displacement (m) and force (N), each given or estimated.
+
+    `touch_m` is that of a press's depth of first touch, an error which its readings share.
+    """
 
     displacement_m: float
     force_n: float
     displacement_estimated: bool = False
     force_estimated: bool = False
+    touch_m: float = 0.0
 
     def __post_init__(self) -> None:
         values = (self.displacement_m, self.force_n)
+        if not (np.isfinite(self.touch_m) and self.touch_m >= 0):
+            raise InputError(
+                f"the noise's touch_m must be a number >= 0, found {self.touch_m}: it is the "
+                "standard deviation of the depth of first touch in m"
+            )
         if not all(np.isfinite(v) and v >= 0 for v in values) or max(values) == 0:
             raise InputError(
                 "the noise must be two numbers >= 0, not both zero, found "
@@ -49,6 +58,7 @@ def scan_noise(
     scan: Scan,
     displacement_m: float | None = None,
     force_n: float | None = None,
+    touch_m: float = 0.0,
     settings: NoiseSettings = NOISE,
 ) -> Noise:
     """Return the noise as given, with a None estimated from the scan's smooth ramps.
@@ -57,7 +67,7 @@ def scan_noise(
     An estimate is at least a millionth of the column's rms, so that weights stay finite.
     """
     if displacement_m is not None and force_n is not None:
-        return Noise(displacement_m, force_n)
+        return Noise(displacement_m, force_n, touch_m=touch_m)
     d, f, compliance = _differences(scan)
     least = settings.least_differences
     if len(d) < least:
@@ -75,6 +85,7 @@ def scan_noise(
         max(np.sqrt(max(variance_f, 0.0)), floor_f) if force_n is None else force_n,
         displacement_m is None,
         force_n is None,
+        touch_m,
     )
 
 

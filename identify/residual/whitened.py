@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.fit.result import FitResult
+from identify.measurement import Noise
 from models import InputError, Scan
 
 
@@ -100,6 +101,20 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
         residual_m=fit.residual_m,
         sigma_m=fit.sigma_m,
         force_n=fit.latent_force_n,
-        absorbed=derivative / fit.sigma_m[:, None],
+        absorbed=with_touch(
+            derivative / fit.sigma_m[:, None], rows.press_index, fit.sigma_m, fit.noise
+        ),
         noise_estimated=fit.noise.estimated,
     )
+
+
+def with_touch(
+    absorbed: np.ndarray, press: np.ndarray, sigma_m: np.ndarray, noise: Noise
+) -> np.ndarray:
+    """Return absorbed directions (m, k + j), an offset of each press among them if its touch errs.
+
+    What an uncertain first touch shifts is no structure of the residual.
+    """
+    if not noise.touch_m:
+        return absorbed.copy()
+    return np.hstack([absorbed, (press[:, None] == np.arange(press.max() + 1)) / sigma_m[:, None]])

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from identify.effects.base import Effect
 from identify.fit.cross_validation import CrossValidation, cross_validate
 from identify.fit.result import FitResult
-from identify.measurement.model import correlated
+from identify.measurement.shared_error import correlated
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.whitened import Whitened
+from identify.residual.whitened import Whitened, with_touch
 from identify.select.diagnosis import Diagnosis, diagnose
 from identify.select.settings import SELECTION, SelectionSettings
 from models import Scan
@@ -48,12 +48,15 @@ def step_of(
 
 def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
     """Return the whitened residual of a joint fit for `compare_residual`."""
+    press = fit.model.readings.press
+    # The comparison knows the noise alone, not an error of the map (`press_error`)
+    absorbed = correlated(fit.at.jacobian, fit.at.shared_errors, press)
+    absorbed = with_touch(absorbed, press, fit.at.sigma_m, fit.model.noise)
     return Whitened(
         scan=scan.used(),
         residual_m=fit.residual_m,
         sigma_m=fit.at.sigma_m.copy(),
         force_n=fit.at.latent_force_n.copy(),
-        # The comparison knows the noise alone, not an error of the map (`press_error`)
-        absorbed=correlated(fit.at.jacobian, fit.at.map_error, fit.model.readings.press).copy(),
+        absorbed=absorbed,
         noise_estimated=fit.model.noise.estimated,
     )

@@ -57,7 +57,9 @@ def open_study(
     return Experiment(
         placement.scan,
         build_body_model(study, used),
-        scan_noise(used, study.noise.displacement_m, study.noise.force_n),
+        scan_noise(
+            used, study.noise.displacement_m, study.noise.force_n, study.noise.touch_m or 0.0
+        ),
         MapGuess(
             study.map.inclusions, in_body_frame(study.map.initial), in_body_frame(study.map.fixed)
         ),

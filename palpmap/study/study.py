@@ -91,6 +91,7 @@ class Noise(Table):
 
     displacement_m: Positive | None = None
     force_n: Positive | None = None
+    touch_m: Positive | None = None
 
 
 class Map(Table):
@@ -292,6 +293,7 @@ def _check_units(path: Path, study: Study) -> None:
     lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
     lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
     lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]
+    lengths += [("noise.touch_m", study.noise.touch_m or 0.0, LARGEST_NOISE_M)]
     for table in ("initial", "fixed"):
         for name, value in getattr(study.map, table).items():
             if name.endswith("_m"):

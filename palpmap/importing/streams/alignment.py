@@ -1,4 +1,4 @@
-"""The clocks of force and pose brought together: a rough offset, then the lag to a millisecond.
+"""The clocks of force and pose brought together roughly.
 
 The sign: a positive offset is added to the pose's clock to get the force's; the force then lags.
 """
@@ -9,24 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from models import InputError
 from palpmap.importing.streams.stream import Stream
 
 GRID_S = 0.01
 SMOOTHED_S = 0.02
-LAG_SMOOTHED_S = 0.08
-CORNER_S, CORNER = 0.08, 0.7  # a change of speed by this share in twice this time is a corner
-CLOSE_S, LOOSE_S = 1.0e-3, 5.0e-3  # what the force's law adds to the lag's error
 NEAR_STEP_S = 0.02
 SHARED_S = 0.5  # two sensors of one clock are never further apart
 NEARLY = 0.9  # of the best correlation: two offsets this close cannot be separated
-FURTHEST_S, SEARCH_STEP_S = 0.16, 0.004
-TRIMMED_S = 0.08  # of both ends of a contact, where lag and touch mix
-RELAXATION_S = (0.1, 0.3, 1.0, 4.0)
-CONTACT_SHARE = 0.1  # of a press's travel: below it the touch itself disturbs
 
 
 @dataclass(frozen=True)
@@ -155,167 +146,3 @@ def smooth(values: np.ndarray, time: np.ndarray, width_s: float = SMOOTHED_S) ->
     """Return the moving mean over a width in time, (m,)."""
     step = float(np.median(np.diff(time)))
     return smoothed(values[:, None], 2 * int(width_s / step / 2) + 1)[:, 0]
-
-
-@dataclass(frozen=True)
-class Lag:
-    """Correction of the pose's clock beyond the rough offset.
-
-    Attributes
-    ----------
-    lag_s : at `middle_s`
-    rate : seconds of lag gained in a second: the clocks' difference in speed, 0 if not seen
-    middle_s : of the recording, on the pose's clock
-    error_s : standard deviation of the lag
-    presses : number of presses that determine it
-    has_corners : whether the tip stops and starts sharply, which fixes the lag within some 2 ms
-    """
-
-    lag_s: float
-    rate: float
-    middle_s: float
-    error_s: float
-    presses: int
-    has_corners: bool
-
-    def at(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the lag at times of the pose's clock, s."""
-        return self.lag_s + self.rate * (time_s - self.middle_s)
-
-
-def find_lag(
-    force_time: Sequence[np.ndarray],
-    force: Sequence[np.ndarray],
-    pose_time: Sequence[np.ndarray],
-    travel: Sequence[np.ndarray],
-) -> Lag | None:
-    """Estimate the lag between force and travel from all presses; None if no press shows it.
-
-    In each press the force is taken to be a smooth function of travel, other while the tip goes
-    out than while it goes in, plus its relaxation at four rates: a body's own viscosity is thus
-    not mistaken for a lag, unless it relaxes faster than in 0.1 s. The lag is where the sum of
-    squares is least; corners of the motion decide it.
-
-    Parameters
-    ----------
-    force_time, force : of each press, s and N, contact only
-    pose_time, travel : of each press, s and m, from before the touch; even steps
-    """
-    middles, lags, errors = [], [], []
-    for tf, f, tp, x in zip(force_time, force, pose_time, travel, strict=True):
-        found = _press_lag(tf, f, tp, x)
-        if found is not None:
-            middles.append(tf.mean())
-            lags.append(found[0])
-            errors.append(found[1])
-    if not lags:
-        return None
-    middle, lag, error = map(np.array, (middles, lags, errors))
-    error = np.hypot(error, 0.3 * np.median(error))
-    kept = np.ones(len(lag), dtype=bool)
-    centre = float(middle.mean())
-    design = np.column_stack([np.ones(len(lag)), middle - centre])
-    line = np.zeros(2)
-    for _ in range(4):
-        columns = design if np.sum(kept) >= 6 else design[:, :1]
-        weighted = columns[kept] / error[kept, None]
-        line[:] = 0
-        line[: columns.shape[1]] = np.linalg.lstsq(weighted, lag[kept] / error[kept], rcond=None)[0]
-        off = lag - design @ line
-        spread = 1.4826 * np.median(np.abs(off[kept])) + 1e-5
-        kept = np.abs(off) < 4 * spread
-    scale = spread / np.sqrt(np.sum(kept))
-    rate_error = spread / np.sqrt(np.sum((middle[kept] - centre) ** 2) + 1e-12)
-    if abs(line[1]) < 5 * rate_error or abs(line[1]) * np.ptp(middle) < 1e-3:
-        line[:] = float(np.average(lag[kept], weights=error[kept] ** -2)), 0.0
-    sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
-    corners = float(np.median(sharp)) > CORNER
-    total = float(np.hypot(scale, CLOSE_S if corners else LOOSE_S))
-    return Lag(float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), corners)
-
-
-def _sharpest(time: np.ndarray, travel: np.ndarray) -> float:
-    """Return the largest change of speed within twice `CORNER_S`, by the largest speed."""
-    speed = np.gradient(smooth(travel, time, LAG_SMOOTHED_S), time)
-    apart = max(1, round(CORNER_S / float(np.median(np.diff(time)))))
-    inside = travel > CONTACT_SHARE * travel.max()
-    inside[: 2 * apart] = inside[-2 * apart :] = False
-    if not inside.any():
-        return 0.0
-    change = np.zeros(len(speed))
-    change[apart:-apart] = np.abs(speed[2 * apart :] - speed[: -2 * apart])
-    return float(change[inside].max() / np.quantile(np.abs(speed), 0.95))
-
-
-def _press_lag(
-    force_time: np.ndarray, force: np.ndarray, pose_time: np.ndarray, travel: np.ndarray
-) -> tuple[float, float] | None:
-    """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
-    # both alike; a pose's remaining noise would make the force seem to lead
-    travel = smooth(travel, pose_time, LAG_SMOOTHED_S)
-    force = smooth(force, force_time, LAG_SMOOTHED_S)
-    free, relaxing = _bases(pose_time, travel)
-    basis = np.hstack([free, relaxing])
-    inside = travel > CONTACT_SHARE * travel.max()
-    first, last = pose_time[inside][[0, -1]] if inside.any() else (0.0, 0.0)
-    used = (force_time > first + TRIMMED_S) & (force_time < last - TRIMMED_S)
-    tf, f = force_time[used], force[used]
-    if len(tf) < 4 * basis.shape[1]:
-        return None
-
-    def squares(lags: np.ndarray) -> np.ndarray:
-        return np.array(
-            [_residual(_at(tf - lag, pose_time, basis), f, free.shape[1]) for lag in lags]
-        )
-
-    wide = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S, 2 * SEARCH_STEP_S)
-    k = int(squares(wide).argmin())
-    if not 1 <= k < len(wide) - 1:
-        return None
-    lags = wide[k] + SEARCH_STEP_S * np.arange(-3, 4)
-    near = squares(lags)
-    k = int(np.clip(near.argmin(), 2, 4))
-    curve = np.polyfit(lags[k - 2 : k + 3], near[k - 2 : k + 3], 2)
-    if curve[0] <= 0:
-        return None
-    best = float(np.clip(-curve[1] / (2 * curve[0]), lags[k - 1], lags[k + 1]))
-    variance = near[k] / (len(tf) - basis.shape[1])
-    return best, float(np.sqrt(variance / curve[0]))
-
-
-def _bases(time: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Functions of travel, (p, 7), and of its past, (p, r), that a press's force is made of.
-
-    The latter relax; a body gives them only positive weights. Negative ones would make a lag.
-    """
-    x = np.maximum(travel, 0.0) / travel.max()
-    top = int(x.argmax())
-    going_out = np.zeros(len(x))
-    going_out[top:] = x.max() - x[top:]
-    free = [np.ones(len(x)), x, x**2, x**3, going_out, going_out**2, going_out**3]
-    step = float(np.median(np.diff(time)))
-    relaxing = [
-        lfilter([1.0], [1.0, -np.exp(-step / tau)], np.diff(power, prepend=power[0]))
-        for tau in RELAXATION_S
-        for power in (x, x**2)
-    ]
-    return np.column_stack(free), np.column_stack(relaxing)
-
-
-def _at(time: np.ndarray, grid: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    at = np.clip((time - grid[0]) / (grid[1] - grid[0]), 0, len(basis) - 1.000001)
-    k = at.astype(int)
-    part = (at - k)[:, None]
-    return basis[k] * (1 - part) + basis[k + 1] * part
-
-
-def _residual(columns: np.ndarray, force: np.ndarray, free: int) -> float:
-    """Least sum of squares, the columns behind the first `free` with weights of at least zero."""
-    q, _ = np.linalg.qr(columns[:, :free])
-    rest, f = columns[:, free:], force - q @ (q.T @ force)
-    rest = rest - q @ (q.T @ rest)
-    scale = np.sqrt(np.sum(rest**2, axis=0)) + 1e-12
-    rest = rest / scale
-    factor = np.linalg.cholesky(rest.T @ rest + 1e-9 * np.eye(rest.shape[1]))
-    y = np.linalg.solve(factor, rest.T @ f)
-    return float(f @ f - y @ y + nnls(factor.T, y)[1] ** 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from models import InputError, Scan
 from palpmap.importing.mapping.columns import matrices, numbers, rotated
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.alignment import GRID_S, Lag, find_lag, rough_offset, smooth
+from palpmap.importing.streams.alignment import GRID_S, rough_offset, smooth
 from palpmap.importing.streams.contact import Contact, SpoiltPress, find_contact
+from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.press import CutPress, Window, cut_press, window_of
 from palpmap.importing.streams.spans import way_into_body
 from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
@@ -21,6 +23,9 @@ from palpmap.importing.streams.weight import without_weight
 ONE_DIRECTION_DEG = 2.0
 FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
+SAME_PLACE_M = 1.0e-3
+SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
+UNRECOVERED = 0.03  # of the travel before: how deep the surface may still lie, one deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +116,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         ]
         stated = _common_direction(touching, said)
     presses, left_out, free = _cut_all(force, pose, spans, mean_direction, stated, rig)
+    presses = _unrecovered(presses, said)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -296,6 +302,25 @@ def _another(
         for part in around
         if _rise(force, part, direction) > FELT * press.force_n.max()
     ]
+
+
+def _unrecovered(presses: Sequence[CutPress], said: list[str]) -> list[CutPress]:
+    """Widen the touch's error of presses soon after another at the same place."""
+    found = list(presses)
+    for k, (before, press) in enumerate(pairwise(presses), start=1):
+        rest = press.touch_s - before.release_s
+        apart = float(np.linalg.norm(press.point_m - before.point_m))
+        if apart > SAME_PLACE_M or rest > SOON * (before.release_s - before.touch_s):
+            continue
+        sunk = UNRECOVERED * float(before.displacement_m.max())
+        error = float(np.hypot(press.touch_error_m, sunk))
+        found[k] = replace(press, touch_error_m=error)
+        said.append(
+            f"The press at {press.touch_s:.2f} s follows another at the same place after "
+            f"{rest:.2g} s: the body may not have recovered, so its depth of first touch is known "
+            f"to {1e3 * error:.2g} mm only."
+        )
+    return found
 
 
 def _without_weak(presses: Sequence[CutPress]) -> tuple[list[CutPress], list[tuple[float, str]]]:

@@ -22,8 +22,12 @@ SIDEWAYS_M = 1.0e-3
 SIDEWAYS = 0.2  # of the stroke
 LONGEST_GAP_S = 0.1
 LONGEST_GAP = 0.08  # of the contact
-HOLD_SMOOTHED_S = 0.06
+HOLD_SMOOTHED_S, HOLD_SMOOTHED = (
+    0.06,
+    0.1,
+)  # at least; of the way in: noise of the speed stops no tip
 STILL = 0.25  # of the speed on the way in or out: slower, the tip holds
+LEFT = 0.03  # of the travel: so far out, the hold is over
 ROUGH_FIT = 0.05  # of the largest force: the way in is no smooth curve
 JUMP = 0.15  # of the largest force, between before and after
 
@@ -195,7 +199,8 @@ def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
     ----------
     time, travel : (m,) of the contact, s and m
     """
-    even = smooth(travel, time, HOLD_SMOOTHED_S)
+    ramp = time[int(np.flatnonzero(smooth(travel, time) > 0.5 * travel.max())[0])] - time[0]
+    even = smooth(travel, time, max(HOLD_SMOOTHED_S, HOLD_SMOOTHED * 2 * ramp))
     speed = np.gradient(even, time)
     deep = np.flatnonzero(even > 0.5 * even.max())
     going_in, going_out = int(deep[0]), int(deep[-1])
@@ -207,6 +212,9 @@ def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
     last = int(still[-1]) + 1 if len(still) else 0
     if last - first < 2:  # no hold: the way in ends where it is deepest
         first = last = int(even.argmax()) + 1
+    else:  # a tip that starts softly has left long before it is fast
+        high = np.flatnonzero(even[:last] > np.quantile(even[first:last], 0.9) - LEFT * even.max())
+        last = max(int(high[-1]) + 1, first + 2)
     return slice(first, last)
 
 

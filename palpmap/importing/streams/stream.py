@@ -18,6 +18,7 @@ FROZEN_ROWS = 5
 SELDOM = 0.05  # share of equal neighbours below which a run of them is a frozen sensor
 JUMP_NOISE = 8.0  # standard deviations of a sample: a re-tare, in one step
 WINDOW = 12  # samples on either side of a jump
+BESIDE, ALONE = 4, 2.5  # a jump is so much larger than the steps of so many samples on either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +200,9 @@ def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
         stays = after - before
         k = int(np.argmax(np.abs(stays) / noise))
         same = np.abs(step[i] - stays) < 0.4 * np.abs(stays) + 3 * noise
-        if np.abs(stays[k]) > 0.6 * JUMP_NOISE * noise[k] and same[k]:
+        beside = np.abs(np.concatenate([step[i - BESIDE : i, k], step[i + 1 : i + 1 + BESIDE, k]]))
+        alone = np.abs(step[i, k]) > ALONE * beside.max()  # a tip that leaves fast is no jump
+        if np.abs(stays[k]) > 0.6 * JUMP_NOISE * noise[k] and same[k] and alone:
             jumps.append((float(force.time_s[i + 1]), float(np.linalg.norm(stays))))
             offset[i + 1 :] += stays
     return Stream(force.time_s, values - offset, force.gaps), jumps

@@ -7,8 +7,8 @@ import pytest
 
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
-from palpmap.importing.streams.alignment import Lag
 from palpmap.importing.streams.cutting import cut_stream
+from palpmap.importing.streams.lag import Lag
 from tests.palpmap.importing.raw_streams import RIG, draw, faults
 
 QUICK, ALL = range(20), range(500)

@@ -1,0 +1,61 @@
+"""Errors that all readings of a press share: of the map, and of the depth of first touch.
+
+Beside their noise the whitened readings of a press then have the covariance I + E E', where E has
+a column for each shared error.
+"""
+
+import numpy as np
+
+
+def decorrelated(x: np.ndarray, errors: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Apply the inverse root of I + E E', press by press.
+
+    Parameters
+    ----------
+    x : (m,) or (m, k) whitened by the noise
+    errors : (m, r) whitened readings' change by one standard deviation of each shared error
+    press : (m,) index of each reading's press
+    """
+    return _scaled_along(x, errors, press, -0.5)
+
+
+def correlated(x: np.ndarray, errors: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Undo `decorrelated`.
+
+    >>> x, press = np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1])
+    >>> errors = np.array([[0.5, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    >>> correlated(decorrelated(x, errors, press), errors, press).round(9)
+    array([1., 2., 3.])
+    """
+    return _scaled_along(x, errors, press, 0.5)
+
+
+def touch_errors(touch_m: float, sigma_m: np.ndarray) -> np.ndarray:
+    """Return the column (m, 1) of an error of first touch: the same length in all readings."""
+    return (touch_m / sigma_m)[:, None]
+
+
+def _scaled_along(x: np.ndarray, errors: np.ndarray, press: np.ndarray, power: float) -> np.ndarray:
+    """Multiply x by (I + E E')^power, press by press: I + E V ((1 + w)^power - 1)/w V' E'.
+
+    w and V are the eigenvalues and eigenvectors of E'E.
+    """
+    errors = errors[:, np.any(errors != 0, axis=0)]
+    if not errors.size:
+        return x
+    square = _sums(errors[:, :, None] * errors[:, None, :], press)
+    value, vector = np.linalg.eigh(square)
+    value = np.maximum(value, 1e-300)
+    gain = (vector * (np.expm1(power * np.log1p(value)) / value)[:, None, :]) @ np.swapaxes(
+        vector, 1, 2
+    )
+    wide = x if x.ndim == 2 else x[:, None]
+    along = gain @ _sums(errors[:, :, None] * wide[:, None, :], press)
+    return (wide + np.einsum("mr,mrk->mk", errors, along[press])).reshape(x.shape)
+
+
+def _sums(values: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Return the sums over each press of values (m, r, k), (j, r, k)."""
+    flat = values.reshape(len(values), -1)
+    sums = np.column_stack([np.bincount(press, column) for column in flat.T])
+    return sums.reshape(-1, *values.shape[1:])

@@ -41,7 +41,7 @@ def _scaled_along(x: np.ndarray, errors: np.ndarray, press: np.ndarray, power: f
     w and V are the eigenvalues and eigenvectors of E'E.
     """
     errors = errors[:, np.any(errors != 0, axis=0)]
-    if not errors.size:
+    if not (errors.size and x.size):
         return x
     square = _sums(errors[:, :, None] * errors[:, None, :], press)
     value, vector = np.linalg.eigh(square)

@@ -69,7 +69,7 @@ class Imported:
         scan_file = folder / f"scan.{form}"
         write_scan(self.scan, scan_file)
         try:
-            write_study(_study(self.rig, scan_file, folder), study_file)
+            write_study(_study(self, scan_file, folder), study_file)
             study = load_study(study_file)
             place_scan(read_scan(scan_file, study.study.units_checked), study)
         except ValueError:
@@ -223,10 +223,13 @@ def put_on_surface(scan: Scan, body: Body, largest_m: float) -> tuple[Scan, str]
     return scan.replace(point_m=closest[scan.press_index]), said
 
 
-def _study(rig: Rig, scan_file: Path, folder: Path) -> Study:
+def _study(made: Imported, scan_file: Path, folder: Path) -> Study:
+    rig = made.rig
     assert rig.body  # `Rig.needed` asks
     assert rig.probe
-    body = rig.body
+    body, noise = rig.body, rig.noise
+    if made.cut is not None and noise.touch_m is None:
+        noise = noise.model_copy(update={"touch_m": made.cut.touch_error_m})
     if body.file is not None:
         copy = folder.resolve() / body.file.name
         if copy != body.file.resolve():
@@ -241,7 +244,7 @@ def _study(rig: Rig, scan_file: Path, folder: Path) -> Study:
         study=About(name=rig.name, scan=scan_file.resolve()),  # pyright: ignore[reportCallIssue]
         body=body,
         probe=rig.probe,
-        noise=rig.noise,
+        noise=noise,
         map=rig.map,
     )
 
@@ -255,7 +258,7 @@ def _commented(text: str, made: Imported) -> str:
         "[study]": f"# Made by palpmap import from {names}; import.md says what was found.",
         "[body]": "# The body, as the mapping states it: size, file and origin_m in m.",
         "[probe]": "# The tip.",
-        "[noise]": "# One standard deviation of each reading.",
+        "[noise]": "# One standard deviation of each reading, and of the depth of first touch.",
         "[map]": '# Number of inclusions, or "auto".',
     }
     lines = []

@@ -23,9 +23,10 @@ from palpmap.importing.streams.weight import without_weight
 ONE_DIRECTION_DEG = 2.0
 FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
+LAW = 0.006  # of the travel: what the unknown law of the force adds to the touch's error
 SAME_PLACE_M = 1.0e-3
 SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
-UNRECOVERED = 0.03  # of the travel before: how deep the surface may still lie, one deviation
+UNRECOVERED = 0.05  # of the travel before: how deep the surface may still lie, one deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,12 @@ class Cut:
     lag: Lag | None
     offset_s: float
     said: tuple[str, ...]
+
+    @property
+    def touch_error_m(self) -> float:
+        """Standard deviation of the depth of first touch, rms over the presses, to two digits."""
+        error = np.sqrt(np.mean([press.touch_error_m**2 for press in self.presses]))
+        return float(f"{error:.1e}")
 
     def scan(self, radius_m: float) -> Scan:
         """Return the scan of all presses; times count from the stream's begin."""
@@ -116,7 +123,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         ]
         stated = _common_direction(touching, said)
     presses, left_out, free = _cut_all(force, pose, spans, mean_direction, stated, rig)
-    presses = _unrecovered(presses, said)
+    presses = _unrecovered([_widened(press, lag) for press in presses], said)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -302,6 +309,18 @@ def _another(
         for part in around
         if _rise(force, part, direction) > FELT * press.force_n.max()
     ]
+
+
+def _widened(press: CutPress, lag: Lag | None) -> CutPress:
+    """Add to the touch's error those of the lag, times the speed, and of the law of the force."""
+    load = press.phase == "load"
+    if not load.any():
+        return press
+    travel, last = float(press.displacement_m[load][-1]), float(press.time_s[load][-1])
+    speed = travel / max(last - press.touch_s, GRID_S)
+    late = lag.error_s * speed if lag else 0.0
+    error = np.sqrt(press.touch_error_m**2 + late**2 + (LAW * travel) ** 2)
+    return replace(press, touch_error_m=float(error))
 
 
 def _unrecovered(presses: Sequence[CutPress], said: list[str]) -> list[CutPress]:

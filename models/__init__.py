@@ -4,6 +4,7 @@ from models.arm import LINKS, PROBE_LENGTH_M, REACH_M, SCENE_XML, SHOULDER_M
 from models.catalogue import Catalogue
 from models.errors import InputError
 from models.press_program import PressProgram, grid_program, read_program
+from models.replaced import replaced
 from models.scan import Scan
 from models.scan_checks import PHASES, nearest
 from models.scan_file import read_scan, write_scan
@@ -29,6 +30,7 @@ __all__ = [
     "nearest",
     "read_program",
     "read_scan",
+    "replaced",
     "scan_findings",
     "stack_scans",
     "thinned",

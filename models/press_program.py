@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from models.errors import InputError
+from models.replaced import replaced
 
 NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
 OPTIONAL = ("unload_s", "pause_s")
@@ -170,7 +171,8 @@ def write_program(program: PressProgram, path: str | os.PathLike[str]) -> None:
     names = [field.name for field in fields(program)]
     rows = np.column_stack([getattr(program, name) for name in names])
     text = "\n".join([",".join(names), *(",".join(f"{v:.9g}" for v in row) for row in rows)])
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    with replaced(path) as beside:
+        beside.write_text(text + "\n", encoding="utf-8")
 
 
 def read_program(path: str | os.PathLike[str], seed: int = 0) -> PressProgram:

@@ -15,6 +15,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from models.errors import InputError
+from models.replaced import replaced
 from models.scan import Scan
 from models.scan_checks import (
     DIRECTION,
@@ -90,9 +91,8 @@ def write_scan(scan: Scan, path: str | os.PathLike[str]) -> None:
     """
     path = Path(path)
     write = _by_ending(path, {".csv": _write_csv, ".parquet": _write_parquet})
-    beside = path.with_name(path.name + ".part")
-    write(_table_from_scan(scan), beside)
-    beside.replace(path)
+    with replaced(path) as beside:
+        write(_table_from_scan(scan), beside)
 
 
 def _by_ending(path: Path, forms: dict):

@@ -3,6 +3,7 @@
 Results go to stdout, progress and errors to stderr, so that `palpmap ... --json | jq` works.
 """
 
+import errno
 import functools
 import json
 import os
@@ -114,8 +115,9 @@ def complain(sentence: str) -> None:
 def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
     """Wrap a command: what it returns or raises becomes sentence and exit code.
 
-    True or None: 0. False (a criterion failed): 1. Bad input, mesh or solver errors: one sentence,
-    2. Ctrl-C: 130. Anything else is a fault of the program and keeps its traceback.
+    True or None: 0. False (a criterion failed): 1. Bad input, mesh or solver errors, a full or
+    read-only disk, too little memory: one sentence, 2. Ctrl-C: 130. Anything else is a fault of the
+    program and keeps its traceback.
     """
 
     @functools.wraps(command)
@@ -129,6 +131,17 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
                 raise
             complain(str(error))
             raise typer.Exit(BAD_INPUT) from error
+        except OSError as error:
+            if error.errno == errno.EPIPE:  # `palpmap ... | head`
+                raise
+            complain(_of_the_disk(error))
+            raise typer.Exit(BAD_INPUT) from error
+        except MemoryError as error:
+            complain(
+                "the memory is used up; make the body smaller (body.size_m), the cells larger "
+                "(body.cell_size_m), or use fewer presses"
+            )
+            raise typer.Exit(BAD_INPUT) from error
         except KeyboardInterrupt as error:
             folder = getattr(error, "folder", None)
             where = f", run folder is readable: {folder}" if folder else ""
@@ -138,6 +151,25 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
             raise typer.Exit(FAILED_CRITERION)
 
     return answered
+
+
+_CURES = {
+    errno.ENOSPC: "free some space, or write to another disk",
+    errno.EDQUOT: "free some space, or write to another disk",
+    errno.EFBIG: "free some space, or write to another disk",
+    errno.EROFS: "choose another place for the files that are written",
+    errno.EACCES: "change its permissions, or choose another file or folder",
+    errno.EPERM: "change its permissions, or choose another file or folder",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+
+
+def _of_the_disk(error: OSError) -> str:
+    """Return the system's words about a file as a sentence with a cure."""
+    path = "" if error.filename is None else f"{error.filename}: "
+    reason = error.strerror or str(error)
+    cure = _CURES.get(error.errno or 0, "check the path and the disk")
+    return f"{path}cannot be read or written ({reason}); {cure}"
 
 
 def _is_for_the_user(error: ValueError) -> bool:

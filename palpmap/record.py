@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
-from models import InputError
+from models import InputError, replaced
 
 SCHEMA = 1
 
@@ -38,11 +38,9 @@ class FileRecord(Record):
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the record as JSON; the file is replaced in one step."""
-        path = Path(path)
-        beside = path.with_name(path.name + ".part")
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
-        beside.write_text(text + "\n", encoding="utf-8")
-        beside.replace(path)
+        with replaced(path) as beside:
+            beside.write_text(text + "\n", encoding="utf-8")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:

@@ -4,11 +4,11 @@ import importlib.util
 import inspect
 import os
 import sys
-import traceback
 from pathlib import Path
 from types import ModuleType
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.catalogue.guarded import guard_methods, guarded
 from identify.effects.base import Effect
 from identify.effects.hook import hook_fault
 from models import InputError
@@ -56,18 +56,14 @@ def _executed(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses and pickle look there
     try:
-        spec.loader.exec_module(module)
-    except SyntaxError as error:
-        raise InputError(f"{path}, line {error.lineno}: {error.msg}") from error
-    except (Exception, SystemExit) as error:
-        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if _is(f, path)]
-        where = f", line {lines[-1]}" if lines else ""
-        raise InputError(f"{path}{where}: {type(error).__name__}: {error}") from error
+        with guarded(path, "the file"):
+            spec.loader.exec_module(module)
+    except InputError as error:
+        if isinstance(error.__cause__, SyntaxError):
+            fault = error.__cause__
+            raise InputError(f"{path}, line {fault.lineno}: {fault.msg}") from fault
+        raise
     return module
-
-
-def _is(frame: traceback.FrameSummary, path: Path) -> bool:
-    return Path(frame.filename) == path
 
 
 def _instance(kind: type[Effect], path: Path) -> Effect:
@@ -82,10 +78,6 @@ def _instance(kind: type[Effect], path: Path) -> Effect:
             f"{path}: {kind.__name__} is called '{kind.name}', as a built-in effect is; "
             "give it another name"
         )
-    try:
+    guard_methods(kind, path)
+    with guarded(path, f"{kind.__name__}(), made without arguments,"):
         return kind()
-    except Exception as error:
-        raise InputError(
-            f"{path}: {kind.__name__}() fails with {type(error).__name__}: {error}; "
-            "an effect is made without arguments"
-        ) from error

@@ -11,6 +11,7 @@ from identify.fit.search import FitIteration
 from identify.json_record import read_json_record
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise
+from models import replaced
 
 SCHEMA = 1
 
@@ -38,7 +39,8 @@ def write_fit(fit: FitResult, path: str | Path) -> None:
         else:
             content[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
     text = json.dumps(content, indent=1, allow_nan=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    with replaced(path) as beside:
+        beside.write_text(text + "\n", encoding="utf-8")
 
 
 def read_fit(path: str | Path) -> FitResult:

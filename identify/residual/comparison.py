@@ -8,6 +8,7 @@ from typing import Any
 from identify.json_record import read_json_record
 from identify.residual.per_press import PressResidual
 from identify.residual.simple_laws import LawMatch
+from models import replaced
 
 SCHEMA = 1
 
@@ -142,7 +143,9 @@ class Comparison:
 
     def write(self, path: Path) -> None:
         """Write the record as JSON."""
-        path.write_text(json.dumps(self.to_dict(), indent=1, allow_nan=False), encoding="utf-8")
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        with replaced(path) as beside:
+            beside.write_text(text, encoding="utf-8")
 
 
 def read_comparison(path: Path) -> Comparison:

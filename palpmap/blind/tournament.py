@@ -19,7 +19,7 @@ from threading import Thread
 import numpy as np
 from pydantic import JsonValue
 
-from models import InputError, read_program
+from models import InputError, read_program, replaced
 from palpmap.blind.further_presses import press_further
 from palpmap.blind.records import AnswerRecord, AtFirstRecord, TrialLine
 from palpmap.blind.score import map_errors, score_blind
@@ -172,9 +172,8 @@ def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, Tri
             continue
         done[game.number], kept[game.number] = game, line
     whole = "".join(f"{line}\n" for line in kept.values())
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(whole, encoding="utf-8")
-    beside.replace(path)
+    with replaced(path) as beside:
+        beside.write_text(whole, encoding="utf-8")
     return done
 
 

@@ -49,10 +49,14 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
         after = before.with_effect(name)
     fit, target = after.step.fit, next_version(study)
     files = {e.name: path for e, path in zip(own, effects, strict=True)}
-    version_of(experiment.study, fit, target, files)
     earns = fit.bic < before.step.fit.bic
     problem = before.problem
-    _record(study, target, name, before.step, after.step, problem)
+    version_of(experiment.study, fit, target, files)
+    try:
+        _record(study, target, name, before.step, after.step, problem)
+    except OSError:  # a version that the history does not know would be in the way
+        target.unlink(missing_ok=True)
+        raise
     found = parameters_of(after.step, problem, fit.parameters)
     steps = [step_record(before.step), step_record(after.step)]
     old = parameters_of(before.step, problem)

@@ -6,6 +6,7 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from models import replaced
 from palpmap.figures.curves import draw_convergence, draw_curves, draw_measured
 from palpmap.figures.map import draw_map, draw_uncertainty
 from palpmap.figures.residual import draw_along, draw_places, draw_tests
@@ -40,6 +41,7 @@ def save_figures(pictures: dict[str, bytes], folder: Path) -> tuple[Path, ...]:
     paths = []
     for name, picture in pictures.items():
         path = folder / f"{name}.png"
-        path.write_bytes(picture)
+        with replaced(path) as beside:
+            beside.write_bytes(picture)
         paths.append(path)
     return tuple(paths)

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from models import replaced
 from palpmap import units
 from palpmap.figures.style import DPI
 from palpmap.result.tables import Table
@@ -90,9 +91,8 @@ def write_page(path: Path, template: str, **content: Any) -> None:
     All texts are escaped. `content["pictures"]` are PNG files by name.
     """
     page = _environment().get_template(template).render(content)
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(page, encoding="utf-8")
-    beside.replace(path)
+    with replaced(path) as beside:
+        beside.write_text(page, encoding="utf-8")
 
 
 @cache

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identify.design import Assessment, BetterScans, Presses, Proposal
+from models import replaced
 from palpmap.result.records import ExplainRecord, NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
@@ -121,7 +122,7 @@ def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:
 
     Where the scan has no rows of holding or unloading, the press still has to do so.
     """
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replaced(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for j in range(len(presses)):

@@ -3,12 +3,18 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
 Side = Literal["x0", "x1", "y0", "y1"]  # of a block, where x or y is 0 or greatest
+
+
+def _edge(value: float) -> float:
+    if not 1e-6 <= value <= 1e3:
+        raise ValueError("an edge from 1e-6 to 1000 m")
+    return value
 
 
 def _three(value: Any) -> Any:
@@ -32,7 +38,9 @@ def _path(value: Any) -> Any:
 
 
 Point = Annotated[tuple[Real, Real, Real], BeforeValidator(_three)]
-Size = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_three)]
+
+Edge = Annotated[Positive, AfterValidator(_edge)]
+Size = Annotated[tuple[Edge, Edge, Edge], BeforeValidator(_three)]
 File = Annotated[Path, BeforeValidator(_path)]
 
 

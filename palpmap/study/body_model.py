@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +20,8 @@ if TYPE_CHECKING:
 
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
+MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
+BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
 REFINEMENT = 1.5
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
@@ -36,6 +41,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     fem.errors.MeshError
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
+    refuse_too_large(study.body, len(scan.press_ids))
     contacts, note = contacts_of(scan, study.probe.tip == "sphere")
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
@@ -88,12 +94,15 @@ def cell_size_m(body: Body) -> float:
     """
     if body.cell_size_m is None:
         cells = COARSE_CELLS if body.size_m is not None else SURFACE_EDGES[0] ** 3
-        return float(np.cbrt(_volume(body) / cells))
-    if body.cell_size_m < smallest_cell_m(body):
+        chosen = float(np.cbrt(_volume(body) / cells))
+        _refuse_too_wide(body, chosen)
+        return chosen
+    if body.cell_size_m < (least := smallest_cell_m(body)):
+        _refuse_too_wide(body, min(least, _shortest_edge(body) / 2))
+        edges = np.cbrt(_volume(body)) / body.cell_size_m
         raise InputError(
-            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make "
-            f"{_volume(body) / body.cell_size_m**3:,.0f} cells of this body; expected at least "
-            f"{smallest_cell_m(body):.3g} m"
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make about "
+            f"{min(edges, 1e15) ** 3:,.4g} cells of this body; expected at least {least:.3g} m"
         )
     largest = _shortest_edge(body) / 2
     if body.cell_size_m > largest * (1 + 1e-9):
@@ -107,7 +116,56 @@ def cell_size_m(body: Body) -> float:
 
 def smallest_cell_m(body: Body) -> float:
     """Return the least size of cells with which can be computed, m."""
-    return float(f"{np.cbrt(_volume(body) / MOST_CELLS):.3g}")
+    cell_m = float(f"{np.cbrt(_volume(body) / MOST_CELLS):.3g}")
+    while _finer_cells(body, cell_m) > MOST_FINER_CELLS and cell_m < _shortest_edge(body):
+        cell_m = float(f"{1.02 * cell_m:.3g}")  # a thin body has three cells over its height
+    return cell_m
+
+
+def _finer_cells(body: Body, cell_m: float) -> int:
+    """Return the number of hexahedra of a block's finer mesh; 0 of a closed surface."""
+    if body.size_m is None:
+        return 0
+    return math.prod(_finer(block_divisions(body.size_m, cell_m)))
+
+
+def refuse_too_large(body: Body, presses: int) -> None:
+    """Refuse a body and a number of presses whose models need more memory than there is.
+
+    Raises
+    ------
+    InputError
+        The memory that is needed and the cure.
+    """
+    base, of_cell, of_press = BYTES
+    needed = base + of_cell * _finer_cells(body, cell_size_m(body)) + of_press * presses
+    there = _memory_bytes()
+    if needed > there:
+        raise InputError(
+            f"the models of {presses} presses need about {needed / 1e9:.1f} GB of memory, expected "
+            f"at most the {there / 1e9:.1f} GB of this machine; use fewer presses or larger cells "
+            "(body.cell_size_m)"
+        )
+
+
+def _memory_bytes() -> float:
+    """Return the memory of this machine, infinite where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return math.inf
+
+
+def _refuse_too_wide(body: Body, cell_m: float) -> None:
+    """Refuse a block so thin and wide that no cells of the right size fit into the memory."""
+    cells = _finer_cells(body, cell_m)
+    if cells > MOST_FINER_CELLS:
+        size = " x ".join(f"{edge:g}" for edge in body.size_m or ())
+        raise InputError(
+            f"study, key body.size_m: found {size} m, so thin that a mesh with three cells over "
+            f"its height would have {cells:,} cells, expected at most {MOST_FINER_CELLS:,}, as "
+            "many as fit into 4 GB of memory; state a smaller part of the body around the presses"
+        )
 
 
 def _volume(body: Body) -> float:
@@ -129,6 +187,10 @@ def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[i
     return [max(round(edge / cell_m), 3) for edge in size_m]
 
 
+def _finer(divisions: Sequence[int]) -> list[int]:
+    return [round(REFINEMENT * count) for count in divisions]
+
+
 def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
     """Return the mesh on which starts are tried; of a closed surface another would cost more."""
     if study.body.size_m is None:
@@ -142,8 +204,7 @@ def _meshes(study: Study) -> tuple[Mesh, Mesh]:
     cell_m = cell_size_m(study.body)
     if study.body.size_m is not None:
         coarse = block_divisions(study.body.size_m, cell_m)
-        finer = [round(REFINEMENT * count) for count in coarse]
-        return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, finer)
+        return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, _finer(coarse))
     from fem import tetrahedralize_surface
 
     surface = _surface(study.body)

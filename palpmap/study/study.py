@@ -4,7 +4,7 @@ import difflib
 import os
 import re
 import tomllib
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from models import InputError
+from models import InputError, replaced
 from palpmap.study.body import Body, File, Positive, Real, Table
 
 SCHEMA = 1
@@ -57,6 +57,8 @@ EFFECTS = (
     "breathing",
     "mesh_error",
 )
+MOST_INCLUSIONS = 100
+LARGEST_NUMBER = 1e12  # of pascals or metres: diamond has as many pascals
 INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 
 
@@ -108,9 +110,9 @@ class Map(Table):
     @field_validator("inclusions", mode="before")
     @classmethod
     def _number_or_auto(cls, value: Any) -> Any:
-        if value == "auto" or (type(value) is int and value >= 0):
+        if value == "auto" or (type(value) is int and 0 <= value <= MOST_INCLUSIONS):
             return value
-        raise ValueError('a whole number 0, 1, 2, ... or "auto"')
+        raise ValueError(f'a whole number from 0 to {MOST_INCLUSIONS}, or "auto"')
 
     @field_validator("initial", "fixed", mode="before")
     @classmethod
@@ -123,10 +125,13 @@ class Map(Table):
             inner = entry.items() if isinstance(entry, dict) else [("", entry)]
             flat |= {f"{key}.{name}" if name else key: number for name, number in inner}
         for name, number in flat.items():
-            if type(number) not in (int, float) or not isfinite(number):
-                raise ValueError(f"a number for '{name}', not {number!r}")
+            said = f"for '{name}', not {shortened(number)}"
+            if type(number) not in (int, float) or number != number or abs(number) == inf:
+                raise ValueError(f"a number {said}")
+            if abs(number) > LARGEST_NUMBER:
+                raise ValueError(f"a size up to {LARGEST_NUMBER:g} {said}")
             if name.endswith(("background_pa", "radius_m")) and number <= 0:
-                raise ValueError(f"a number greater than 0 for '{name}', not {number!r}")
+                raise ValueError(f"a number greater than 0 {said}")
         return flat
 
     @model_validator(mode="after")
@@ -152,6 +157,8 @@ class Map(Table):
                     f"'{name}' above minus the background, {-background:g} Pa, so that the "
                     f"modulus stays positive, not {value:g} Pa"
                 )
+        if self.inclusions != "auto" and len(self.fixed) == len(known):
+            raise ValueError("a parameter of the map that is free; remove one from [map.fixed]")
         return self
 
 
@@ -238,8 +245,13 @@ def load_study(path: str | os.PathLike[str]) -> Study:
             f"{path}: found the byte 0x{error.object[error.start]:02x} at position {error.start}, "
             "expected UTF-8 text; save the file as UTF-8"
         ) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError, or a number of too many digits
         raise InputError(f"{path}: found text that is not TOML: {error}; correct it") from error
+    except RecursionError as error:
+        raise InputError(
+            f"{path}: found brackets nested too deep to read, expected the tables of a study; "
+            "correct it"
+        ) from error
     about = tables.get("study")
     schema = about.get("schema", SCHEMA) if isinstance(about, dict) else SCHEMA
     if isinstance(schema, int) and schema > SCHEMA:
@@ -250,6 +262,10 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         study = Study.model_validate(tables)
     except ValidationError as error:
         raise InputError(fault_sentence(path, error, Study)) from error
+    except RecursionError as error:
+        raise InputError(
+            f"{path}: found tables nested too deep, expected those of a study; correct it"
+        ) from error
     if not study.study.units_checked:
         _check_units(path, study)
     folder = path.resolve().parent
@@ -283,7 +299,8 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
         if entry.file is not None:
             table["file"] = relative(entry.file)
     tables.setdefault("map", {})["inclusions"] = study.map.inclusions
-    Path(path).write_text(tomli_w.dumps(tables), encoding="utf-8")
+    with replaced(path) as beside:
+        beside.write_text(tomli_w.dumps(tables), encoding="utf-8")
 
 
 def _check_units(path: Path, study: Study) -> None:
@@ -346,6 +363,16 @@ def _nearest(name: str, known: list[str]) -> str:
     return f"; the nearest right one is '{match[0]}'" if match else ""
 
 
+def shortened(found: object) -> str:
+    """Return a value as it stands in a file, cut where it is long.
+
+    >>> shortened("a" * 200)[-8:]
+    'aaaaa...'
+    """
+    text = repr(found)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
 def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
     """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
     # A misspelt key is a missing one too: the misspelling explains more.
@@ -366,7 +393,7 @@ def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str
     elif isinstance(found, dict) or last == "effects":
         what = f"expected {expected}"
     else:
-        what = f"found {found!r}, expected {expected}"
+        what = f"found {shortened(found)}, expected {expected}"
         if fault["type"] == "literal_error":
             what += _nearest(str(found), re.findall("'([^']+)'", expected))
     others = len(faults) - 1

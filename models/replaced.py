@@ -1,0 +1,39 @@
+"""Files that are written whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+
+@contextmanager
+def replaced(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a path beside `path` to write to; at the end that file takes its place in one step.
+
+    A killed program leaves the old file or the new one. After an error the file beside is removed.
+
+    Raises
+    ------
+    OSError
+        The disk is full or read-only, ...; names `path`.
+
+    Examples
+    --------
+    >>> path = getfixture("tmp_path") / "study.toml"
+    >>> with replaced(path) as beside:
+    ...     length = beside.write_text("text")
+    >>> path.read_text()
+    'text'
+    """
+    path = Path(path)
+    beside = path.with_name(path.name + ".part")
+    try:
+        yield beside
+        beside.replace(path)
+    except BaseException as error:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        if isinstance(error, OSError):  # writing to a full disk does not say in which file
+            reason = error.strerror or str(error)
+            raise OSError(error.errno, reason, str(path)) from error
+        raise

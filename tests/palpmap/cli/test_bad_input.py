@@ -1,0 +1,132 @@
+"""Input and disks beyond all reason: one sentence, exit code 2, no file half written."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from models.errors import InputError
+from palpmap.__main__ import app
+from palpmap.study import body_model
+from palpmap.study.body import Body
+from palpmap.study.study import load_study
+from tests.paths import LAB, TESTS
+
+TWELVE = TESTS / "data" / "twelve_presses"
+FREE = "[map.initial]\nbackground_pa = 5200.0\n\n[map.fixed]"
+FIXED = "[map.fixed]\nbackground_pa = 5200.0"
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
+
+
+def refused(*words: object) -> str:
+    """Return the one sentence of a command that exits with 2."""
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 2, (done.output, done.exception)
+    assert "Traceback" not in done.output
+    return done.stderr.strip()
+
+
+@pytest.fixture
+def study(tmp_path) -> Path:
+    shutil.copytree(TWELVE, tmp_path / "study")
+    return tmp_path / "study" / "study.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (FREE, FIXED, "key map: expected a parameter of the map that is free"),
+        ("background_pa = 5200.0", "background_pa = 1e300", "a size up to 1e+12 for 'back"),
+        ("background_pa = 5200.0", f"background_pa = 1{'0' * 400}", "a size up to 1e+12 for 'back"),
+        ("background_pa = 5200.0", f"background_pa = 1{'0' * 9000}", "text that is not TOML"),
+        ("inclusions = 1", "inclusions = 10000000", "a whole number from 0 to 100, or"),
+        ("[body]", "[body]\ncell_size_m = 1e-110", "key body.cell_size_m: found 1e-110 m"),
+        ('name = "twelve_presses"', f"name = {'[' * 5000}{']' * 5000}", "nested too deep"),
+        ('name = "twelve_presses"', f"{'a.' * 3000}b = 1", "key study.a: unknown key"),
+        ('"scan.csv"', f'"{"a" * 300}.csv"', "cannot be read or written (File name too long)"),
+    ],
+)
+def test_a_study_beyond_all_reason_is_refused_in_a_sentence(study, old, new, says):
+    text = study.read_text()
+    assert old in text
+    study.write_text(text.replace(old, new))
+    said = refused("check", study)
+    assert says in said
+    assert len(said) < 1000
+
+
+def test_a_path_of_300_letters_is_refused(study):
+    long = study.parent / ("a" * 300)
+    for words in (("check", f"{long}.toml"), ("join", LAB / "case_a" / "scan.csv", f"{long}.csv",
+                   "--out", study.parent / "both.csv")):  # fmt: skip
+        assert "File name too long); choose a shorter name" in refused(*words)
+
+
+@pytest.mark.parametrize("size", [(0.9, 0.9, 0.0001), (0.3, 0.3, 0.002)])
+def test_a_body_too_thin_and_wide_for_the_memory_is_refused_before_it_is_meshed(size):
+    body = Body(shape="block", size_m=size, poisson_ratio=0.45)
+    with pytest.raises(InputError, match=r"body\.size_m: found 0\..* 4 GB of memory"):
+        body_model.cell_size_m(body)
+    with pytest.raises(InputError, match=r"body\.size_m: found 0\..* 4 GB of memory"):
+        body_model.cell_size_m(body.model_copy(update={"cell_size_m": size[2] / 3}))
+
+
+def test_cells_that_are_advised_are_never_refused():
+    for size in [(0.1, 0.1, 0.05), (0.2, 0.2, 0.005), (0.25, 0.18, 0.06), (0.1, 0.02, 0.02)]:
+        body = Body(shape="block", size_m=size, poisson_ratio=0.45)
+        least = body_model.smallest_cell_m(body)
+        if least <= min(size) / 2:
+            assert body_model.cell_size_m(body.model_copy(update={"cell_size_m": least})) == least
+
+
+def test_more_presses_than_the_memory_holds_are_refused_with_the_bytes(study, monkeypatch):
+    monkeypatch.setattr(body_model, "_memory_bytes", lambda: 8e9)
+    body = load_study(study).body
+    body_model.refuse_too_large(body, 400)
+    with pytest.raises(InputError, match=r"5000 presses need about 23\.\d GB .* the 8\.0 GB"):
+        body_model.refuse_too_large(body, 5000)
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
+from palpmap.__main__ import app
+app(sys.argv[2:])
+"""
+
+
+@posix
+def test_a_disk_that_is_full_leaves_no_half_written_scan(study):
+    scans = [LAB / name / "scan.csv" for name in ("case_a", "case_b")]
+    out = study.parent / "both.csv"
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, "4096", "join", *map(str, scans), "--pause", "60",
+         "--out", str(out)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    said = " ".join(done.stderr.split())
+    assert done.returncode == 2, said
+    assert re.search(r"both\.csv: cannot be read or written \(File too large\); free some", said)
+    assert not list(study.parent.glob("both*"))
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize(("command", "limit"), [("fit", 8000), ("add", 400)])
+def test_a_disk_that_is_full_stops_fit_and_add_in_a_sentence(study, command, limit):
+    before = {path.name: path.read_bytes() for path in study.parent.iterdir()}
+    words = {"fit": ["--out", str(study.parent / "run")], "add": ["contact_offset"]}[command]
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(limit), command, str(study), *words],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "cannot be read or written (File too large)" in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    files = {path.name: path.read_bytes() for path in study.parent.iterdir() if path.is_file()}
+    assert files == before

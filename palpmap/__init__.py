@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         scan,
     )
     from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
+    from palpmap.export.mujoco import load_mujoco
     from palpmap.importing.importing import Imported, import_recording
     from palpmap.study.body import Body
     from palpmap.study.study import Study
@@ -72,6 +73,7 @@ _HOMES = {
         "diagnose", "explain", "fit", "limits", "read_run", "scan",
     ),
     "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
+    "palpmap.export.mujoco": ("load_mujoco",),
     "palpmap.importing.importing": ("Imported", "import_recording"),
     "palpmap.study.body": ("Body",),
     "palpmap.study.study": ("Study",),
@@ -115,6 +117,7 @@ __all__ = [
     "import_recording",
     "join_scans",
     "limits",
+    "load_mujoco",
     "read_run",
     "read_scan",
     "read_study",

@@ -14,6 +14,7 @@ from palpmap.cli.demo import demo
 from palpmap.cli.diagnose import diagnose
 from palpmap.cli.effects import effects
 from palpmap.cli.explain import explain
+from palpmap.cli.export import export
 from palpmap.cli.fit import fit
 from palpmap.cli.import_ import import_
 from palpmap.cli.join import join
@@ -72,6 +73,7 @@ _COMMANDS = (
     check,
     join,
     import_,
+    export,
 )
 for _command in _COMMANDS:
     name = _command.__name__.rstrip("_").replace("_", "-")  # import is Python's own word

@@ -1,6 +1,6 @@
 """Contact of a tip with the surface: pressures, curvature, half-space, unilateral contact."""
 
-from fem.contact.contacts import PressedSurface
+from fem.contact.contacts import PressedSurface, contact_weights
 from fem.contact.half_space import half_space_matrix, patch_grid
 
-__all__ = ["PressedSurface", "half_space_matrix", "patch_grid"]
+__all__ = ["PressedSurface", "contact_weights", "half_space_matrix", "patch_grid"]

@@ -92,6 +92,15 @@ def load_mujoco(path: str | os.PathLike[str]) -> MjModel:
     ------
     InputError
         A file is missing, or the two do not belong together.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> from palpmap.export import export_run
+    >>> run = pm.read_run("tests/data/twelve_presses")
+    >>> path, _ = export_run(run, "mujoco", getfixture("tmp_path") / "body.xml")
+    >>> pm.load_mujoco(path).nflex
+    1
     """
     from mujoco import MjModel  # pyright: ignore[reportAttributeAccessIssue]
 

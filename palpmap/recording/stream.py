@@ -1,5 +1,6 @@
 """One .rrd file under construction: places on the timelines, flushes, layout."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import rerun.blueprint as rrb
 
 from palpmap.recording import entities as parts
 
+LONGEST_FLUSH_S = 20.0
 Log = Callable[..., None]
 """``log(entity, *archetypes)``, bound to a place on the timelines."""
 
@@ -22,6 +24,7 @@ class RecordingFile:
     """
 
     def __init__(self, path: Path, name: str) -> None:
+        self._path = path
         self.stream = rr.RecordingStream(parts.APPLICATION)
         rr.set_log_time_enabled(False, recording=self.stream)
         rr.set_log_tick_enabled(False, recording=self.stream)
@@ -57,10 +60,20 @@ class RecordingFile:
         self.stream.send_blueprint(blueprint)
 
     def flush(self) -> None:
-        """Hand all that was logged to the operating system."""
-        self.stream.flush()
+        """Hand all that was logged to the operating system.
+
+        Raises
+        ------
+        OSError
+            The disk is full, so that the writer has stopped; it does not always say so.
+        """
+        try:
+            self.stream.flush(timeout_sec=LONGEST_FLUSH_S)
+        except (RuntimeError, ValueError) as error:
+            reason = f"no answer from the disk: {str(error).splitlines()[0]}"
+            raise OSError(errno.EIO, reason, str(self._path)) from error
 
     def close(self) -> None:
         """Write the footer, which marks a whole recording."""
-        self.stream.flush()
+        self.flush()
         self.stream.disconnect()

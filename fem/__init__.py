@@ -14,7 +14,7 @@ from fem.mesh.block import block_mesh, paper_mesh
 from fem.mesh.checks import check_mesh
 from fem.mesh.mesh import Mesh, promote_to_tet10
 from fem.mesh.surface import Surface, check_surface, read_surface
-from fem.mesh.tetrahedralize import tetrahedralize_surface
+from fem.mesh.tetrahedralize import check_underside, tetrahedralize_surface
 from fem.palpation.fibres import Fibres, fibre_weights
 from fem.palpation.model import PalpationModel, Response
 from fem.palpation.richardson import RefinedModel
@@ -36,6 +36,7 @@ __all__ = [
     "block_mesh",
     "check_mesh",
     "check_surface",
+    "check_underside",
     "default_solver",
     "fibre_weights",
     "paper_mesh",

@@ -9,12 +9,13 @@ from models.scan import Scan
 from models.scan_checks import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
-from models.scan_quality import Doubt, scan_findings
+from models.scan_quality import OUTLYING, Doubt, scan_findings, without_outliers
 from models.thin import MOST_PRESSES, thinned
 
 __all__ = [
     "LINKS",
     "MOST_PRESSES",
+    "OUTLYING",
     "PHASES",
     "PROBE_LENGTH_M",
     "REACH_M",
@@ -34,5 +35,6 @@ __all__ = [
     "scan_findings",
     "stack_scans",
     "thinned",
+    "without_outliers",
     "write_scan",
 ]

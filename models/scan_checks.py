@@ -88,6 +88,15 @@ def nearest(name: str, known: tuple[str, ...]) -> str:
     return f"; the nearest right name is '{folded[match[0]]}'" if match else ""
 
 
+def cut(text: str, most: int = 60) -> str:
+    """Return a text as it can stand in a sentence.
+
+    >>> cut("forze_n"), cut("a" * 100, 5)
+    ('forze_n', 'aaaaa...')
+    """
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
 def check_header(names: list[str], where: Where) -> None:
     """Refuse double, unknown, missing and incomplete column names.
 
@@ -105,13 +114,13 @@ def check_header(names: list[str], where: Where) -> None:
     for name in names:
         if names.count(name) > 1:
             raise InputError(
-                f"{where.file}: column '{name}' stands twice in the header, expected once; "
+                f"{where.file}: column '{cut(name)}' stands twice in the header, expected once; "
                 "remove or rename one of them"
             )
         if name not in known:
             hint = nearest(name, known)
             raise InputError(
-                f"{where.file}: unknown column '{name}'{hint}; "
+                f"{where.file}: unknown column '{cut(name)}'{hint}; "
                 f"expected {', '.join(REQUIRED)} and optionally {', '.join(OPTIONAL)}; "
                 f"{'rename or remove' if hint else 'remove'} the column"
             )
@@ -119,7 +128,7 @@ def check_header(names: list[str], where: Where) -> None:
         if name not in names:
             hint = " (leave its cells empty where there is no time)" if name == "time_s" else ""
             raise InputError(
-                f"{where.file}: column '{name}' is missing, found {', '.join(names)}; "
+                f"{where.file}: column '{name}' is missing, found {', '.join(map(cut, names))}; "
                 f"add the column{hint}"
             )
     for group in (FORCE_VECTOR, TIP_POSE):
@@ -232,7 +241,7 @@ def _check_press_order(press: np.ndarray, where: Where) -> None:
 def _check_phase(phase: np.ndarray, where: Where) -> None:
     bad = np.flatnonzero(~np.isin(phase, PHASES))
     if len(bad):
-        found = str(phase[bad[0]])
+        found = cut(str(phase[bad[0]]))
         raise InputError(
             f"{where.cell(bad[0], 'phase')}: found '{found}', expected one of "
             f"{', '.join(PHASES)}{nearest(found, PHASES)}"
@@ -260,9 +269,12 @@ def _check_lengths(columns: Columns, where: Where) -> None:
             size = np.where(touching, size, 0.0)
         row = int(size.argmax())
         if size[row] > limit:
+            alone = np.count_nonzero(size > limit) == 1 and len(size) > 1
+            do = "correct the reading or remove the row" if alone else "divide by 1000"
+            what = "" if alone else "this looks like millimetres: "
             raise InputError(
                 f"{where.cell(row, name)}: found {columns[name][row]:g} m, expected at most "
-                f"{limit:g} m; this looks like millimetres: divide by 1000 ({UNITS_ESCAPE})"
+                f"{limit:g} m; {what}{do} ({UNITS_ESCAPE})"
             )
 
 

@@ -25,6 +25,7 @@ from models.scan_checks import (
     Where,
     check_columns,
     check_header,
+    cut,
 )
 
 SCHEMA = 1
@@ -259,7 +260,7 @@ def _from_text(cells: list[str], name: str, where: Where) -> np.ndarray:
     bad = next((i for i, cell in enumerate(cells) if not _FINITE_NUMBER.fullmatch(cell)), None)
     if bad is None:
         return np.array(cells, dtype=np.float64)
-    found = f"'{cells[bad]}'" if cells[bad] else "an empty cell"
+    found = f"'{cut(cells[bad])}'" if cells[bad] else "an empty cell"
     do = "write numbers with '.', not ','" if "," in found else "correct it or remove the row"
     if name == "time_s":
         do += "; if times are unknown leave the whole column empty"

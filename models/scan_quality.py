@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.errors import InputError
 from models.scan import Scan
 
 FACTOR = 2.0  # off by this much from both sides: a reading off by 3 is seen beside its noise
@@ -20,6 +21,7 @@ CLIPPED_ROWS = 3
 CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
 COLLAPSE = 0.1  # of the force before it
 LISTED = 5
+OUTLYING = ("clipped", "no_contact", "collapsed", "repeated_press")  # presses to be left out
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,43 @@ def scan_findings(scan: Scan) -> list[Doubt]:
         if presses:
             found.append(Doubt(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
     return found + _free_travel(used) + _missing_phases(used) + _repeated(used)
+
+
+def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
+    """Return a Scan without its bad readings and outlying presses, and a sentence for each.
+
+    A press with fewer than two readings in contact after that is left out as a whole.
+
+    Raises
+    ------
+    InputError
+        No press would be left.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> scan = pm.read_scan("tests/data/twelve_presses/scan.csv")
+    >>> force = scan.force_n.copy()
+    >>> force[5] = 30.0
+    >>> left, sentences = without_outliers(scan.replace(force_n=force))
+    >>> len(scan) - len(left), sentences  # doctest: +NORMALIZE_WHITESPACE
+    (1, ('Left out: Row 6 (press 0), column force_n: found 30 N, expected about 0.2193 N by its
+    neighbours.',))
+    """
+    keep, sentences = np.ones(len(scan), dtype=bool), []
+    for doubt in scan_findings(scan):
+        if doubt.rows:
+            keep[list(doubt.rows)] = False
+        elif doubt.kind in OUTLYING:
+            keep[np.isin(scan.press, doubt.presses)] = False
+        else:
+            continue
+        sentences.append(f"Left out: {doubt.sentence.split(';')[0].rstrip('.')}.")
+    touching = np.bincount(scan.press_index, keep & scan.in_contact, len(scan.press_ids))
+    keep &= touching[scan.press_index] >= 2
+    if not keep.any():
+        raise InputError("found no press without doubtful readings, expected some; measure again")
+    return scan.rows(keep), tuple(sentences)
 
 
 def bad_readings(scan: Scan) -> list[tuple[int, str, float, float]]:

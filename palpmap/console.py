@@ -127,7 +127,7 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
         try:
             passed = command(*args, **kwargs)
         except ValueError as error:
-            if not _is_for_the_user(error):
+            if not is_for_the_user(error):
                 raise
             complain(str(error))
             raise typer.Exit(BAD_INPUT) from error
@@ -172,7 +172,8 @@ def _of_the_disk(error: OSError) -> str:
     return f"{path}cannot be read or written ({reason}); {cure}"
 
 
-def _is_for_the_user(error: ValueError) -> bool:
+def is_for_the_user(error: ValueError) -> bool:
+    """Tell whether an error is about the input: InputError, or of mesh, solver or start."""
     from models import InputError  # here, as `palpmap --help` loads no numpy
 
     if isinstance(error, InputError):

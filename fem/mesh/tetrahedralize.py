@@ -138,6 +138,16 @@ def _checked_mesh(nodes: NDArray[np.float64], cells: NDArray[np.int32], surface:
     return mesh
 
 
+def check_underside(surface: Surface) -> None:
+    """Refuse a surface without a flat underside to rest on, before it is filled.
+
+    Raises
+    ------
+    MeshError
+    """
+    _surfaces(surface.vertices, surface.triangles)
+
+
 def _surfaces(nodes: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, NDArray[np.int32]]:
     """Split the boundary into "base" and "top"; a face looks down at 45 degrees or steeper."""
     a, b, c = (nodes[faces[:, i]] for i in range(3))

@@ -1,5 +1,6 @@
 """A user's own effect, from a Python file."""
 
+import ast
 import importlib.util
 import inspect
 import os
@@ -16,6 +17,10 @@ from models import InputError
 _DEMANDED = (
     "name", "title", "summary", "formula", "source", "gives_away", "cure", "parameters",
 )  # fmt: skip
+_NO_EFFECT = (
+    "defines no effect; expected one class derived from Effect "
+    "(from palpmap import Effect, EffectParameter, WorkedExample)"
+)
 
 
 def load_effect(path: str | os.PathLike[str]) -> Effect:
@@ -28,10 +33,7 @@ def load_effect(path: str | os.PathLike[str]) -> Effect:
         lacks an attribute, has a wrong hook or the name of a built-in one.
     """
     path = Path(path)
-    if path.suffix != ".py":
-        raise InputError(f"{path}: expected a Python file (.py) that defines one effect")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; check the path")
+    _parsed(path)
     module = _executed(path)
     own = [
         kind
@@ -39,14 +41,36 @@ def load_effect(path: str | os.PathLike[str]) -> Effect:
         if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
     ]
     if not own:
-        raise InputError(
-            f"{path}: defines no effect; expected one class derived from "
-            "Effect (from palpmap import Effect, EffectParameter, WorkedExample)"
-        )
+        raise InputError(f"{path}: {_NO_EFFECT}")
     if len(own) > 1:
         names = ", ".join(kind.__name__ for kind in own)
         raise InputError(f"{path}: defines {len(own)} effects ({names}), expected one a file")
     return _instance(own[0], path)
+
+
+def refuse_effect_file(path: Path) -> None:
+    """Refuse a file that is missing, no Python or without a class; its code is not executed.
+
+    Raises
+    ------
+    InputError
+        Naming the file and, for faulty Python, the line.
+    """
+    if not any(isinstance(node, ast.ClassDef) for node in ast.walk(_parsed(path))):
+        raise InputError(f"{path}: {_NO_EFFECT}")
+
+
+def _parsed(path: Path) -> ast.Module:
+    if path.suffix != ".py":
+        raise InputError(f"{path}: expected a Python file (.py) that defines one effect")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; check the path")
+    try:
+        return ast.parse(path.read_bytes())
+    except SyntaxError as error:
+        raise InputError(f"{path}, line {error.lineno}: {error.msg}") from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise InputError(f"{path}: found a file that is no Python ({error})") from error
 
 
 def _executed(path: Path) -> ModuleType:
@@ -55,14 +79,8 @@ def _executed(path: Path) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses and pickle look there
-    try:
-        with guarded(path, "the file"):
-            spec.loader.exec_module(module)
-    except InputError as error:
-        if isinstance(error.__cause__, SyntaxError):
-            fault = error.__cause__
-            raise InputError(f"{path}, line {fault.lineno}: {fault.msg}") from fault
-        raise
+    with guarded(path, "the file"):
+        spec.loader.exec_module(module)
     return module
 
 

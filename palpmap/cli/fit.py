@@ -28,6 +28,12 @@ def fit(
         ),
     ] = None,
     optimizer: Annotated[Optimizer, typer.Option(help="Method.")] = Optimizer.GAUSS_NEWTON,
+    without_outliers: Annotated[
+        bool,
+        typer.Option(
+            "--without-outliers", help="Leave out the readings and presses that `check` doubts."
+        ),
+    ] = False,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -50,4 +56,5 @@ def fit(
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),
+        without_outliers=without_outliers,
     )

@@ -10,7 +10,7 @@ from pydantic import Field, PlainSerializer
 from models import PHASES, Doubt, Scan, read_scan, scan_findings
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
-from palpmap.study.body_model import cell_size_m
+from palpmap.study.body_model import cell_size_m, try_body_model
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Body, Noise, Study, load_study
@@ -73,6 +73,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     refuse_contradictions(placement, study)
     if study.effects:
         _refuse_effects(study, placement)
+    try_body_model(study, placement.scan.used())
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     counts = {phase: int(np.sum(scan.phase == phase)) for phase in PHASES}
@@ -106,8 +107,8 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
 
 
 def _refuse_effects(study: Study, placement: Placement) -> None:
-    """Refuse effects of the catalogue that cannot be fitted; a user's own file is not executed."""
-    from identify.catalogue import CATALOGUE
+    """Refuse effects that cannot be fitted; a user's own file is parsed and not executed."""
+    from identify.catalogue import CATALOGUE, refuse_effect_file
     from identify.effects import Readings
     from identify.select import refuse_effect
 
@@ -115,6 +116,8 @@ def _refuse_effects(study: Study, placement: Placement) -> None:
     for entry in study.effects:
         if entry.file is None:
             refuse_effect(CATALOGUE[entry.name], readings, entry.initial)
+        else:
+            refuse_effect_file(entry.file)
 
 
 def _range(values: np.ndarray) -> Range:

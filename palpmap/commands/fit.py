@@ -1,17 +1,38 @@
 """`palpmap fit`: the stiffness map that explains a study's scan."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
 from identify.fit import FitIteration
 from identify.optimize import OPTIMIZERS
+from models import OUTLYING, Doubt, InputError, scan_findings
+from models import without_outliers as cleaned
 from palpmap import api
-from palpmap.console import Output, to_type
-from palpmap.experiment import read_study
+from palpmap.console import Output, is_for_the_user, to_type
+from palpmap.experiment import Experiment, read_study
 from palpmap.report.fit_console import summary
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
+
+DOUBTFUL = ("bad_reading", *OUTLYING)
+_SAID = 5  # sentences about doubtful readings before a fit
+
+
+@contextmanager
+def _naming(doubts: Sequence[Doubt]) -> Iterator[None]:
+    """Add press and row of the first doubtful reading to an error of a fit."""
+    try:
+        yield
+    except ValueError as error:
+        if not doubts or not is_for_the_user(error):
+            raise
+        raise InputError(
+            f"{str(error).rstrip('.')}. Doubtful data may be the cause: {doubts[0].sentence} "
+            "`palpmap fit --without-outliers` leaves such readings and presses out"
+        ) from error
 
 
 def run_fit(
@@ -22,6 +43,7 @@ def run_fit(
     out: Path | None,
     seed: int,
     output: Output,
+    without_outliers: bool = False,
 ) -> bool:
     """Fit a study's scan, compare, and leave a run folder with recording and report.
 
@@ -33,6 +55,7 @@ def run_fit(
     out : run folder, None for a new one
     seed : recorded; the fit itself draws no random numbers
     output : where progress and result go
+    without_outliers : leave out readings and presses that `models.scan_quality` doubts
 
     Returns
     -------
@@ -41,12 +64,23 @@ def run_fit(
     """
     from rich.markup import escape
 
-    experiment = read_study(study)
+    experiment, left_out = read_study(study), ()
+    if without_outliers:
+        refuse_own_folder(study, out)
+        scan, left_out = cleaned(experiment.scan)
+        experiment = Experiment.of(scan, experiment.study, experiment.source)
     if inclusions is not None:
         refuse_own_folder(study, out)
         experiment = experiment.with_inclusions(inclusions)
-    settings = {"inclusions": experiment.study.map.inclusions, "optimizer": optimizer}
-    with output.task() as task:
+    settings = {
+        "inclusions": experiment.study.map.inclusions,
+        "optimizer": optimizer,
+        "left_out": list(left_out),
+    }
+    doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.kind in DOUBTFUL]
+    with _naming(doubts), output.task() as task:
+        for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:_SAID])):
+            task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder
         with (
             RunFolder("fit", out, seed=seed, settings=settings, inputs=experiment.inputs) as run,
@@ -66,7 +100,7 @@ def run_fit(
             task.say("comparing and drawing")
             finding = fit_run.finish(fit.finding)
     output.result(
-        {**fit.to_dict(), "run": str(run.path)},
+        {**fit.to_dict(), "run": str(run.path), "left_out": list(left_out)},
         *summary(finding),
         f"Fit: {escape(fit.message)}",
         f"Report: {escape(str(run / 'report.html'))}",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem import Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
 from identify import BodyModel, contacts_of
 from models import InputError, Scan
 from palpmap.study.body import Body
@@ -45,14 +45,37 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     contacts, note = contacts_of(scan, study.probe.tip == "sphere")
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
-    search = PalpationModel(
-        _search_mesh(study, meshes[0]), nu, contacts, near_field=False, support=support
-    )
+    search = _search_model(study, meshes[0], contacts)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
     fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
     return BodyModel(search, coarse, fine, note)
+
+
+def try_body_model(study: Study, scan: Scan) -> None:
+    """Try all of a body's models that takes seconds; the errors are those of `build_body_model`."""
+    refuse_too_large(study.body, len(scan.press_ids))
+    if study.body.size_m is None:
+        from fem import check_underside
+
+        check_underside(_surface(study.body))
+        return
+    contacts, _ = contacts_of(scan, study.probe.tip == "sphere")
+    counts = block_divisions(study.body.size_m, cell_size_m(study.body))
+    search = _search_model(study, block_mesh(study.body.size_m, counts), contacts)
+    if study.body.support == "base-sliding":
+        _check_held(search, scan)
+
+
+def _search_model(study: Study, coarse: Mesh, contacts: Contacts) -> PalpationModel:
+    return PalpationModel(
+        _search_mesh(study, coarse),
+        study.body.poisson_ratio,
+        contacts,
+        near_field=False,
+        support=support_of(study.body),
+    )
 
 
 def support_of(body: Body) -> Support:

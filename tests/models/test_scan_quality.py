@@ -1,5 +1,7 @@
 """Readings that are not what they seem are named press by press; clean scans are left alone."""
 
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,11 +15,17 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans
-from models.scan_quality import bad_readings, identical_presses, scan_findings
+from models.scan_quality import (
+    bad_readings,
+    identical_presses,
+    scan_findings,
+    without_outliers,
+)
 from palpmap.__main__ import app
-from tests.paths import LAB
+from tests.paths import LAB, TESTS
 
 RUN = CliRunner()
+TWELVE = TESTS / "data" / "twelve_presses"
 SEEN_SHARE = 0.1  # of its press's largest: of a smaller reading the third part is within noise
 
 
@@ -214,3 +222,53 @@ def test_check_names_the_bad_reading(tmp_path):
     assert done.exit_code == 0, done.output
     assert f"Row 101 (press {scan.press[100]}), column force_n: found 15 N" in said
     assert "look at the doubtful readings" in said
+
+
+@pytest.mark.slow
+def test_a_bad_reading_is_left_out_of_a_fit_and_said(tmp_path):
+    shutil.copytree(TWELVE, tmp_path / "study")
+    study = tmp_path / "study" / "study.toml"
+    scan = read_scan(study.parent / "scan.csv")
+    force = np.array(scan.force_n)
+    force[30] = 30.0
+    write_scan(scan.replace(force_n=force), study.parent / "scan.csv")
+    left, sentences = without_outliers(scan.replace(force_n=force))
+    assert np.array_equal(left.force_n, np.delete(scan.force_n, 30))
+    (sentence,) = sentences
+    assert re.match(r"Left out: [Rr]ow 31 \(press \d+\), column force_n: found 30 N", sentence)
+    done = RUN.invoke(app, ["fit", str(study), "--without-outliers", "--json", "--out",
+                            str(tmp_path / "run")])  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["left_out"] == [sentence]
+    assert sentence in " ".join(done.stderr.split())
+    assert len(read_scan(tmp_path / "run" / "scan.csv")) == len(scan) - 1
+    clean = RUN.invoke(app, ["fit", str(TWELVE / "study.toml"), "--json", "--out",
+                             str(tmp_path / "clean")])  # fmt: skip
+    found, known = (
+        json.loads(run.stdout)["parameters"]["background_pa"]["value"] for run in (done, clean)
+    )
+    assert found == pytest.approx(known, rel=0.02)
+
+
+def test_an_error_of_a_fit_names_press_and_row_of_the_bad_reading(tmp_path):
+    shutil.copytree(TWELVE, tmp_path / "study")
+    study = tmp_path / "study" / "study.toml"
+    scan = read_scan(study.parent / "scan.csv")
+    travel = np.array(scan.displacement_m)
+    travel[30] = 0.03
+    write_scan(scan.replace(displacement_m=travel), study.parent / "scan.csv")
+    done = RUN.invoke(app, ["fit", str(study), "--out", str(tmp_path / "run")])
+    said = " ".join(done.stderr.split())
+    assert done.exit_code == 2, done.output
+    assert re.search(r"Doubtful data may be the cause: Row 31 \(press \d+\), column displacement_m"
+                     r": found 0\.03 m, .* --without-outliers` leaves such", said)  # fmt: skip
+
+
+def test_presses_that_went_wrong_are_left_out_as_a_whole():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    force = np.array(scan.force_n)
+    force[scan.press == 5] = np.random.default_rng(0).normal(0, 1e-3, np.sum(scan.press == 5))
+    left, sentences = without_outliers(scan.replace(force_n=force))
+    assert set(scan.press_ids) - set(left.press_ids) == {5}
+    assert sentences == ("Left out: Press 5 (1 of 81): hold without contact: the force is below "
+                         "5 % of a typical press's.",)  # fmt: skip

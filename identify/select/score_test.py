@@ -116,9 +116,9 @@ def effect_patterns(
                 )
             rows[g, :, a] = at.whitened(moved / step, model.readings.press)
     far = _far_patterns(model, at, effect, amplitudes[0], shapes)
-    return EffectPattern(
-        effect, [*shapes, *(s for s, _ in far)], np.concatenate([rows, *(r for _, r in far)])
-    )
+    if far:
+        rows = np.concatenate([rows, *(r for _, r in far)])
+    return EffectPattern(effect, [*shapes, *(s for s, _ in far)], rows)
 
 
 def _far_patterns(
@@ -157,8 +157,9 @@ def beyond(
     columns (g, m, q) beyond, an orthonormal basis (g, m, r) of them (zero where the map absorbs a
     direction; r <= q directions that some candidate keeps), visible share (g,)
     """
-    a = pattern.columns
-    left = a - np.einsum("mr,grq->gmq", fitted, np.einsum("mr,gmq->grq", fitted, a))
+    a = pattern.columns  # hundreds of MB for thousands of shapes: few copies
+    left = fitted @ (fitted.T @ a)
+    np.subtract(a, left, out=left)
     length = np.linalg.norm(a, axis=1)
     kept = np.linalg.norm(left, axis=1)
     visible = np.sqrt(np.sum(kept**2, axis=1) / np.maximum(np.sum(length**2, axis=1), 1e-300))
@@ -167,7 +168,8 @@ def beyond(
     else:  # a direction below the visible share is rounding, and no degree of freedom
         basis, share, _ = np.linalg.svd(left / np.maximum(length, 1e-300)[:, None, :], False)
         seen = share > settings.visible
-        basis = (basis * seen[:, None, :])[:, :, : max(int(seen.sum(axis=1).max()), 1)]
+        basis *= seen[:, None, :]
+        basis = basis[:, :, : max(int(seen.sum(axis=1).max()), 1)]
     basis[visible < settings.visible] = 0.0
     return left, basis, visible
 

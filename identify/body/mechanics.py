@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from fem import PalpationModel, SolverError
 from fem.palpation import Response, shape_gain
 from identify.body.compliance import positive_modulus
 from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
+from identify.body.linear_ratio import LinearRatio
 from identify.body.response import BodyResponse
 from identify.body.settings import BODY, BodySettings
 from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
@@ -24,6 +26,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
+_KEPT_LINEAR = 12  # linear ratios of other models, of 7 MB each
 _KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
@@ -54,6 +57,7 @@ class BodyMechanics:
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _shifted: ShiftedBlock | None = None
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
+    _linear: dict[tuple, LinearRatio] = field(default_factory=dict)
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
 
     @classmethod
@@ -166,10 +170,8 @@ class BodyMechanics:
         return coarse * self.ratio ** (growth - 1)
 
     def _other(self, nu: float) -> PalpationModel:
-        model = self._others.pop(nu, None) or self.at_poisson_ratio(nu)
-        self._others[nu] = model
-        while len(self._others) > _KEPT_OTHERS:
-            self._others.pop(next(iter(self._others)))
+        model = self._others.get(nu) or self.at_poisson_ratio(nu)
+        _keep(self._others, nu, model, _KEPT_OTHERS)
         return model
 
     def log_shift_factor(
@@ -209,24 +211,33 @@ class BodyMechanics:
         state: BodyState,
         base: np.ndarray,
     ) -> np.ndarray:
-        """Logarithm (j,) of the compliance of another model over `base`, kept by its name."""
+        """Logarithm (j,) of the compliance of another model over `base`.
+
+        Kept by its name; near the map of its last solution linear in the modulus.
+        """
         key = (which, stiffness, _solved_state(state))
-        if key not in self._ratios:
-            ratio = self._solve(model(), stiffness, state).compliance / base
-            if not (np.isfinite(ratio).all() and ratio.min() > 0):
-                raise InadmissibleError("the map is finer than the mesh of the body resolves")
-            while len(self._ratios) >= _KEPT_RATIOS:
-                self._ratios.pop(next(iter(self._ratios)))
-            self._ratios[key] = np.log(ratio)
+        if key in self._ratios:
+            return self._ratios[key]
+        changed = ChangedMap(stiffness, state)
+        kind = (which, _solved_state(state).without_modulus_changes)
+        if kind in self._linear:
+            near = self._linear[kind].log_at(changed, base, self.settings.ratio_error)
+            if near is not None:
+                return near
+        other = self._solve(model(), stiffness, state)
+        ratio = other.compliance / base
+        if not (np.isfinite(ratio).all() and ratio.min() > 0):
+            raise InadmissibleError("the map is finer than the mesh of the body resolves")
+        _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
+        linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
+        _keep(self._linear, kind, linear, _KEPT_LINEAR)
         return self._ratios[key]
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
         """Return the solution on the coarse model, a recent one from memory."""
         key = (stiffness, _solved_state(state))
-        response = self._solutions.pop(key, None) or self._solve(self.coarse, stiffness, state)
-        self._solutions[key] = response
-        while len(self._solutions) > _KEPT_SOLUTIONS:
-            self._solutions.pop(next(iter(self._solutions)))
+        response = self._solutions.get(key) or self._solve(self.coarse, stiffness, state)
+        _keep(self._solutions, key, response, _KEPT_SOLUTIONS)
         return response
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
@@ -246,6 +257,14 @@ class BodyMechanics:
             )
         except SolverError as error:
             raise InadmissibleError(str(error)) from error
+
+
+def _keep(last: dict, key: Any, value: Any, most: int) -> None:
+    """Put a value last into a dictionary, and drop the first ones beyond a number."""
+    last.pop(key, None)
+    last[key] = value
+    while len(last) > most:
+        del last[next(iter(last))]
 
 
 def _solved_state(state: BodyState) -> BodyState:

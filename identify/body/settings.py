@@ -11,6 +11,8 @@ class BodySettings:
     ----------
     poisson_ratios : ratios with a finite element model; C is interpolated between the nearest three
     poisson_step : difference quotient by Poisson's ratio
+    ratio_error : relative error of a compliance up to which the ratio of another model's to the
+        coarse one's is taken linear in the map
     local_depth : depth of the local modulus under a tip, in contact radii
     believed_ratio : compliance of the finer model over the coarse one's; beyond, neither mesh
         resolves the map, and nothing is extrapolated
@@ -28,6 +30,7 @@ class BodySettings:
         0.05, 0.15, 0.25, 0.32, 0.38, 0.42, 0.45, 0.47, 0.48, 0.49, 0.497,
     )  # fmt: skip
     poisson_step: float = 0.01
+    ratio_error: float = 3e-5
     local_depth: float = 0.5
     believed_ratio: tuple[float, float] = (0.6, 1.6)
     mesh_rate: float = 2.5

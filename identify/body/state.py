@@ -74,6 +74,11 @@ class BodyState:
         return self.bumps, self.inclusion_shape, self.factors
 
     @property
+    def without_modulus_changes(self) -> BodyState:
+        """The state without all that changes the modulus of a given map."""
+        return self.changed(bumps=(), inclusion_shape=GAUSSIAN, factors=())
+
+    @property
     def height_m(self) -> float:
         """Height of the body."""
         return self.box_m[1][2] - self.box_m[0][2]

@@ -1,6 +1,6 @@
 """Runs the benchmarks and writes their tables into docs/benchmarks.md, between its markers.
 
-`make bench` runs all, `python benchmarks/run.py accuracy` one. About fifteen minutes on two cores.
+`make bench` runs all, `python benchmarks/run.py accuracy` one. About twenty minutes on two cores.
 Other programs take part where they are installed: `pip install -e ".[bench]"`, and `ccx`.
 """
 
@@ -18,6 +18,7 @@ from palpmap import __version__ as ours  # first: it says how many threads numpy
 
 import accuracy  # isort: skip
 import demo_run  # isort: skip
+import explain  # isort: skip
 import finite_strain  # isort: skip
 import paper_tests  # isort: skip
 import peers  # isort: skip
@@ -28,6 +29,7 @@ from fem import default_solver  # isort: skip
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BENCHMARKS = {
     "demo": demo_run.table,
+    "explain": explain.table,
     "solver": solver.table,
     "accuracy": accuracy.table,
     "paper": paper_tests.table,

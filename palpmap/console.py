@@ -11,7 +11,7 @@ import shlex
 import shutil
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +102,13 @@ def to_type(*words: object) -> str:
         here = Path.cwd()
         program = os.fspath(installed.relative_to(here) if here in installed.parents else installed)
     return shlex.join([program, *map(str, words)])
+
+
+def plain(sentences: Sequence[str]) -> list[str]:
+    """Return sentences for the console: brackets in a path are no markup."""
+    from rich.markup import escape
+
+    return [escape(text) for text in sentences]
 
 
 def complain(sentence: str) -> None:

@@ -100,8 +100,8 @@ class FitResult(Shown, FitRecord):
     Examples
     --------
     >>> import palpmap as pm
-    >>> print(pm.read_run("tests/data/twelve_presses").fit.summary().splitlines()[0])
-    twelve_presses: found map
+    >>> print(pm.read_run("tests/data/twelve_presses").fit.summary()[:25])
+    The residual is not noise
     """
 
     experiment: Experiment = field(kw_only=True)

@@ -223,7 +223,10 @@ class Explanation(Shown, Selection):
         """
         from palpmap.run_files.explain_run import write_explanation
 
-        write_explanation(run, self.problem, self, self.assessment, self.record, kept, files)
+        write_explanation(
+            run, self.problem, self, self.assessment, self.record, kept, files,
+            self.experiment.source,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

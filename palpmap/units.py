@@ -73,10 +73,11 @@ def interval(low: float, high: float, unit: str) -> str:
 def spread(value: float, unit: str) -> str:
     """Return a size that goes to both sides.
 
-    >>> spread(321.0, "Pa")
-    '± 0.32 kPa'
+    >>> spread(321.0, "Pa"), spread(243e3, "Pa")
+    ('± 0.32 kPa', '± 243 kPa')
     """
-    return _with_unit(f"± {scale(unit)[0] * value:.2g}", unit)
+    shown = scale(unit)[0] * value
+    return _with_unit(f"± {shown:.0f}" if abs(shown) >= 10 else f"± {shown:.2g}", unit)
 
 
 def shift(value: float, unit: str) -> str:

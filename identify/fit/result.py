@@ -316,7 +316,7 @@ def _message(ended: str, at_bound: tuple[str, ...], chi2_per_dof: float, dof: in
     if abs(chi2_per_dof - 1) > max(5 * scatter, 0.1):
         wide = "too narrow" if chi2_per_dof > 1 else "too wide"
         parts.append(
-            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 +- {scatter:.2g}: the "
+            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 ± {scatter:.2g}: the "
             f"noise or the model is wrong, and the intervals, which trust both, are {wide}"
         )
     return "; ".join(parts)

@@ -80,11 +80,17 @@ def minimize_gauss_newton(
         expected = -0.5 * float(gradient @ step)
         slack = rtol * max(fun - above, 0.0)
         if expected <= max(ftol, slack):
-            within = "ftol" if expected <= ftol else f"{slack:.1e}"
-            return result(0, f"a further step would lower fun by {expected:.1e}, within {within}")
+            within = max(ftol, slack)
+            return result(
+                0,
+                f"converged: a further step would lower half of chi-square by {expected:.1e}, "
+                f"{within:.1e} is asked for",
+            )
         if idle == _IDLE_STEPS:
             return result(
-                0, f"the last {idle} steps lowered fun by {max(slack, enough):.1e} at most"
+                0,
+                f"converged: the last {idle} steps lowered half of chi-square by "
+                f"{max(slack, enough):.1e} at most",
             )
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
@@ -107,7 +113,7 @@ def minimize_gauss_newton(
         else:
             damping, growth = max(damping, _FELT) * growth, growth * 2
             if damping > 1e16:
-                return result(2, "no step decreases fun")
+                return result(2, "no step lowers chi-square")
 
 
 def covariance(jac: np.ndarray) -> np.ndarray:

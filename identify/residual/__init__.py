@@ -2,6 +2,15 @@
 
 from identify.residual.compare import compare
 from identify.residual.comparison import Comparison, Level, ResidualTest
-from identify.residual.statement import length, sigmas
+from identify.residual.statement import law_sentence, length, sentence, sigmas
 
-__all__ = ["Comparison", "Level", "ResidualTest", "compare", "length", "sigmas"]
+__all__ = [
+    "Comparison",
+    "Level",
+    "ResidualTest",
+    "compare",
+    "law_sentence",
+    "length",
+    "sentence",
+    "sigmas",
+]

@@ -56,9 +56,12 @@ def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
         text += f"; this scan does not separate it from {_listed(c.confused_with)}"
     if c.also_along:
         text += f"; beside that it varies with {_listed(c.also_along)}"
-    if c.law:
-        text += f". {100 * c.law.share:.0f} % of it goes with {c.law.words}"
-    return text + "."
+    return f"{text}. {law_sentence(c, 'it')}".strip()
+
+
+def law_sentence(c: Comparison, what: str = "the residual") -> str:
+    """Return the simple law that takes nearly all of the residual; empty if there is none."""
+    return f"{100 * c.law.share:.0f} % of {what} goes with {c.law.words}." if c.law else ""
 
 
 def _listed(names: tuple[str, ...]) -> str:

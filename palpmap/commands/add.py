@@ -99,7 +99,7 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
     The file of a version that is taken back is kept, renamed to `....undone`.
     """
     load_study(study)
-    versions = read_history(study)
+    versions, said, kept = read_history(study), [], None
     if undo:
         if len(versions) < 2:
             raise InputError(
@@ -108,9 +108,10 @@ def run_history(*, study: Path, undo: bool, output: Output) -> bool:
         versions, last = versions[:-1], versions[-1]
         file = history_file(study).with_name(last.study)
         if file.is_file():
-            file.replace(_unused(file.with_name(file.name + ".undone")))
+            kept = file.replace(_unused(file.with_name(file.name + ".undone")))
         write_history(study, versions)
-    output.result({"versions": [v.to_dict() for v in versions]}, _history_table(versions))
+        said = [f"Taken back: {last.study}" + (f", kept as {kept.name}" if kept else "") + "."]
+    output.result({"versions": [v.to_dict() for v in versions]}, *said, _history_table(versions))
     return True
 
 

@@ -6,6 +6,7 @@ from palpmap import api
 from palpmap.commands.fit import run_fit
 from palpmap.console import Output
 from palpmap.report.fit_console import summary
+from palpmap.result.next_step import after_fit
 from palpmap.run_files.fit_run import with_making, write_finding
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
@@ -49,7 +50,11 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
         paths = write_finding(finding, folder.path)
         output.result(
             {**comparison.to_dict(), "run": str(folder.path)},
-            *summary(finding),
+            *summary(finding, after_fit(comparison.is_noise, _study(source))),
             f"Report: {escape(str(paths['report']))}",
         )
     return comparison.is_noise
+
+
+def _study(source: Path) -> Path:
+    return source / "study.toml" if source.is_dir() else source

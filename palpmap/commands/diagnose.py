@@ -5,8 +5,9 @@ from pathlib import Path
 
 from identify.catalogue import CATALOGUE, load_effect
 from palpmap import api
-from palpmap.console import Output
+from palpmap.console import Output, plain
 from palpmap.experiment import read_study
+from palpmap.result.next_step import after_diagnosis
 from palpmap.run_folder import RunFolder
 
 
@@ -26,5 +27,13 @@ def run_diagnose(
         with output.task() as task:
             found = api.diagnose(experiment, (*CATALOGUE, *own), seed=seed, progress=task.say)
         found.record.write(run / "diagnosis.json")
-        output.result({**found.to_dict(), "run": str(run.path)}, *found.renderables())
-    return found.is_noise and not found.significant
+        is_noise = found.is_noise and not found.significant
+        statement, *evidence = found.renderables()
+        output.result(
+            {**found.to_dict(), "run": str(run.path)},
+            statement,
+            *plain(after_diagnosis(is_noise, study)),
+            *evidence,
+            *plain([f"Diagnosis: {run / 'diagnosis.json'}"]),
+        )
+    return is_noise

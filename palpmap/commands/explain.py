@@ -6,10 +6,10 @@ from pathlib import Path
 from identify.catalogue import CATALOGUE, load_effect
 from identify.select import Step
 from palpmap import api
-from palpmap.console import Output, to_type
+from palpmap.console import Output, plain, to_type
 from palpmap.experiment import read_study
-from palpmap.report.explain_console import step_line
-from palpmap.result.next_scan import next_lines
+from palpmap.report.explain_console import explain_summary, step_line
+from palpmap.result.next_step import next_steps
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import keep_inputs, refuse_own_folder
 
@@ -58,12 +58,11 @@ def run_explain(
                 on_step=on_step,
             )
         files = {effect.name: path for effect, path in zip(own, effects, strict=True)}
+        following = next_steps(why.record, why, run.path, study)
         why.leave(run.path, kept, files)
         output.result(
             {**why.to_dict(), "run": str(run.path)},
-            *why.renderables(),
-            *next_lines(why.record, run.path),
-            f"Report: {run / 'report.html'}",
-            f"Recording: {to_type('review', run.path)}",
+            *explain_summary(why.record, why, why.problem, following),
+            *plain([f"Report: {run / 'report.html'}", f"Recording: {to_type('review', run.path)}"]),
         )
     return why.verdict in ("nothing_missing", "explained")

@@ -13,6 +13,7 @@ from palpmap import api
 from palpmap.console import Output, is_for_the_user, to_type
 from palpmap.experiment import Experiment, read_study
 from palpmap.report.fit_console import summary
+from palpmap.result.next_step import after_fit
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
@@ -101,7 +102,7 @@ def run_fit(
             finding = fit_run.finish(fit.finding)
     output.result(
         {**fit.to_dict(), "run": str(run.path), "left_out": list(left_out)},
-        *summary(finding),
+        *summary(finding, after_fit(finding.comparison.is_noise, study)),
         f"Fit: {escape(fit.message)}",
         f"Report: {escape(str(run / 'report.html'))}",
         f"Recording: {escape(to_type('review', run.path))}",

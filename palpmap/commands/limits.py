@@ -5,7 +5,7 @@ from pathlib import Path
 
 from identify.catalogue import CATALOGUE, load_effect
 from palpmap import api
-from palpmap.console import Output
+from palpmap.console import Output, plain
 from palpmap.experiment import read_study
 from palpmap.result.next_scan import write_planned
 from palpmap.run_folder import RunFolder
@@ -27,5 +27,9 @@ def run_limits(
             found = api.limits(experiment, (*CATALOGUE, *own), plan=plan, progress=task.say)
         write_planned(found.better, found.problem.experiment.origin_m, run.path)
         found.record.write(run / "limits.json")
-        output.result({**found.to_dict(), "run": str(run.path)}, *found.renderables())
+        output.result(
+            {**found.to_dict(), "run": str(run.path)},
+            *found.renderables(),
+            *plain([f"Detection limits: {run / 'limits.json'}"]),
+        )
     return True

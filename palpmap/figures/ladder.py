@@ -65,7 +65,6 @@ def draw_ladder(explained: Explanation) -> Figure:
     axes.tick_params(axis="x", labelsize=11, length=0)
     plain_log_ticks(axes)
     axes.set_ylabel("measured less modelled displacement, µm")
-    axes.set_title("The error, step by step")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=3, borderaxespad=0.0)
     return figure
 

@@ -18,26 +18,13 @@ from palpmap.figures.style import (
     widest_axes,
 )
 from palpmap.result.finding import Finding
+from palpmap.result.tables import ANSWERS
 
 TITLES = {
     "force": ("By force", "true force (best estimate), N"),
     "time": ("By time within a press", "time since the press's first reading, s"),
     "phase": ("By phase", ""),
     "order": ("By order of pressing", "press number"),
-}
-SHORT = {
-    "size": "larger than the noise",
-    "place": "follows the place",
-    "force": "follows the force",
-    "time": "follows the time in a press",
-    "phase": "follows the phase",
-    "order": "follows the order",
-    "press": "an outlying press",
-    "all_presses": "presses differ",
-    "neighbours": "neighbours alike",
-    "succession": "successors alike",
-    "lag": "readings correlated",
-    "reading": "an outlying reading",
 }
 
 
@@ -146,7 +133,7 @@ def _answers(axes: Axes, c: Comparison) -> None:
         else:
             axes.plot(values[row], row, "o", ms=8, color=colors[row], clip_on=False, zorder=3)
     axes.axvline(-np.log10(c.alpha), color="#333a45", lw=1, ls="--")
-    axes.set_yticks(range(len(tests)), [SHORT[t.name] for t in tests])
+    axes.set_yticks(range(len(tests)), [ANSWERS[t.name] for t in tests])
     axes.tick_params(axis="y", length=0, pad=9)  # room for a dot on the axis
     ticks = [0, 2, 4, 8, 12]
     axes.set_xticks(ticks, ["1", "0.01", "1e-4", "1e-8", "≤ 1e-12"])

@@ -4,7 +4,7 @@ The timeline `iteration` counts the steps of the ladder: 0 is the first model, e
 one effect more. `sim_time` plays the scan, then the steps, one second each.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,6 +78,7 @@ def record_explanation(
     record: ExplainRecord,
     problem: Problem,
     figures: Mapping[str, Path],
+    following: Sequence[str] = (),
 ) -> None:
     """Write the recording of an explanation.
 
@@ -87,6 +88,7 @@ def record_explanation(
     finding : the last step
     record : result.json
     figures : PNG files by name, each shown in a tab
+    following : the next steps
     """
     file = RecordingFile(path, finding.name)
     shown = (*RECORDED_PARTS, *(["truth"] if finding.truth is not None else []))
@@ -130,7 +132,7 @@ def record_explanation(
     _log_comparison(file, finding, explained)
     for name, picture in figures.items():
         file.static(f"{parts.FIGURES}/{name}", rr.EncodedImage(path=picture))
-    text = about_text(finding.name, explained, record)
+    text = about_text(finding.name, explained, record, following)
     file.static(parts.ABOUT, rr.TextDocument(text, media_type="text/markdown"))
     known = finding.truth is not None
     ends = painted.limit_um, painted.largest_rms

@@ -50,13 +50,13 @@ def explain_layout(
 def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) -> rrb.Vertical:
     """Lay out the residual before and now, its size, the maps and the body."""
     limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
-    residual = f"residual, red +{limit}, blue -{limit} um"
-    size = f"size, dark 1, bright {most} x noise"
+    residual = f"residual ±{limit} µm"
+    size = f"size, 1 to {most} x noise"
     center = stage.center_m
     eye = center + np.linalg.norm(stage.size_m) * np.array([-0.55, -1.05, 0.75])
     body = rrb.Spatial3DView(
         origin="world",
-        name="The body, coloured by the found modulus",
+        name="Body, found modulus",
         background=_DARK,
         line_grid=False,
         eye_controls=eye_at(center, eye),
@@ -88,17 +88,17 @@ def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.
         name="Events",
         columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
     )
-    plots = [(parts.MODULI, "Parameters: kPa"), (parts.LENGTHS, "Parameters: mm")]
+    plots = [(parts.MODULI, "Moduli, kPa"), (parts.LENGTHS, "Lengths, mm")]
     if any(parts.parameter_entity(name)[0].startswith(parts.OTHERS) for name in parameters):
         plots.append((parts.OTHERS, "Of the effects"))
     return rrb.Vertical(
         rrb.Tabs(*tabs, active_tab=0) if tabs else events,
         rrb.Horizontal(
-            plot_view(ERROR, "Error by step, um", ("rms_um", "held_out_um", "noise_um"), False),
+            plot_view(ERROR, "Error, µm", ("rms_um", "held_out_um", "noise_um"), False),
             *(plot_view(origin, name, whole=False) for origin, name in plots),
         ),
         rrb.Horizontal(
-            rrb.TextDocumentView(origin=CANDIDATES, name="Candidates at this step"),
+            rrb.TextDocumentView(origin=CANDIDATES, name="Candidates"),
             rrb.Tabs(
                 rrb.TextDocumentView(origin=parts.ABOUT, name="Result"),
                 events,

@@ -1,5 +1,7 @@
 """The words in the recording of an explanation: candidates of a step, and result."""
 
+from collections.abc import Sequence
+
 from identify.select import Explanation, Step
 from palpmap import units
 from palpmap.recording import entities as parts
@@ -35,15 +37,18 @@ def candidates_text(step: Step) -> str:
     )
 
 
-def about_text(name: str, explained: Explanation, record: ExplainRecord) -> str:
-    """Return result and legend, Markdown."""
+def about_text(
+    name: str, explained: Explanation, record: ExplainRecord, following: Sequence[str] = ()
+) -> str:
+    """Return verdict, next steps, error, evidence and legend, Markdown."""
     blocks = [
         f"### {name}",
         f"**{headline(explained)}** {verdict_detail(explained)}",
+        *following,
+        markdown(ladder_table(record.ladder)),
         markdown(explained_table(record)),
         unseen_effects(record),
         markdown(verdict_table(record.candidates)),
-        markdown(ladder_table(record.ladder)),
         "\n".join(f"- {doubt}" for doubt in doubts(record, explained)),
         f"**Timelines** (choose below): `{parts.ITERATION}` goes up the ladder, 0 is the model "
         f"that the search started from, each further step has one effect more; "

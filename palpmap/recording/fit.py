@@ -86,7 +86,7 @@ def log_residuals(
         rr.Points3D(
             points_m[named],
             radii=0.0,
-            labels=[f"press {press_ids[i]}: {residual_um[i]:+.3g} um" for i in named],
+            labels=[f"press {press_ids[i]}: {residual_um[i]:+.3g} µm" for i in named],
             colors=(255, 255, 255),
             show_labels=True,
         ),

@@ -118,7 +118,7 @@ def _result_side(
         )
     if "comparison" in present:
         limit = f"{residual_limit_um:.3g}"
-        name = f"Residual: red +{limit}, blue -{limit} um"
+        name = f"Residual: red +{limit}, blue -{limit} µm"
         presses.append(from_above(parts.RESIDUAL_MAP, name, stage))
     if presses:
         rows.append(rrb.Horizontal(*presses))

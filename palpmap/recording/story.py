@@ -17,7 +17,7 @@ _SEEN = {
     "fit": (
         "**Found**: the present estimate, on the colour scale of the truth where there is one; "
         "orange circles: inclusions. Below: parameters (pale: true values) and misfit "
-        "(log10 of the rms in um and of chi-square per degree of freedom)."
+        "(log10 of the rms in µm and of chi-square per degree of freedom)."
     ),
     "presses": "**Each press**: displacement as measured (dots) and as modelled (crosses).",
     "comparison": (

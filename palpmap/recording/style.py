@@ -19,7 +19,7 @@ def style_plots(file: RecordingFile) -> None:
     for entity, color, label in (
         (parts.FORCE, FORCE, "contact force"),
         (parts.TRAVEL, MEASURED, "travel"),
-        (f"{parts.MISFIT}/rms_um", MEASURED, "log10 rms, um"),
+        (f"{parts.MISFIT}/rms_um", MEASURED, "log10 rms, µm"),
         (f"{parts.MISFIT}/chi2_per_dof", MODELLED, "log10 chi2/dof"),
     ):
         file.static(

@@ -22,9 +22,9 @@ def diagnosis_screen(record: DiagnosisRecord, step: Step) -> tuple["RenderableTy
     nothing = f"No effect of the catalogue is seen (rms {rms(record.rms_m)})."
     return (
         Text(record.statement, style=style),
+        Text(_best_evidence(record, step.diagnosis) or nothing),
         console(score_table(record.candidates, "effects, by their score")),
         *untestable_sentences(record.candidates),
-        Text(_best_evidence(record, step.diagnosis) or nothing),
         *left_out_sentences(record),
     )
 

@@ -1,9 +1,11 @@
-"""An explanation on one screen: ladder, verdict, evidence, parameters and reservations."""
+"""An explanation on one screen: verdict, next step, ladder, evidence."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from identify.select import Explanation, Step
 from palpmap import units
+from palpmap.console import plain
 from palpmap.report.draw import console
 from palpmap.result.evidence import added_names
 from palpmap.result.explain_words import (
@@ -41,9 +43,14 @@ def step_line(step: Step) -> str:
 
 
 def explain_summary(
-    record: ExplainRecord, explained: Explanation, problem: Problem
+    record: ExplainRecord, explained: Explanation, problem: Problem, following: Sequence[str] = ()
 ) -> tuple["RenderableType", ...]:
-    """Return the explanation as rich renderables that fit one screen."""
+    """Return the explanation as rich renderables that fit one screen.
+
+    Parameters
+    ----------
+    following : the next steps, below the verdict
+    """
     from rich.text import Text
 
     style = VERDICTS[explained.verdict][1]
@@ -55,8 +62,9 @@ def explain_summary(
     cautions = [*bound_notes(record), *stated_lengths(record), unseen_inclusions(record),
                 *outlier_notes(record)]  # fmt: skip
     return (
-        console(ladder_table(record.ladder, title="error of each step")),
         Text(verdict, style=f"bold {style}"),
+        *plain(following),
+        console(ladder_table(record.ladder, title="error of each step")),
         *(Text(f"- {text}") for text in said),
         console(explained_table(record)),
         console(verdict_table(record.candidates, title="verdict on each effect")),

@@ -1,6 +1,6 @@
 """The report of an explanation: one HTML file with its pictures inside."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +43,7 @@ def write_explain_report(
     record: ExplainRecord,
     problem: Problem,
     pictures: Mapping[str, bytes],
+    following: Sequence[str] = (),
 ) -> None:
     """Write the report of an explanation.
 
@@ -52,6 +53,7 @@ def write_explain_report(
     finding : the last step
     record : result.json
     pictures : PNG by name; a missing one is left out
+    following : the next steps
     """
     stepped = len(explained.ladder) > 1
     write_page(
@@ -62,6 +64,7 @@ def write_explain_report(
         record=record,
         pictures=pictures,
         headline=words.headline(explained),
+        following=following,
         detail=words.verdict_detail(explained),
         doubts=words.doubts(record, explained),
         presses_alone=presses_sentences(record),

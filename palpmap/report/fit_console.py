@@ -1,19 +1,26 @@
 """A fit on one screen: parameters, residual and statement."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from identify.residual import Comparison, length, sigmas
 from palpmap import units
+from palpmap.console import plain
 from palpmap.report.draw import console
 from palpmap.result.finding import Finding
-from palpmap.result.tables import Table, parameter_table
+from palpmap.result.tables import ANSWERS, Table, parameter_table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def summary(finding: Finding) -> tuple["RenderableType", ...]:
-    """Return the fit as rich renderables that fit one screen."""
+def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["RenderableType", ...]:
+    """Return the fit as rich renderables that fit one screen, the verdict on top.
+
+    Parameters
+    ----------
+    following : the next steps, below the verdict
+    """
     from rich.text import Text
 
     c = finding.comparison
@@ -21,7 +28,7 @@ def summary(finding: Finding) -> tuple["RenderableType", ...]:
     title = f"{finding.name}: found map"
     parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
-    return console(parameters), console(_residual_table(c)), statement, *notes
+    return statement, *plain(following), console(parameters), console(_residual_table(c)), *notes
 
 
 def _residual_table(c: Comparison) -> Table:
@@ -32,10 +39,13 @@ def _residual_table(c: Comparison) -> Table:
     )
     rows = (
         ("rms", f"{units.rms(c.rms_m)}, noise alone {units.rms(c.expected_rms_m)}"),
-        ("chi-square per degree of freedom", f"{c.chi2_per_dof:.3f}, p = {c.chi2_p:.2g}"),
+        (
+            "chi-square per degree of freedom",
+            f"{c.chi2_per_dof:.3f}, p-value {units.p_value(c.chi2_p)}",
+        ),
         (
             f"tests that find structure (of {len(asked)})",
-            ", ".join(t.name for t in asked if t.fires) or "none",
+            ", ".join(ANSWERS[t.name] for t in asked if t.fires) or "none",
         ),
         ("largest misfits", "; ".join(worst)),
     )

@@ -9,6 +9,7 @@ from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
 from palpmap.result.finding import Finding
+from palpmap.result.next_step import after_fit
 from palpmap.result.tables import Cell, Table, number, parameter_table
 
 
@@ -21,6 +22,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         left out
     path : the HTML file, replaced in one step
     """
+    study = path.with_name("study.toml")
     write_page(
         path,
         "fit.html",
@@ -28,6 +30,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         f=finding,
         pictures=pictures,
         parameters=parameter_table(finding.parameters, true=finding.true),
+        following=after_fit(finding.comparison.is_noise, study) if study.is_file() else (),
         tests=_test_table(finding.comparison),
         presses=_press_table(finding),
         readings=_reading_table(finding),

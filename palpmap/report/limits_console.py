@@ -27,16 +27,24 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
     biased = {name for e in seen for name in e.map_bias}
     shifts = [column for column in _shift_columns(fit) if column.name in biased]
     title = "detection limits (5 standard errors), of the signal"
-    planned = record.mixed_scan
     return (
+        _headline(record, len(seen)),
         console(limit_table(seen, shifts, letters, title)),
+        "Signal: the rms of the modelled displacements.",
         "E0, w, z: shift of the map's background, first inclusion's weight and depth by an ignored "
         f"effect of {100 * DETECTION.bias_share:.0f} % of the signal (in proportion).",
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
-        *([f"Mixed scan: the scan {planned.change} ({planned.program})."] if planned else []),
         *untestable_sentences(record.limits, "Not seen at any size"),
         *left_out_sentences(record),
     )
+
+
+def _headline(record: LimitsRecord, seen: int) -> str:
+    """Return the number of effects that the scan shows, and the scan that shows most of them."""
+    says = f"This scan shows {seen} of {len(record.limits)} effects, each from the size below."
+    if record.mixed_scan is None:
+        return says
+    return f"{says}\nNext: the scan {record.mixed_scan.change} ({record.mixed_scan.program})."
 
 
 def _shift_columns(fit: FitResult) -> list[ShiftColumn]:

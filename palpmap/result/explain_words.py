@@ -4,10 +4,12 @@ No sentence is more certain than result.json.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from identify.body import MODEL_ERROR
 from identify.design import DETECTION
 from identify.effects import advice, length, more, percent
+from identify.residual import law_sentence, sentence
 from identify.select import SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
@@ -62,7 +64,9 @@ def verdict_detail(explained: Explanation) -> str:
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         return text + (f" In addition: {sure}." if sure else "")
-    return f"{_help(explained)}{explained.final.comparison.statement}"
+    residual = explained.final.comparison
+    look = sentence(replace(residual, law=None))
+    return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
 
 
 def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
@@ -270,7 +274,8 @@ def unseen_effects(record: ExplainRecord) -> str:
     return (
         "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
         f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the "
-        f"signal (most: {listed(effects)}); `palpmap limits` names the scan that narrows it."
+        f"signal, the rms of the modelled displacements (most: {listed(effects)}); "
+        "`palpmap limits` names the scan that narrows it."
         + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
     )
 

@@ -2,19 +2,14 @@
 
 import csv
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identify.design import Assessment, BetterScans, Presses, Proposal
 from models import replaced
-from palpmap.result.records import ExplainRecord, NextPressesRecord
+from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
-from palpmap.units import minutes
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 PROGRAM = "next_scan_{}.csv"
@@ -102,19 +97,6 @@ def finer_cells(body: Body) -> str | None:
         f"{present:.3g}), which takes several times as long: the error of the mesh shrinks, "
         "an effect of the body keeps its size"
     )
-
-
-def next_lines(record: ExplainRecord, run: Path) -> tuple["RenderableType", ...]:
-    """Return the next measurement and its gain; nothing where none is proposed."""
-    from rich.text import Text
-
-    lines: list[RenderableType] = []
-    if record.finer_cells:
-        lines.append(Text(f"Next: {record.finer_cells}.", style="bold"))
-    for best in record.next_presses[:1]:
-        asked = f"Next: {best.change} ({minutes(best.duration_s)}): {best.why}."
-        lines += [Text(asked, style="bold"), f"Program: {run / best.program}"]
-    return tuple(lines)
 
 
 def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:

@@ -68,6 +68,22 @@ def number(heading: str) -> Column:
     return Column(heading, right=True)
 
 
+ANSWERS = {
+    "size": "larger than the noise",
+    "place": "follows the place",
+    "force": "follows the force",
+    "time": "follows the time in a press",
+    "phase": "follows the phase",
+    "order": "follows the order",
+    "press": "an outlying press",
+    "all_presses": "presses differ",
+    "neighbours": "neighbours alike",
+    "succession": "successors alike",
+    "lag": "readings correlated",
+    "reading": "an outlying reading",
+}
+"""Structure that each test of the residual finds, in words."""
+
 _ORDER = tuple(CANDIDATES)
 _TONES: Mapping[str, Tone] = {
     "supported": "good",

@@ -18,6 +18,8 @@ from palpmap.report.explain_report import write_explain_report
 from palpmap.result.evidence import evidences
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import write_programs
+from palpmap.result.next_step import next_steps
+from palpmap.result.own_effect import OWN_EFFECT, pattern_of, write_own_effect
 from palpmap.result.records import ExplainRecord
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
@@ -34,6 +36,7 @@ def write_explanation(
     record: ExplainRecord,
     study: Study,
     files: Mapping[str, Path] | None = None,
+    source: Path | None = None,
 ) -> None:
     """Write result.json, next scans, the explained study, report and recording.
 
@@ -41,15 +44,22 @@ def write_explanation(
     ----------
     study : the one that names the run folder's own copies
     files : of the user's own effects, by name
+    source : file of the study, None where it was made in Python
     """
     write_programs(assessment, problem.experiment.origin_m, run)
     record.write(run / "result.json")
     version_of(study, explained.final.fit, run / "study.toml", files)
-    write_explain_files(run, problem, explained, record)
+    if explained.verdict == "unexplained":
+        write_own_effect(pattern_of(explained.final.comparison), run / OWN_EFFECT)
+    write_explain_files(run, problem, explained, record, source)
 
 
 def write_explain_files(
-    run: Path, problem: Problem, explained: Explanation, record: ExplainRecord
+    run: Path,
+    problem: Problem,
+    explained: Explanation,
+    record: ExplainRecord,
+    source: Path | None = None,
 ) -> None:
     """Write the last step's fit.json and comparison.json, figures, report.html, recording.rrd.
 
@@ -57,15 +67,19 @@ def write_explain_files(
     ----------
     run : run folder
     record : result.json
+    source : file of the study
     """
     finding = step_finding(run, problem, explained.final)
     write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained, record)
     paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
-    write_explain_report(run / "report.html", finding, explained, record, problem, pictures)
+    following = next_steps(record, explained, run, source)
+    write_explain_report(
+        run / "report.html", finding, explained, record, problem, pictures, following
+    )
     shown = {name: path for name, path in paths.items() if name.startswith(_RECORDED)}
-    record_explanation(run / "recording.rrd", finding, explained, record, problem, shown)
+    record_explanation(run / "recording.rrd", finding, explained, record, problem, shown, following)
 
 
 def explain_pictures(

@@ -1,0 +1,78 @@
+"""The next step after a result, in sentences with the commands as they can be typed."""
+
+from pathlib import Path
+
+from identify.select import Explanation
+from palpmap.console import to_type
+from palpmap.result.own_effect import OWN_EFFECT
+from palpmap.result.records import ExplainRecord
+from palpmap.units import minutes
+
+
+def next_steps(
+    record: ExplainRecord, explained: Explanation, run: Path, study: Path | None = None
+) -> tuple[str, ...]:
+    """Return the next step after an explanation, the first one to take on top.
+
+    Parameters
+    ----------
+    run : the run folder
+    study : file of the study, None for the run folder's own
+    """
+    source = study or run / "study.toml"
+    steps = [f"{record.finer_cells}."] if record.finer_cells else []
+    if record.next_presses:
+        steps.append(_presses(record, run))
+    if explained.verdict == "unexplained":
+        steps.append(_own_effect(run, source))
+    elif explained.verdict == "ambiguous" and not record.next_presses:
+        steps.append(
+            "No other presses with this tip separate them. Rule one of them out by another "
+            "measurement."
+        )
+    elif explained.verdict == "explained":
+        effects = [part.effect for part in explained.final.fit.model.effects]
+        cures = [f"{e.title}: {e.cure}" for e in effects if e.name in explained.added]
+        steps += [*cures, f"The study with what was found: {run / 'study.toml'}"]
+    elif explained.verdict == "nothing_missing":
+        limits = to_type("limits", source)
+        steps.append(f"`{limits}` says how large an effect must be for this scan to show it.")
+    return (f"Next: {steps[0]}", *steps[1:]) if steps else ()
+
+
+def _presses(record: ExplainRecord, run: Path) -> str:
+    """Return the presses to make, and the way to explain them together with the scan."""
+    best = record.next_presses[0]
+    join = to_type("join", run / "scan.csv", "NEW_SCAN.csv", "--out", "both.csv")
+    return (
+        f"{best.change} ({minutes(best.duration_s)}): {best.why}. Press program: "
+        f"{run / best.program}. `{join}` makes one scan of both; explain that."
+    )
+
+
+def _own_effect(run: Path, study: Path) -> str:
+    """Return the way from the start of an effect to its verdict."""
+    file = run / OWN_EFFECT
+    return (
+        f"If you have a cause in mind, write it into {file}, the start of an effect of your own. "
+        f"`{to_type('check-effect', file)}` checks it, and "
+        f"`{to_type('explain', study, '--effect', file)}` asks the scan."
+    )
+
+
+def after_fit(is_noise: bool, study: Path) -> tuple[str, ...]:
+    """Return the next step after a fit or a comparison."""
+    command = to_type("limits" if is_noise else "diagnose", study)
+    says = (
+        "says how large an effect must be for this scan to show it"
+        if is_noise
+        else "names the effects that the residual looks like"
+    )
+    return (f"Next: `{command}` {says}.",)
+
+
+def after_diagnosis(is_noise: bool, study: Path) -> tuple[str, ...]:
+    """Return the next step after a diagnosis: the search, or the detection limits."""
+    if is_noise:
+        return after_fit(True, study)
+    return (f"Next: `{to_type('explain', study)}` adds effects until the residual is noise.",)

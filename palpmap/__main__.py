@@ -19,6 +19,7 @@ from palpmap.cli.fit import fit
 from palpmap.cli.import_ import import_
 from palpmap.cli.join import join
 from palpmap.cli.limits import limits
+from palpmap.cli.new import new
 from palpmap.cli.paper import paper
 from palpmap.cli.review import review
 from palpmap.cli.scan import scan
@@ -74,6 +75,7 @@ _COMMANDS = (
     join,
     import_,
     export,
+    new,
 )
 for _command in _COMMANDS:
     name = _command.__name__.rstrip("_").replace("_", "-")  # import is Python's own word

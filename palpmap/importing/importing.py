@@ -69,14 +69,15 @@ class Imported:
         scan_file = folder / f"scan.{form}"
         write_scan(self.scan, scan_file)
         try:
-            write_study(_study(self, scan_file, folder), study_file)
-            study = load_study(study_file)
-            place_scan(read_scan(scan_file, study.study.units_checked), study)
+            checked_study(_study(self, scan_file, folder), study_file)
         except ValueError:
             scan_file.unlink(missing_ok=True)
-            study_file.unlink(missing_ok=True)
             raise
-        text = _commented(study_file.read_text(encoding="utf-8"), self)
+        names = ", ".join(path.name for path in self.files[:3]) + ", ..." * (len(self.files) > 3)
+        text = commented(
+            study_file.read_text(encoding="utf-8"),
+            f"# Made by palpmap import from {names}; import.md says what was found.",
+        )
         study_file.write_text(text, encoding="utf-8")
         (folder / "import.md").write_text(self.page(), encoding="utf-8")
         return study_file
@@ -249,14 +250,27 @@ def _study(made: Imported, scan_file: Path, folder: Path) -> Study:
     )
 
 
-def _commented(text: str, made: Imported) -> str:
-    """Put a comment above each table of a study file."""
-    names = ", ".join(path.name for path in made.files[:3]) + (
-        ", ..." if len(made.files) > 3 else ""
-    )
+def checked_study(study: Study, study_file: Path) -> None:
+    """Write a study and read it back with its scan; what cannot be right leaves no file.
+
+    Raises
+    ------
+    InputError
+        Scan and study do not fit together.
+    """
+    try:
+        write_study(study, study_file)
+        place_scan(read_scan(study.scan, study.study.units_checked), load_study(study_file))
+    except ValueError:
+        study_file.unlink(missing_ok=True)
+        raise
+
+
+def commented(text: str, first: str) -> str:
+    """Put a comment above each table of a study file, `first` above [study]."""
     comments = {
-        "[study]": f"# Made by palpmap import from {names}; import.md says what was found.",
-        "[body]": "# The body, as the mapping states it: size, file and origin_m in m.",
+        "[study]": first,
+        "[body]": "# The body: size, file and origin_m (its frame in the scan's) in m.",
         "[probe]": "# The tip.",
         "[noise]": "# One standard deviation of each reading, and of the depth of first touch.",
         "[map]": '# Number of inclusions, or "auto".',

@@ -1,0 +1,94 @@
+"""`palpmap new`."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpmap.cli.options import Json, Quiet
+from palpmap.console import Output
+
+
+class Tip(StrEnum):
+    """Shapes of a tip."""
+
+    FLAT = "flat"
+    SPHERE = "sphere"
+
+
+def _three(value: str | None) -> tuple[float, ...] | None:
+    if value is None:
+        return None
+    try:
+        numbers = tuple(float(part) for part in value.replace("x", ",").split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3:
+        raise typer.BadParameter(f"found '{value}', expected three numbers in m, as 0.1,0.1,0.05")
+    return numbers
+
+
+def new(
+    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="Scan, .csv or .parquet.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder of the study.")],
+    tip: Annotated[Tip | None, typer.Option("--tip", help="Shape of the tip.")] = None,
+    size: Annotated[
+        str | None, typer.Option("--size", metavar="X,Y,Z", help="Size of a block in m.")
+    ] = None,
+    surface: Annotated[
+        Path | None, typer.Option("--surface", metavar="STL", help="Closed surface of the body.")
+    ] = None,
+    poisson: Annotated[
+        float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option("--origin", metavar="X,Y,Z", help="The body's frame in the scan's, m."),
+    ] = None,
+    displacement_noise: Annotated[
+        float | None,
+        typer.Option(
+            "--displacement-noise", metavar="M", help="Standard deviation of the travel, m."
+        ),
+    ] = None,
+    force_noise: Annotated[
+        float | None,
+        typer.Option("--force-noise", metavar="N", help="Standard deviation of the force, N."),
+    ] = None,
+    inclusions: Annotated[
+        str, typer.Option("--inclusions", help='Number of inclusions, or "auto".')
+    ] = "1",
+    name: Annotated[
+        str | None, typer.Option("--name", help="Name of the study.", show_default="the file's")
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Make a commented study for a scan; asks on a terminal for what is not given.
+
+    Example: palpmap new scan.csv --tip flat --size 0.1,0.1,0.05 --poisson 0.49 --out study
+    """
+    if size and surface:
+        raise typer.BadParameter("give --size or --surface, one of the two")
+    from palpmap.commands.new import run_new
+
+    def ask(question: str) -> str:
+        return typer.prompt(question)
+
+    run_new(
+        scan=scan,
+        out=out,
+        tip=tip.value if tip else None,
+        size_m=_three(size),
+        surface=surface,
+        poisson_ratio=poisson,
+        origin_m=_three(origin),
+        noise=(displacement_noise, force_noise),
+        inclusions=int(inclusions) if inclusions.isdigit() else inclusions,
+        name=name,
+        ask=ask if sys.stdin.isatty() and not (quiet or json) else None,
+        three=_three,
+        output=Output(quiet=quiet, json=json),
+    )

@@ -1,0 +1,82 @@
+"""`palpmap new`: a study from flags; what a scan cannot tell is asked for by its flag."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from models.scan_file import read_scan, write_scan
+from palpmap.__main__ import app
+from palpmap.commands import new as command
+from palpmap.commands.check import check_study
+from palpmap.console import Output
+from palpmap.study.study import load_study
+from tests.paths import LAB
+
+SCAN = LAB / "case_c" / "scan.csv"
+ALL = ("--tip", "flat", "--size", "0.096,0.096,0.048", "--poisson", "0.49")
+
+
+def run(*words: object, code: int = 0):
+    result = CliRunner().invoke(app, ["new", *map(str, words)])
+    assert result.exit_code == code, result.output
+    return result
+
+
+def test_flags_make_a_study_that_can_be_fitted(tmp_path):
+    record = json.loads(run(SCAN, *ALL, "--out", tmp_path / "s", "--json").stdout)
+    study = load_study(tmp_path / "s" / "study.toml")
+    ours, theirs = study, load_study(LAB / "case_c" / "study.toml")
+    assert (ours.body, ours.probe, ours.map) == (theirs.body, theirs.probe, theirs.map)
+    assert study.scan == (tmp_path / "s" / "scan.csv").resolve()
+    assert check_study(tmp_path / "s" / "study.toml").can_be_fitted
+    text = (tmp_path / "s" / "study.toml").read_text()
+    assert "# Made by palpmap new from scan.csv" in text
+    assert "# No [noise]: it is estimated" in text
+    assert "81 presses" in record["said"][0]
+    assert "already there" in run(SCAN, *ALL, "--out", tmp_path / "s", code=2).stderr
+
+
+@pytest.mark.parametrize("flag", ["--tip", "--size", "--poisson"])
+def test_what_is_not_given_is_an_error_that_names_its_flag(flag, tmp_path):
+    at = ALL.index(flag)
+    said = run(SCAN, *ALL[:at], *ALL[at + 2 :], "--out", tmp_path / "s", code=2).stderr
+    assert flag in said
+    assert not (tmp_path / "s").exists()
+
+
+def test_another_frame_is_asked_for_with_the_height_that_the_points_tell(tmp_path):
+    scan = read_scan(SCAN).moved(np.array([0.45, -0.1, 0.02]))
+    write_scan(scan, tmp_path / "moved.csv")
+    said = run(tmp_path / "moved.csv", *ALL, "--out", tmp_path / "s", code=2).stderr
+    assert "--origin is missing" in said
+    assert "z is 0.02" in said
+    run(tmp_path / "moved.csv", *ALL, "--origin", "0.45,-0.1,0.02", "--out", tmp_path / "s")
+    assert check_study(tmp_path / "s" / "study.toml").can_be_fitted
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--size", "0.096,0.096"), "three numbers"),
+        (("--poisson", "0.7"), "poisson_ratio"),
+        (("--inclusions", "many"), "inclusions"),
+        (("--force-noise", "-1"), "--force-noise"),
+    ],
+)
+def test_a_wrong_value_is_answered_in_a_sentence(words, said, tmp_path):
+    given = [*ALL, *words]
+    assert said in run(SCAN, *given, "--out", tmp_path / "s", code=2).stderr
+    assert not (tmp_path / "s" / "study.toml").exists()
+
+
+def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):
+    answers = iter(["flat", "0.096,0.096,0.048", "0.49"])
+    command.run_new(
+        scan=SCAN, out=tmp_path / "s", tip=None, size_m=None, surface=None, poisson_ratio=None,
+        origin_m=None, noise=(2e-5, 5e-3), inclusions=1, name=None,
+        ask=lambda _: next(answers), three=lambda text: tuple(map(float, text.split(","))),
+        output=Output(quiet=True, json=False),
+    )  # fmt: skip
+    assert load_study(tmp_path / "s" / "study.toml").probe.tip == "flat"

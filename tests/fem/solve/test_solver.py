@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-import fem.solve.direct
+import fem.solve.pardiso
 from fem.errors import SolverError
 from fem.mesh.block import block_mesh
 from fem.solve.direct import PardisoSolver, Solver, SuperLUSolver, default_solver
+from fem.solve.pardiso import pardiso_works
 
 SOLVERS: list[Solver] = [SuperLUSolver()]
-if fem.solve.direct._pardiso_works():
+if pardiso_works():
     SOLVERS.append(PardisoSolver())
 
 every_solver = pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: type(s).__name__)
@@ -183,7 +184,7 @@ def test_a_stale_factor_is_never_used_in_silence():
 
 
 def test_memory_of_a_pattern_is_given_back_when_nobody_uses_it():
-    if not fem.solve.direct._pardiso_works():
+    if not pardiso_works():
         pytest.skip("MKL is not installed here")
     upper = upper_of(stiffness_like())
     pattern = PardisoSolver().analyse(upper.indptr, upper.indices)
@@ -205,7 +206,7 @@ import numpy as np
 from fem.linear.assembly import Stiffness
 from fem.mesh.block import block_mesh
 from fem.solve.threads import map_over_workers, solver_for_threads
-from fem.solve.direct import PardisoSolver, _mkl
+from fem.solve.pardiso import PardisoSolver, _mkl
 
 stiffness = Stiffness(block_mesh((0.1, 0.1, 0.05), (8, 8, 4)), 0.45)
 pattern = PardisoSolver(threads=2).analyse(stiffness.indptr, stiffness.indices)
@@ -228,7 +229,7 @@ assert one.threads == 1
 
 
 def test_a_pattern_keeps_its_threads_whoever_factorises_and_whatever_others_take():
-    if not fem.solve.direct._pardiso_works():
+    if not pardiso_works():
         pytest.skip("MKL is not installed here")
     # in a process of its own: with fewer threads than analysed with, PARDISO crashes
     run = subprocess.run([sys.executable, "-c", OTHER_THREADS], capture_output=True, text=True)
@@ -240,14 +241,14 @@ def _mkl_bytes() -> int:
     import ctypes
 
     count = ctypes.c_int(0)
-    statistics = fem.solve.direct._mkl().MKL_Mem_Stat
+    statistics = fem.solve.pardiso._mkl().MKL_Mem_Stat
     statistics.restype = ctypes.c_int64
     return int(statistics(ctypes.byref(count)))
 
 
 def test_the_default_is_pardiso_where_it_works_and_says_its_version():
     solver = default_solver()
-    if fem.solve.direct._pardiso_works():
+    if pardiso_works():
         assert isinstance(solver, PardisoSolver)
         assert "Math Kernel Library" in solver.name
     else:

@@ -13,6 +13,7 @@ from palpmap.figures.style import (
     DIFFERENCE_COLORS,
     GREEN,
     GREY,
+    LARGEST_DOT,
     ORANGE,
     PINK,
     new_figure,
@@ -48,9 +49,10 @@ def draw_ladder(explained: Explanation) -> Figure:
         highest = 1e6 * np.array([float(value or 0) for value in high])
         axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="forces left out")
         apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
-    for x, value, step in zip(at, rms, steps, strict=True):  # beside the dot: the error falls
+    above = np.maximum(rms, apart)  # of all curves: they fall, so that none crosses the words
+    for x, value, top, step in zip(at, rms, above, steps, strict=True):
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value), (10, 4),
+            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, top), (8, 6),
             textcoords="offset points", ha="left", va="bottom", fontsize=10, color=BLUE,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
@@ -90,6 +92,7 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     grid = figure.subplots(2, len(steps), squeeze=False, sharex=True, sharey=True)
     panel = (width - 1.2) / wide * 72 * 0.62  # points across a panel's data
     size = (panel / max(np.sqrt(len(points)), 2)) ** 2 * 0.62
+    size = min(size, LARGEST_DOT)
     rows = (
         (mean, DIFFERENCE_COLORS, -reach, reach, "mean residual, µm"),
         (rms, _MISFIT_COLORS, 1.0, largest, "rms in the press, noise = 1"),

@@ -122,7 +122,15 @@ def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
     if signed:
         reach = max(-low, high, 1e-6)
         return -reach, reach
-    return low, max(high, low + 1e-6)
+    return widened(low, high)
+
+
+def widened(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a colour scale; an even field gets 5 % to both sides."""
+    if high - low > 1e-3 * max(abs(low), abs(high)):
+        return low, high
+    margin = 0.05 * abs(low) or 1e-6
+    return low - margin, high + margin
 
 
 def cuts(f: Finding) -> tuple[Cut, Cut]:

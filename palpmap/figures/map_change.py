@@ -15,6 +15,7 @@ from palpmap.figures.map import (
     limit_to_body,
     sample,
     show_cut,
+    widened,
 )
 from palpmap.figures.style import (
     BLUE,
@@ -54,7 +55,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     # Colours of the last map: the error of the first may dwarf it
     judged = [v for row in fields for v in row[len(explained.ladder) > 1 :]]
     low = min(float(np.nanmin(v)) for v in judged)
-    high = max(*(float(np.nanmax(v)) for v in judged), low + 1e-6)
+    low, high = widened(low, max(float(np.nanmax(v)) for v in judged))
     below = any(np.nanmin(v) < low for row in fields for v in row)
     above = any(np.nanmax(v) > high for row in fields for v in row)
     sizes = [cut_size(finding, cut) for cut in both]

@@ -11,6 +11,7 @@ from palpmap.figures.style import (
     BLUE,
     DIFFERENCE_COLORS,
     GREY,
+    LARGEST_DOT,
     ORANGE,
     PINK,
     new_figure,
@@ -40,7 +41,7 @@ def draw_places(f: Finding) -> Figure:
     left, other = figure.subplots(1, 2, sharex=True, sharey=True)
     extent = np.ptp(points[:, [right, up]], axis=0).max() or 1.0
     spacing = np.sqrt(np.prod(np.maximum(np.ptp(points[:, [right, up]], axis=0), 1)) / len(points))
-    size = (230 * spacing / extent) ** 2 * 0.55
+    size = min((230 * spacing / extent) ** 2 * 0.55, LARGEST_DOT)
     for axes, values, unit, least in (
         (left, mean, "mean residual, µm", 1.0),
         (other, signed, "misfit of the press, standard deviations", 4.0),
@@ -48,7 +49,7 @@ def draw_places(f: Finding) -> Figure:
         reach = max(float(np.abs(values).max()), least)
         image = axes.scatter(
             points[:, right], points[:, up], c=values, s=size, cmap=DIFFERENCE_COLORS,
-            vmin=-reach, vmax=reach, edgecolors=GREY, linewidths=0.5,
+            vmin=-reach, vmax=reach, edgecolors=GREY, linewidths=0.5, clip_on=False,
         )  # fmt: skip
         axes.scatter(
             points[bad, right], points[bad, up], s=size * 1.5, facecolors="none",

@@ -33,6 +33,10 @@ STYLE: Any = {
 DPI = 130
 
 
+LARGEST_DOT = 500.0
+"""Area of a press's dot at most, square points: few presses make no discs."""
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches with its own canvas."""
     figure = Figure(figsize=(width, height), layout="constrained")

@@ -9,6 +9,7 @@ from palpmap.cli.add import add, history
 from palpmap.cli.blind import blind, press, reveal
 from palpmap.cli.check import check
 from palpmap.cli.check_effect import check_effect
+from palpmap.cli.check_rig import check_rig
 from palpmap.cli.compare import compare
 from palpmap.cli.demo import demo
 from palpmap.cli.diagnose import diagnose
@@ -76,6 +77,7 @@ _COMMANDS = (
     import_,
     export,
     new,
+    check_rig,
 )
 for _command in _COMMANDS:
     name = _command.__name__.rstrip("_").replace("_", "-")  # import is Python's own word

@@ -76,16 +76,41 @@ class Cut:
         )
 
 
-def cut_stream(recording: Recording, rig: Rig) -> Cut:
-    """Cut a stream of force and pose into presses.
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Force and pose on one clock, in the scan's frame.
+
+    Attributes
+    ----------
+    sensor, unweighed, force : force in the sensor's axes; in the scan's frame; without the tool's
+        weight and the sensor's bias, where the tip's turning shows them
+    pose : of the tip's end
+    direction : (3,) mean direction of pressing
+    spans : begin and end of each motion into the body and out again, s
+    stated : direction of each press, see `palpmap.importing.streams.press.window_of`
+    lag, offset_s : see `Cut`
+    """
+
+    sensor: Stream
+    unweighed: Stream
+    force: Stream
+    pose: Stream
+    direction: np.ndarray
+    spans: list[tuple[float, float]]
+    stated: np.ndarray | Stream | None
+    lag: Lag | None
+    offset_s: float
+
+
+def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
+    """Bring force and pose of a recording together, and take re-tares and the tool's weight out.
 
     Raises
     ------
     InputError
-        A stream that cannot be cut, with the key that would help.
+        A stream in which no presses are seen, with the key that would help.
     """
     assert rig.pose  # `Rig.needed` asks
-    said: list[str] = []
     force = read_force(recording, rig, said)
     pose = read_pose(recording, rig, rig.pose, said)
     force, jumps = without_jumps(force)
@@ -94,6 +119,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         "the sensor was set to zero anew; the force was run on."
         for time, size in jumps
     ]
+    sensor = force
     rough = rough_offset(force, pose, rig.pose.clock_offset_s)
     pose = pose.later(rough.offset_s)
     if force.values.shape[1] == 3:
@@ -105,6 +131,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
     windows = [window for window in windows if window is not None]
     rough_contacts = [_contact_or_none(window) for window in windows]
+    unweighed = force
     if rig.force.frame == "tip" and force.values.shape[1] == 3:
         force = without_weight(force, pose, windows, rough_contacts, said)
     lag = None
@@ -122,7 +149,21 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
             if contact is not None
         ]
         stated = _common_direction(touching, said)
-    presses, left_out, free = _cut_all(force, pose, spans, mean_direction, stated, rig)
+    return Aligned(sensor, unweighed, force, pose, mean_direction, spans, stated, lag, offset)
+
+
+def cut_stream(recording: Recording, rig: Rig) -> Cut:
+    """Cut a stream of force and pose into presses.
+
+    Raises
+    ------
+    InputError
+        A stream that cannot be cut, with the key that would help.
+    """
+    said: list[str] = []
+    streams = aligned(recording, rig, said)
+    lag = streams.lag
+    presses, left_out, free = _cut_all(streams, rig)
     presses = _unrecovered([_widened(press, lag) for press in presses], said)
     presses, weak = _without_weak(presses)
     left_out += weak
@@ -141,7 +182,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         f"worst press to {error.max():.2g} mm); travel counts from there."
     )
     said.insert(0, f"{len(presses)} presses were cut, {len(left_out)} were left out.")
-    return Cut(tuple(presses), tuple(left_out), lag, offset, tuple(said))
+    return Cut(tuple(presses), tuple(left_out), lag, streams.offset_s, tuple(said))
 
 
 def force_with_depth(recording: Recording, rig: Rig) -> float:
@@ -251,20 +292,14 @@ def _common_direction(directions: Sequence[np.ndarray], said: list[str]) -> np.n
     return None
 
 
-def _cut_all(
-    force: Stream,
-    pose: Stream,
-    spans: Sequence[tuple[float, float]],
-    mean_direction: np.ndarray,
-    stated: np.ndarray | Stream | None,
-    rig: Rig,
-) -> tuple[list[CutPress], list[tuple[float, str]], int]:
+def _cut_all(streams: Aligned, rig: Rig) -> tuple[list[CutPress], list[tuple[float, str]], int]:
     """Presses, left-out ones with their reasons, and the number of motions without contact."""
+    force, pose, mean_direction = streams.force, streams.pose, streams.direction
     presses: list[CutPress] = []
     left_out: list[tuple[float, str]] = []
     without: list[tuple[float, float]] = []
-    for span in spans:
-        window = window_of(force, pose, span, mean_direction, stated)
+    for span in streams.spans:
+        window = window_of(force, pose, span, mean_direction, streams.stated)
         try:
             press = window and cut_press(window, rig.rows, force.gaps, pose.gaps)
         except SpoiltPress as reason:

@@ -364,7 +364,7 @@ def _nearest(name: str, known: list[str]) -> str:
 
 
 def shortened(found: object) -> str:
-    """Return a value as it stands in a file, cut where it is long.
+    """Return a value as written in a file, cut where it is long.
 
     >>> shortened("a" * 200)[-8:]
     'aaaaa...'

@@ -36,7 +36,7 @@ def test_a_stream_is_cut_and_its_lag_found(seed):
 
 @pytest.mark.slow
 def test_of_500_streams_the_presses_are_found_and_their_readings_right():
-    """Measured with these seeds: 4,582 presses, 57 with a value beyond its tolerance."""
+    """Measured with these seeds: 4,594 presses, 6 with a value beyond its tolerance, in 3 streams."""
     presses = off = lost_ones = refused = 0
     lags = []
     for seed in ALL:
@@ -51,6 +51,6 @@ def test_of_500_streams_the_presses_are_found_and_their_readings_right():
         if lag is not None and lag.has_corners:
             lags.append(abs(error))
     assert refused <= 2
-    assert off <= 0.015 * presses
+    assert off <= 0.002 * presses
     assert lost_ones <= 0.01 * presses
-    assert np.mean(np.array(lags) < LAG_S) >= 0.85
+    assert np.mean(np.array(lags) < LAG_S) >= 0.9

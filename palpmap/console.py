@@ -11,6 +11,7 @@ import shlex
 import shutil
 import sys
 import sysconfig
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,11 +84,23 @@ class Output:
 
     @contextmanager
     def task(self) -> Iterator[Task]:
-        """Show a task of unknown length on stderr, while the context lasts."""
+        """Show a task of unknown length on stderr, while the context lasts.
+
+        Where stderr is no terminal, each step is a line with the seconds so far.
+        """
+        start = time.monotonic()
         with self.progress() as progress:
-            number = progress.add_task("reading", total=None)
+            number, said = progress.add_task("reading", total=None), ["reading"]
+
+            def say(text: str) -> None:
+                progress.update(number, description=text)
+                if not (progress.console.is_terminal or self.quiet) and text != said[-1]:
+                    said[0] = text
+                    seconds = time.monotonic() - start
+                    progress.console.print(f"{seconds:6.1f} s  {text}", markup=False)
+
             yield Task(
-                lambda text: progress.update(number, description=text),
+                say,
                 lambda *_: progress.advance(number),
                 progress.console.print,
             )

@@ -69,7 +69,7 @@ def scan_findings(scan: Scan) -> list[Doubt]:
 def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
     """Return a Scan without its bad readings and outlying presses, and a sentence for each.
 
-    A press with fewer than two readings in contact after that is left out as a whole.
+    A press with fewer than two readings in contact after that is omitted as a whole.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def test_a_stream_is_cut_and_its_lag_found(seed):
 
 @pytest.mark.slow
 def test_of_500_streams_the_presses_are_found_and_their_readings_right():
-    """Measured with these seeds: 4,594 presses, 6 with a value beyond its tolerance, in 3 streams."""
+    """Measured with these seeds: 4,594 presses, 6 with a value off, in 3 streams."""
     presses = off = lost_ones = refused = 0
     lags = []
     for seed in ALL:

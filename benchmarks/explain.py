@@ -45,9 +45,9 @@ def run(command: str, study: Path) -> Run:
         wall = time.perf_counter() - begin
         process.returncode = os.waitstatus_to_exitcode(status)
         said.seek(0)
+        if process.returncode not in (0, 1):
+            raise SystemExit(f"{' '.join(words)}: exit code {process.returncode}")
         record = json.loads(said.read())
-    if process.returncode not in (0, 1):
-        raise SystemExit(f"{' '.join(words)}: exit code {process.returncode}")
     names = record.get("added") or record.get("significant") or ()
     answer = ", ".join([*([record["verdict"]] if "verdict" in record else []), *names])
     unit = 1e9 if sys.platform == "darwin" else 1e9 / 1024

@@ -49,11 +49,10 @@ def draw_ladder(explained: Explanation) -> Figure:
         highest = 1e6 * np.array([float(value or 0) for value in high])
         axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="forces left out")
         apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
-    above = np.maximum(rms, apart)  # of all curves: they fall, so that none crosses the words
-    for x, value, top, step in zip(at, rms, above, steps, strict=True):
+    for x, value, step in zip(at, rms, steps, strict=True):  # the lowest curve: none is below left
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, top), (8, 6),
-            textcoords="offset points", ha="left", va="bottom", fontsize=10, color=BLUE,
+            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value), (-8, -6),
+            textcoords="offset points", ha="right", va="top", fontsize=10, color=BLUE,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise

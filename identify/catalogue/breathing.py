@@ -22,7 +22,7 @@ class Breathing(Advice, Effect):
 
     name = "breathing"
     title = "Breathing"
-    order = 10
+    order = 100
     summary = (
         "The body rises and falls on its own, as with breath or pulse, and the robot takes that "
         "for travel. The motion goes on through all presses at one frequency."

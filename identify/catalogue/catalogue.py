@@ -5,18 +5,24 @@ from identify.catalogue.base_compliance import BaseCompliance
 from identify.catalogue.base_sliding import BaseSliding
 from identify.catalogue.body_shift import BodyShift
 from identify.catalogue.breathing import Breathing
+from identify.catalogue.breathing_from_touch import BreathingFromTouch
 from identify.catalogue.contact_offset import ContactOffset
 from identify.catalogue.displacement_drift import DisplacementDrift
+from identify.catalogue.displacement_wander import DisplacementWander
 from identify.catalogue.extra_inclusion import ExtraInclusion
 from identify.catalogue.finite_strain import FiniteStrain
 from identify.catalogue.force_bias import ForceBias
 from identify.catalogue.force_drift import ForceDrift
 from identify.catalogue.force_saturation import ForceSaturation
+from identify.catalogue.force_wander import ForceWander
+from identify.catalogue.force_warm_up import ForceWarmUp
 from identify.catalogue.hysteresis import Hysteresis
 from identify.catalogue.inclusion_edge import InclusionEdge
 from identify.catalogue.inclusion_stretch import InclusionStretch
 from identify.catalogue.mesh_error import MeshError
+from identify.catalogue.play import Play
 from identify.catalogue.poisson_ratio import PoissonRatio
+from identify.catalogue.power_law_creep import PowerLawCreep
 from identify.catalogue.preconditioning import Preconditioning
 from identify.catalogue.rigid_tip import RigidTip
 from identify.catalogue.sensitivity_drift import SensitivityDrift
@@ -26,8 +32,10 @@ from identify.catalogue.spherical_tip import SphericalTip
 from identify.catalogue.stiffness_gradient import StiffnessGradient
 from identify.catalogue.strain_stiffening import StrainStiffening
 from identify.catalogue.surface_tilt import SurfaceTilt
+from identify.catalogue.time_lag import TimeLag
 from identify.catalogue.tool_compliance import ToolCompliance
 from identify.catalogue.touch_threshold import TouchThreshold
+from identify.catalogue.two_time_creep import TwoTimeCreep
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.effects.base import Effect
 from models import Catalogue
@@ -51,17 +59,25 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         FiniteStrain(),
         StrainStiffening(),
         Viscoelasticity(),
+        TwoTimeCreep(),
+        PowerLawCreep(),
         Preconditioning(),
         Hysteresis(),
+        Play(),
+        TimeLag(),
         ToolCompliance(),
         ForceBias(),
         ForceDrift(),
+        ForceWarmUp(),
+        ForceWander(),
         SensitivityDrift(),
         ForceSaturation(),
         ContactOffset(),
         TouchThreshold(),
         SurfaceTilt(),
         DisplacementDrift(),
+        DisplacementWander(),
         Breathing(),
+        BreathingFromTouch(),
     )
 )

@@ -12,7 +12,7 @@ class ContactOffset(Effect):
 
     name = "contact_offset"
     title = "Offset of first touch"
-    order = 6
+    order = 60
     summary = (
         "First touch is declared too early or too late, by the same distance in every press. "
         "All displacements are then too large or too small by a constant."

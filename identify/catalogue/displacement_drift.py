@@ -12,7 +12,7 @@ class DisplacementDrift(Effect):
 
     name = "displacement_drift"
     title = "Drift of the displacement"
-    order = 9
+    order = 90
     summary = (
         "The arm grows as it warms up, or the body settles on its bed, and displacements change "
         "with it. They are too large or too small by a length that grows over the scan."

@@ -28,7 +28,7 @@ class FiniteStrain(Effect):
 
     name = "finite_strain"
     title = "Large strain (geometry)"
-    order = 2
+    order = 20
     summary = (
         "The tip goes so deep that the body's changing shape matters, and force is no longer "
         "proportional to travel. Thick bodies soften by it; thin ones and deep presses may harden."

@@ -15,7 +15,7 @@ class ForceBias(Effect):
 
     name = "force_bias"
     title = "Bias of the force sensor"
-    order = 2
+    order = 20
     summary = (
         "The force sensor reads a constant too much or too little. "
         "Travel is then missing or left over at small forces, most at soft places."

@@ -15,7 +15,7 @@ class ForceDrift(Effect):
 
     name = "force_drift"
     title = "Drift of the force sensor"
-    order = 3
+    order = 30
     summary = (
         "The sensor's zero wanders steadily over the scan, as it does while it warms up. "
         "Late presses seem stiffer or softer than early ones."

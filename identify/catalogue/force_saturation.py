@@ -22,7 +22,7 @@ class ForceSaturation(Effect):
 
     name = "force_saturation"
     title = "Saturation of the force sensor"
-    order = 5
+    order = 50
     summary = (
         "The sensor reads too little at high force, as near the end of its range. "
         "The body seems to give way once the force is high, everywhere at the same force."

@@ -12,7 +12,7 @@ class Hysteresis(Effect):
 
     name = "hysteresis"
     title = "Hysteresis"
-    order = 3
+    order = 30
     summary = (
         "On the way back the tip is deeper than on the way in at the same force. "
         "The loop closes at the largest force and at none, and does not depend on the speed."

@@ -15,7 +15,7 @@ class Preconditioning(Effect):
 
     name = "preconditioning"
     title = "Preconditioning"
-    order = 2
+    order = 20
     summary = (
         "Fresh tissue yields a little more with each press until it has settled. "
         "Presses made later in the scan therefore seem softer, wherever they are."

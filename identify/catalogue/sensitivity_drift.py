@@ -17,7 +17,7 @@ class SensitivityDrift(Effect):
 
     name = "sensitivity_drift"
     title = "Drift of the sensor's sensitivity, or of the body's stiffness"
-    order = 4
+    order = 40
     summary = (
         "The sensor reads steadily more or less of the same force, as it does while it warms up, "
         "or the body steadily stiffens or softens as it dries, cools or warms. "

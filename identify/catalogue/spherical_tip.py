@@ -21,7 +21,7 @@ class SphericalTip(Advice, Effect):
 
     name = "spherical_tip"
     title = "Rounded or spherical tip"
-    order = 1
+    order = 10
     summary = (
         "The tip is a ball, or domed, and its contact grows with the force, while the model takes "
         "one contact for all forces. It sinks easily at first and ever harder later."

@@ -17,7 +17,7 @@ class StrainStiffening(Effect):
 
     name = "strain_stiffening"
     title = "Strain stiffening"
-    order = 3
+    order = 30
     summary = (
         "The tissue itself grows stiffer with strain, as liver, skin and muscle do. "
         "The force grows exponentially with depth."

@@ -11,7 +11,7 @@ class ToolCompliance(Effect):
 
     name = "tool_compliance"
     title = "Compliance of tool and arm"
-    order = 1
+    order = 10
     summary = (
         "Tool, sensor and arm bend under the contact force, and the robot takes that for travel "
         "of the tip. The same is added at every place, so that hard places suffer most."

@@ -16,7 +16,7 @@ class Viscoelasticity(Effect):
 
     name = "viscoelasticity"
     title = "Creep (viscoelasticity)"
-    order = 1
+    order = 10
     summary = (
         "The body goes on yielding under a constant force and lags behind a changing one. "
         "Its creep is described by one strength and one time constant for all places."
@@ -77,7 +77,7 @@ class Viscoelasticity(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Time constants from half a sampling step to a few presses, evenly in the logarithm."""
-        shortest, longest = _span(readings)
+        shortest, longest = time_constants(readings)
         count = 1 + int(np.ceil(np.log(longest / shortest) / np.log(_RATIO)))
         return [{"tau_s": float(tau)} for tau in np.geomspace(shortest, longest, count)]
 
@@ -86,7 +86,7 @@ class Viscoelasticity(Effect):
         g, tau = self.parameters
         if readings.time_s is None:
             return g, tau
-        shortest, longest = _span(readings)
+        shortest, longest = time_constants(readings)
         return g, EffectParameter(
             tau.name, tau.unit, tau.meaning, None, shortest / 2, longest * 2, 1.0, log=True
         )
@@ -135,7 +135,8 @@ def _put(array: np.ndarray, index: np.ndarray, new: np.ndarray) -> np.ndarray:
     return changed
 
 
-def _span(readings: Readings) -> tuple[float, float]:
+def time_constants(readings: Readings) -> tuple[float, float]:
+    """Return the shortest and the longest time constant that the scan can show, s."""
     shortest = float(np.clip(0.5 * readings.sampling_step_s, _SHORTEST_S, _LONGEST_S / 10))
     longest = float(np.clip(4 * readings.press_length_s, 4 * shortest, _LONGEST_S))
     return shortest, longest

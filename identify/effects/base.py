@@ -95,6 +95,8 @@ class Effect:
     Class attributes
     ----------------
     name, title : `force_drift`, "Drift of the force sensor"
+    family : name of the simplest effect of the same cause, of which this one is another form (a
+        drift that settles, creep with two times); its own name without one
     hooks, link : its hook, and with it the link of the chain; both follow from the methods
     order : place among the effects of its link, a smaller one acts first; a user's own act last
     summary : the physics, two sentences for an experimenter
@@ -116,10 +118,11 @@ class Effect:
     """
 
     name: ClassVar[str]
+    family: ClassVar[str]
     title: ClassVar[str]
     hooks: ClassVar[tuple[Hook, ...]] = ()
     link: ClassVar[Link]
-    order: ClassVar[int] = 100
+    order: ClassVar[int] = 1000
     summary: ClassVar[str]
     formula: ClassVar[str]
     latex: ClassVar[str] = ""
@@ -133,6 +136,8 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
+        if "name" in vars(cls) and "family" not in vars(cls):
+            cls.family = cls.name
         cls.hooks = tuple(hook for hook in LINKS if callable(getattr(cls, hook, None)))
         if cls.hooks:
             cls.link = LINKS[cls.hooks[0]]

@@ -57,6 +57,12 @@ class AcceptedEffect:
         others = self.confounded.get(self.name, ())
         return (*self.equivalents, *(name for name in others if name not in self.equivalents))
 
+    @property
+    def decided(self) -> bool:
+        """Whether the group has one cause: a single effect, or forms of one family."""
+        family = {candidate.name: candidate.family for candidate in self.candidates}
+        return len({family.get(name, name) for name in self.group}) == 1
+
 
 def at_bound(fit: FitResult, name: str) -> bool:
     """Whether an amplitude of an effect ends at a physical bound other than its null.

@@ -29,8 +29,16 @@ class Candidate:
     @property
     def contains(self) -> tuple[str, ...]:
         """Names of the effects that are special cases of it."""
-        effects = (part.effect for part in self.fit.model.effects if part.effect.name == self.name)
-        return next((effect.contains for effect in effects), ())
+        return next((effect.contains for effect in self._effect), ())
+
+    @property
+    def family(self) -> str:
+        """Family of the effect, its own name without one."""
+        return next((effect.family for effect in self._effect), self.name)
+
+    @property
+    def _effect(self) -> list[Effect]:
+        return [part.effect for part in self.fit.model.effects if part.effect.name == self.name]
 
 
 def best_candidates(
@@ -170,19 +178,25 @@ def predicted_share(before: FitResult, after: FitResult) -> float:
 def shortlist(
     diagnosis: Diagnosis, exclude: Sequence[str] = (), settings: SelectionSettings = SELECTION
 ) -> list[str]:
-    """Return the best significant effects, and every significant one with a pattern alike."""
+    """Return the best significant effects, and every significant one with a pattern alike.
+
+    Other forms of the same cause, its family, count once.
+    """
     candidates = [
         s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
     ]
     candidates.sort(key=lambda s: -s.statistic)
     least = settings.hopeless * candidates[0].statistic if candidates else 0.0
     names = [s.name for s in candidates if s.statistic >= least]
-    best = names[: settings.shortlist]
+    families = dict.fromkeys(diagnosis[name].family or name for name in names)
+    first = list(families)[: settings.shortlist]
+    best = [name for name in names if (diagnosis[name].family or name) in first]
     order = [score.name for score in diagnosis.scores]
     alike = [
         name
-        for name in names[settings.shortlist :]
-        if any(
+        for name in names
+        if name not in best
+        and any(
             diagnosis.cosines[order.index(name), order.index(b)] > diagnosis.settings.alike
             for b in best
         )

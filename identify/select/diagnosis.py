@@ -81,8 +81,9 @@ class Diagnosis:
             return "untestable"
         if name not in self.significant:
             return "not_seen"
-        candidates = set(self.confused_with(name)) & self.significant
-        return "indistinguishable" if candidates else "supported"
+        family = score.family or name  # another form of the same cause leaves the cause decided
+        others = {n for n in self.confused_with(name) if self[n].family != family}
+        return "indistinguishable" if others & self.significant else "supported"
 
     def effect_verdict(self, name: str) -> EffectVerdict:
         """Return the verdict on an effect by its score alone, with its numbers."""

@@ -66,18 +66,18 @@ class Explanation:
     @property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
         """Groups of effects that explain the scan equally well, single bad presses among them."""
-        groups = tuple(a.group for a in self.accepted if len(a.group) > 1)
+        groups = tuple(a.group for a in self.accepted if not a.decided)
         return groups + tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Effects that are offered by name: alone in their group, and plausible.
+        """Effects that are offered by name: of one cause in their group, and plausible.
 
         Beside a structured residual, an effect is offered only if the effects together took nearly
         all of the excess chi-square, or the contact law of the presses supports it.
         """
         unsure = (*self.resting_on_outliers, *self.at_bound, *self.implausible)
-        sure = tuple(a for a in self.accepted if len(a.group) == 1 and a.name not in unsure)
+        sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
         main = self.explained_share >= self.settings.main_share and not self.map_error
         if self.verdict == "unexplained" and not main:
             sure = tuple(a for a in sure if a.shown_by_presses)
@@ -317,7 +317,7 @@ def _verdict(
         return "nothing_missing"
     if any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted):
         return "unexplained"
-    return "ambiguous" if any(len(a.group) > 1 for a in accepted) else "explained"
+    return "explained" if all(a.decided for a in accepted) else "ambiguous"
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class WithoutSuspects:
     def of(cls, presses: tuple[int, ...], again: Explanation) -> "WithoutSuspects":
         """Return the result of a selection without the presses."""
         final = again.final
-        found = frozenset(a.name for a in again.accepted if len(a.group) == 1)
+        found = frozenset(a.name for a in again.accepted if a.decided)
         return cls(
             presses,
             again.verdict,

@@ -58,6 +58,7 @@ class Score:
     beyond : (m, q) orthonormal basis of that part
     rms_m : root mean square of the effect's contribution to the readings, m
     untestable : reason why the scan cannot show it, or None
+    family : of the effect
     """
 
     name: str
@@ -70,6 +71,7 @@ class Score:
     beyond: np.ndarray
     rms_m: float
     untestable: str | None = None
+    family: str = ""
 
     @property
     def p_value(self) -> float:
@@ -239,6 +241,7 @@ def score_effect(
         visible=float(visible[best]),
         beyond=basis[best],
         rms_m=float(np.sqrt(np.mean(moved**2))),
+        family=effect.family,
     )
 
 
@@ -263,7 +266,7 @@ def unscored(effect: Effect, reason: str, readings: int) -> Score:
     """Return the score of an effect that this scan cannot show."""
     none = np.zeros(len(effect.amplitudes))
     return Score(effect.name, 0.0, 0.0, effect.null, none, none, 0.0,
-                 np.zeros((readings, len(none))), 0.0, reason)  # fmt: skip
+                 np.zeros((readings, len(none))), 0.0, reason, effect.family)  # fmt: skip
 
 
 def cosine(one: Score, other: Score) -> float:

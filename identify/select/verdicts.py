@@ -53,10 +53,10 @@ def _in_group(
 ) -> tuple[CandidateVerdict, tuple[str, ...]]:
     """Verdict on an effect of the model, or of a group in the model."""
     others = tuple(other for other in group if other != name)
+    if name in explained.added:
+        return "supported", others
     if others:
         return "indistinguishable", others
-    if name in explained.added:
-        return "supported", ()
     if name in explained.resting_on_outliers:
         return "indistinguishable", (SUSPECT_PRESSES,)
     if name in (*explained.at_bound, *explained.implausible):

@@ -175,8 +175,13 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
             f"takes up, a slight error of the model, or another form of the map, looks like "
             f"{others}. Take neither name nor numbers for found: {_way_out(explained)}."
         ]
-    if len(addition.group) > 1:
-        others = " or ".join(other for other in addition.group if other != name)
+    others = " or ".join(other for other in addition.group if other != name)
+    if others and addition.decided:
+        return [
+            f"The cause is decided, its form is not: with {others} in place of {name}, the model "
+            "is as good."
+        ]
+    if others:
         return [
             f"{name} stands for a group: with {others} instead, the model is as good. Take neither "
             "its name nor its numbers for found."

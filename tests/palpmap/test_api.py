@@ -11,6 +11,7 @@ import pytest
 import palpmap as pm
 from tests.paths import LAB, ROOT
 
+TWELVE = ROOT / "tests" / "data" / "twelve_presses" / "study.toml"
 NAMES = ("contact_offset", "force_drift", "viscoelasticity")
 
 
@@ -21,14 +22,12 @@ def fitted() -> pm.FitResult:
 
 @pytest.fixture(scope="module")
 def why() -> pm.Explanation:
-    """Every second press of case_g, whose hidden effect is `contact_offset`, made in memory."""
-    study = pm.read_study(LAB / "case_g" / "study.toml")
-    points = np.round(study.scan.contact_points[:, :2], 6)
-    keep = np.all([np.isin(points[:, a], np.unique(points[:, a])[::2]) for a in (0, 1)], axis=0)
+    """Twelve presses with a hidden `contact_offset`, put together in memory."""
+    study = pm.read_study(TWELVE)
     experiment = pm.Experiment(
-        study.scan.rows(keep[study.scan.press_index]),
-        pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49),
-        pm.FlatTip(0.005),
+        study.scan,
+        pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45),
+        pm.FlatTip(0.004),
         noise=study.study.noise,
     )
     said: list[str] = []
@@ -75,9 +74,10 @@ def test_a_comparison_is_that_of_the_fit(fitted):
     assert comparison.to_dict()["is_noise"] is True
 
 
-def test_a_written_fit_is_the_commands_folder_and_reads_back(fitted, tmp_path, run_command):
+def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_command):
+    fitted = pm.fit(pm.read_study(TWELVE))
     written = fitted.write(tmp_path / "door")
-    done = run_command("fit", LAB / "case_a" / "study.toml", "--inclusions", "1")
+    done = run_command("fit", TWELVE)
     assert {p.name for p in written.iterdir()} == {p.name for p in done.folder.iterdir()}
     theirs = json.loads((done.folder / "fit.json").read_text())
     ours = json.loads((written / "fit.json").read_text())

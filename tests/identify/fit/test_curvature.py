@@ -46,6 +46,7 @@ def test_the_mean_residual_of_a_decay_is_that_of_many_noises():
     assert np.linalg.norm(mean - predicted) < 0.1 * np.linalg.norm(mean)
 
 
+@pytest.mark.slow
 def test_a_map_leaves_what_its_curvature_says():
     """Pairs of scans with opposite noise: what is odd in the noise drops out of their mean."""
     press, _, _, force = timing(0)

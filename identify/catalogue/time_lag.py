@@ -1,0 +1,115 @@
+"""Two channels with different delays: force and displacement do not belong to one instant."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.readings import Readings
+from identify.effects.units import more
+
+_LONGEST = 0.25  # of the median press
+_LEAST, _SMOOTH_S = 3, 0.1  # readings, and time, to each side of one in a local line
+_INSTANT_S = 1e-3  # a reading that close to a corner stays on its side
+
+
+class TimeLag(Effect):
+    """A force channel behind the displacement, or ahead of it, by a constant time."""
+
+    name = "time_lag"
+    title = "Lag between force and displacement"
+    order = 5
+    summary = (
+        "The force of a row was measured earlier or later than its displacement, as with a filter "
+        "in the sensor or two clocks. Loading and unloading part in proportion to the speed."
+    )
+    formula = "F(t) = F_read(t + lag),  along the course of each phase of a press"
+    latex = r"F(t) = F_{\text{read}}(t + \text{lag})"
+    source = (
+        "J. Schoukens, R. Pintelon, Y. Rolain, Mastering System Identification in 100 Exercises, "
+        "IEEE Press 2012, ch. 1 (synchronous measurements); the shift itself is a definition"
+    )
+    gives_away = "the misfit follows the speed of the force: one sign in loading, the other back"
+    cure = "Record both channels with one clock, or press slowly and hold before each reading."
+    parameters = (
+        EffectParameter("lag_s", "s", "delay of the force channel", 0.0, -0.5, 0.5, 0.02),
+    )
+    needs = ("time", "several forces")
+    examples = (
+        WorkedExample(
+            "The force rises by 0.1 N/s from a touch at t = 0; a reading 0.5 s late is 0.05 N low.",
+            {"lag_s": 0.5},
+            {"time_s": (1.0, 2.0, 3.0), "force_n": (0.1, 0.2, 0.3)},
+            {"force_n": (0.15, 0.25, 0.35)},
+        ),
+    )
+
+    def force(self, readings: Readings, force_n: np.ndarray, *, lag_s: float) -> np.ndarray:
+        """Add the force's growth over the lag, taken from the sensor's own readings."""
+        return force_n + _growth(readings, lag_s)
+
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Bound the lag by a part of a press."""
+        if readings.time_s is None:
+            return self.parameters
+        most = min(self.parameters[0].upper, _LONGEST * readings.press_length_s)
+        return (replace(self.parameters[0], lower=-most, upper=most),)
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say which channel is late, and by how much."""
+        lag = values["lag_s"]
+        return (
+            f"The force lies {1e3 * abs(lag):.0f} ms {more(lag, 'behind', 'ahead of')} the "
+            "displacement, in loading as in unloading, at every place."
+        )
+
+
+def _growth(readings: Readings, lag_s: float) -> np.ndarray:
+    """Return the growth (m,) of the read force within a lag, from smooth courses of each phase.
+
+    The force has its corner between two phases a lag later than the displacement, mostly between
+    two readings: each phase's course goes on to its own corner. A local line through several
+    readings passes on hardly any of their noise. It is a line through the readings as they are, not
+    the latent force, so that each row depends on its own force alone.
+    """
+    press, force = readings.press, readings.force_n
+    within = readings.timed_s - readings.touch_time_s[press]
+    same = (readings.phase[1:] == readings.phase[:-1]) & (press[1:] == press[:-1])
+    run = np.append(0, np.cumsum(~same))
+    first = run[readings.first]
+    last = np.append(first[1:], run[-1] + 1) - 1
+    apart = 2 * (float(within.max()) + abs(lag_s)) + 1.0  # between presses, on one axis
+    ends = (press * apart + within)[np.append(np.flatnonzero(np.diff(run)), len(run) - 1)]
+    shift = np.sign(lag_s) * max(abs(lag_s) - _INSTANT_S, 0.0)
+    felt = np.searchsorted(ends, press * apart + within - shift)  # the phase that a reading shows
+    felt = np.clip(felt, first[press], last[press])
+    order = np.argsort(felt, kind="stable")
+    half = max(_LEAST, int(np.ceil(_SMOOTH_S / max(readings.sampling_step_s, 1e-9))))
+    nodes = felt[order]
+    place = np.empty(len(order), int)
+    place[order] = np.arange(len(order))
+    course = _LocalLines(nodes, within[order], force[order], half)
+    return course.at(run, place, within + lag_s) - course.at(felt, place, within)
+
+
+class _LocalLines:
+    """Least-squares lines through up to 2 half + 1 neighbouring readings of a phase."""
+
+    def __init__(self, phase: np.ndarray, time_s: np.ndarray, force_n: np.ndarray, half: int):
+        self.phase, self.half = phase, half
+        rows = np.column_stack([np.ones_like(time_s), time_s, force_n, time_s**2, time_s * force_n])
+        self.sums = np.vstack([np.zeros(5), np.cumsum(rows, axis=0)])
+
+    def at(self, phase: np.ndarray, near: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Force (m,) at times on the courses of phases, each by the line nearest to a place."""
+        low = np.searchsorted(self.phase, phase)
+        high = np.searchsorted(self.phase, phase, "right")
+        width = 2 * self.half + 1
+        start = np.clip(np.minimum(near - self.half, high - width), low, None)
+        stop = np.minimum(start + width, high)
+        n, t, f, tt, tf = (self.sums[stop] - self.sums[start]).T
+        n = np.maximum(n, 1)
+        spread = np.maximum(tt - t * t / n, 0.0)
+        slope = np.divide(tf - t * f / n, spread, out=np.zeros_like(t), where=spread > 1e-12)
+        return f / n + slope * (time_s - t / n)

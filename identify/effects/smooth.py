@@ -1,0 +1,34 @@
+"""Smooth functions of time: natural cubic splines over the scan, the free form of a drift."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from identify.effects.readings import Readings
+
+KNOTS = 5
+"""Knots after the first, evenly over the scan: courses no faster than two fifths of it."""
+
+
+def knot_names(prefix: str) -> list[tuple[str, str]]:
+    """Name of each knot's value, and its place in the scan in words.
+
+    >>> knot_names("zero")[0]
+    ('zero_20', '20 %')
+    """
+    return [(f"{prefix}_{100 * k // KNOTS}", f"{100 * k // KNOTS} %") for k in range(1, KNOTS + 1)]
+
+
+def smooth_in_time(readings: Readings, values: Sequence[float]) -> np.ndarray:
+    """Natural cubic spline (m,) at the readings: 0 at the scan's start, `values` at the knots."""
+    time = readings.elapsed_s
+    end = max(float(time.max()), 1e-9)
+    return _basis()(time / end) @ np.asarray(values, float)
+
+
+@lru_cache(maxsize=1)
+def _basis() -> CubicSpline:
+    """One spline a knot after the first: 1 there, 0 at the others."""
+    return CubicSpline(np.linspace(0, 1, KNOTS + 1), np.eye(KNOTS + 1)[:, 1:], bc_type="natural")

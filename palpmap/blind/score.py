@@ -3,10 +3,11 @@
 | hidden | passes if |
 |---|---|
 | nothing | the verdict is `nothing_missing` |
-| a structured effect | it is named first |
+| a structured effect | it, or another form of its family, is named first |
 | a compliance-like effect | it is named first, or in an ambiguous group of at most three, or is \
 smaller than the detection limit that was printed |
 | two effects | both are named |
+| a foreign form of an effect | an effect of its family is named first |
 | an outsider | the verdict is not `explained` |
 """
 
@@ -19,7 +20,7 @@ Hidden = tuple[HiddenEffectRecord, ...]
 
 
 def category_of(hidden: Hidden) -> str:
-    """Return the category of the hidden effect: none, structured, compliance, pair or outsider."""
+    """Return the category: none, structured, compliance, form, pair or outsider."""
     if any(effect.category == "outsider" for effect in hidden):
         return "outsider"
     if len(hidden) > 1:
@@ -30,7 +31,9 @@ def category_of(hidden: Hidden) -> str:
 def score_blind(result: AnswerRecord, hidden: Hidden) -> ScoreRecord:
     """Judge the result of an explanation."""
     category = category_of(hidden)
-    judge = {"none": _none, "outsider": _outsider, "pair": _pair}.get(category, _single)
+    judge = {"none": _none, "outsider": _outsider, "pair": _pair, "form": _form}.get(
+        category, _single
+    )
     outcome, passed, reason = judge(result, hidden)
     return ScoreRecord(category=category, outcome=outcome, passed=passed, reason=reason)
 
@@ -45,6 +48,21 @@ def _none(result: AnswerRecord, effects: Hidden) -> Judged:
     if result.verdict == "unexplained" and not result.added:
         return "honest", False, "Nothing is hidden; it blamed no effect but saw structure."
     return "wrong", False, f"Nothing is hidden; it found {_named(result)}."
+
+
+def _form(result: AnswerRecord, effects: Hidden) -> Judged:
+    (effect,) = effects
+    name, family = effect.name, set(effect.kin)
+    false = [added for added in result.added if added not in family]
+    if result.added and result.added[0] in family:
+        also = f", and {', '.join(false)} besides" if false else ""
+        outcome: Outcome = "wrong" if false and result.verdict == "explained" else "right"
+        return outcome, True, f"{name}: its family was named{also}."
+    if false:
+        return "wrong", False, f"{name}: it is sure of {_named(result)}, another cause."
+    if result.verdict == "nothing_missing":
+        return "missed", False, f"It saw nothing of {name}."
+    return "honest", False, f"It named no cause of {name}, and says that something is missing."
 
 
 def _outsider(result: AnswerRecord, effects: Hidden) -> Judged:
@@ -66,8 +84,9 @@ def _outsider(result: AnswerRecord, effects: Hidden) -> Judged:
 def _pair(result: AnswerRecord, effects: Hidden) -> Judged:
     names = [effect.name for effect in effects]
     both = " and ".join(names)
-    found = [name for name in names if name in result.added]
-    other = [name for name in result.added if name not in names]
+    same = {n: effect.name for effect in effects for n in (effect.name, *effect.kin)}
+    found = {same[name] for name in result.added if name in same}
+    other = [name for name in result.added if name not in same]
     if len(found) == len(names):
         outcome: Outcome = "wrong" if other and result.verdict == "explained" else "right"
         also = f", and {', '.join(other)} besides" if other else ""
@@ -83,9 +102,9 @@ def _single(result: AnswerRecord, effects: Hidden) -> Judged:
     (effect,) = effects
     name, verdict, added = effect.name, result.verdict, result.added
     compliance = effect.category == "compliance"
-    if added and added[0] == name:
+    if added and added[0] in (name, *effect.kin):
         if len(added) == 1 or verdict != "explained":
-            return "right", True, f"{name} was named first."
+            return "right", True, f"{added[0]} was named first."
         return "wrong", True, f"{name} was named first, and {', '.join(added[1:])} besides."
     groups = [group for group in result.ambiguous if name in group]
     if groups and not added:

@@ -26,7 +26,7 @@ SMALLEST_OUTSIDER = 0.03  # below it, to call the residual noise can be the righ
 KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
 """A candidate for hiding, with its probability."""
 
-WORDS = ("none", "single", "pair", "outsider", "structured", "compliance")
+WORDS = ("none", "single", "pair", "outsider", "structured", "compliance", "form")
 ALIKE = frozenset({"finite_strain", "strain_stiffening"})
 
 
@@ -126,7 +126,7 @@ def draw_trial(
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
-    from sim.planted import HIDDEN, INSIDERS, OUTSIDERS
+    from sim.planted import FORMS, HIDDEN, INSIDERS, OUTSIDERS
 
     if "+" in word:
         return tuple(HIDDEN[name].name for name in word.split("+"))
@@ -138,15 +138,24 @@ def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
     if word == "pair":
         while True:
             first, second = (str(name) for name in rng.choice(structured, 2, replace=False))
-            if not {first, second} <= ALIKE:
+            if not {first, second} <= ALIKE and second not in _other_forms(first):
                 return first, second
     choice = {
         "single": INSIDERS,
         "outsider": OUTSIDERS,
+        "form": FORMS,
         "structured": structured,
         "compliance": [e.name for e in HIDDEN if e.category == "compliance"],
     }[word]
     return (str(rng.choice(choice)),)
+
+
+def _other_forms(name: str) -> tuple[str, ...]:
+    """Names of the other effects of a family of the catalogue; none for an outsider."""
+    from identify.catalogue import CATALOGUE
+
+    family = next((effect.family for effect in CATALOGUE if effect.name == name), None)
+    return tuple(e.name for e in CATALOGUE if e.family == family and e.name != name)
 
 
 def draw_map(seed: int) -> "TruthMap":
@@ -172,7 +181,7 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
         trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
     )
     for effect in truth["effects"]:
-        effect["kin"] = HIDDEN[effect["name"]].kin
+        effect["kin"] = HIDDEN[effect["name"]].kin or _other_forms(effect["name"])
     answer = TrialTruthRecord.model_validate(truth)
     write_scan(scan, folder / "scan.csv")
     write_study(_study(folder, trial, answer.noise), folder / "study.toml")

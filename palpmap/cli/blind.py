@@ -16,7 +16,7 @@ def blind(
             "--effects",
             metavar="NAME,...",
             help="What may be hidden: names of effects, A+B for two at once, or the words none, "
-            "structured, compliance, pair, outsider, single.",
+            "structured, compliance, form, pair, outsider, single.",
             show_default="anything",
         ),
     ] = None,

@@ -1,5 +1,5 @@
 """Effects that the virtual laboratory hides in a scan: own laws, own code, none of `identify`."""
 
-from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS
+from sim.planted.catalogue import FORMS, HIDDEN, INSIDERS, OUTSIDERS
 
-__all__ = ["HIDDEN", "INSIDERS", "OUTSIDERS"]
+__all__ = ["FORMS", "HIDDEN", "INSIDERS", "OUTSIDERS"]

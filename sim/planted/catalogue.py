@@ -6,10 +6,13 @@ from models import Catalogue
 from sim.planted import body, contact, instrument, response
 from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect
+from sim.planted.foreign_forms import FOREIGN_FORMS
 
 HIDDEN: Catalogue[HiddenEffect] = Catalogue(
     (
         response.viscoelasticity,
+        response.two_time_creep,
+        response.power_law_creep,
         contact.finite_strain,
         contact.strain_stiffening,
         body.anisotropy,
@@ -19,6 +22,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         body.poisson_ratio,
         response.preconditioning,
         response.hysteresis,
+        response.play,
         body.rigid_tip,
         contact.spherical_tip,
         body.base_compliance,
@@ -26,27 +30,34 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.tool_compliance,
         instrument.force_bias,
         instrument.force_drift,
+        instrument.force_warm_up,
+        instrument.force_wander,
+        instrument.time_lag,
         instrument.sensitivity_drift,
         instrument.force_saturation,
         instrument.contact_offset,
         instrument.surface_tilt,
         instrument.displacement_drift,
+        instrument.displacement_wander,
         instrument.breathing,
+        instrument.breathing_from_touch,
         body.mesh_error,
         body.inclusion_edge,
         body.inclusion_stretch,
         body.side_gradient,
         body.body_shift,
-        outside.outside_late_force,
         outside.outside_creeping_inclusion,
         outside.outside_slipped_presses,
         outside.outside_cooling,
         outside.outside_stick_slip,
         outside.outside_coarse_encoder,
         outside.outside_sticky_tip,
-        outside.outside_two_creep_times,
+        *FOREIGN_FORMS,
     )
 )
 
-INSIDERS = tuple(effect.name for effect in HIDDEN if effect.category != "outsider")
+INSIDERS = tuple(
+    effect.name for effect in HIDDEN if effect.category in ("structured", "compliance")
+)
+FORMS = tuple(effect.name for effect in FOREIGN_FORMS)
 OUTSIDERS = tuple(effect.name for effect in HIDDEN if effect.category == "outsider")

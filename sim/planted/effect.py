@@ -12,9 +12,10 @@ import numpy as np
 from sim.body.true_body import HiddenBody
 from sim.planted.bench import Bench
 
-Category = Literal["structured", "compliance", "outsider"]
+Category = Literal["structured", "compliance", "form", "outsider"]
 """Difficulty of an effect: `structured` ones leave a pattern in time, force or place of their
-own, those of `compliance` look like another body, and outsiders are in no catalogue."""
+own, those of `compliance` look like another body, a `form` is a cause of the catalogue by another
+law than any there, and outsiders are in no catalogue."""
 
 Values = Mapping[str, float]
 Draw = Callable[[Bench, np.random.Generator], dict[str, float]]
@@ -33,7 +34,7 @@ class HiddenEffect:
     typical : an ordinary amplitude, where the search begins
     limit : largest sensible amplitude
     two_sided : true if the amplitude may be negative too
-    kin : of an outsider, the nearest effects of the catalogue
+    kin : of an outsider, the nearest effects of the catalogue; of a form, its family
     draw : all values but the amplitude, for a bench and a random generator
     body : the changed body, from the body and the values
     contact : elastic travel (j, t) m, from the bench, that of the flat tip on the linear body and

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from sim.planted.bench import Bench
-from sim.planted.effect import any_direction, on_sensor
+from sim.planted.effect import Draw, any_direction, on_sensor
+
+
+def _of_session(name: str, low: float, high: float) -> Draw:
+    """Return a draw of a time as a share of the session."""
+    return lambda bench, rng: {name: float(rng.uniform(low, high) * np.ptp(bench.time_s))}
 
 
 @on_sensor("compliance", "travel + c F", "compliance_m_per_n", 4e-4)
@@ -80,3 +85,57 @@ def breathing(bench, force_n, travel_m, values):
     """The body heaves as one, whatever is pressed."""
     angle = 2 * np.pi * values["frequency_hz"] * bench.time_s + values["phase_rad"]
     return force_n, travel_m + values["amplitude_m"] * np.sin(angle)
+
+
+@on_sensor("structured", "force(t - lag)", "lag_s", 0.04, limit=0.5, two_sided=True)
+def time_lag(bench, force_n, travel_m, values):
+    """The force channel is reported late, or early, within each press."""
+    earlier = bench.within_s - values["lag_s"]
+    rows = zip(earlier, bench.within_s, force_n, strict=True)
+    late = [np.interp(wanted, known, force, left=0.0) for wanted, known, force in rows]
+    return np.array(late), travel_m
+
+
+@on_sensor("structured", "force + zero (1 - exp(-t/time_constant))", "zero_n", 0.02,
+           two_sided=True, draw=_of_session("time_constant_s", 0.1, 0.4))  # fmt: skip
+def force_warm_up(bench, force_n, travel_m, values):
+    """The zero of the force channel settles as the sensor warms up."""
+    since = (bench.time_s - bench.begin_s) / values["time_constant_s"]
+    return force_n + values["zero_n"] * (1 - np.exp(-since)), travel_m
+
+
+def _wander(bench: Bench, values: dict[str, float]) -> np.ndarray:
+    """Smooth course of the session, (j, t): two slow cosines, 0 at the start, of order one."""
+    t = (bench.time_s - bench.begin_s) / values["session_s"]
+    turns = (0.8, 1.5)
+    waves = (np.cos(np.pi * n * t + values[f"phase_{i}_rad"]) for i, n in enumerate(turns))
+    begin = sum(np.cos(values[f"phase_{i}_rad"]) for i in range(len(turns)))
+    return (sum(waves) - begin) / 2
+
+
+def _course(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    phases = {f"phase_{i}_rad": float(rng.uniform(0, 2 * np.pi)) for i in range(2)}
+    return {"session_s": float(bench.time_s[-1, -1]), **phases}
+
+
+@on_sensor("structured", "force + zero (two slow cosines)", "zero_n", 0.02, two_sided=True,
+           draw=_course)  # fmt: skip
+def force_wander(bench, force_n, travel_m, values):
+    """The zero of the force channel goes to and fro over the session."""
+    return force_n + values["zero_n"] * _wander(bench, values), travel_m
+
+
+@on_sensor("structured", "travel + zero (two slow cosines)", "zero_m", 1e-4, two_sided=True,
+           draw=_course)  # fmt: skip
+def displacement_wander(bench, force_n, travel_m, values):
+    """The arm bends to and fro over the session as the room warms and cools."""
+    return force_n, travel_m + values["zero_m"] * _wander(bench, values)
+
+
+@on_sensor("structured", "travel + a (sin(2 pi f t + phase) - the same at the press's start)",
+           "amplitude_m", 1.2e-4, draw=_off_the_rhythm)  # fmt: skip
+def breathing_from_touch(bench, force_n, travel_m, values):
+    """The body heaves as one, and each press counts from where it met the surface."""
+    angle = 2 * np.pi * values["frequency_hz"] * bench.time_s + values["phase_rad"]
+    motion = np.sin(angle)
+    return force_n, travel_m + values["amplitude_m"] * (motion - motion[:, :1])

@@ -16,15 +16,6 @@ def _uniform(name: str, low: float, high: float) -> Draw:
     return lambda bench, rng: {name: float(rng.uniform(low, high))}
 
 
-@on_sensor("outsider", "force(t - delay)", "delay_s", 0.07, limit=0.5)
-def outside_late_force(bench, force_n, travel_m, values):
-    """The force channel is reported late, within each press."""
-    earlier = bench.within_s - values["delay_s"]
-    rows = zip(earlier, bench.within_s, force_n, strict=True)
-    late = [np.interp(wanted, known, force, left=0.0) for wanted, known, force in rows]
-    return np.array(late), travel_m
-
-
 @on_response("outsider", "C(t) between the map's compliance and that with weight/(1 + share)",
              "share", 0.5, limit=100.0, draw=_uniform("time_constant_s", 0.4, 1.2))  # fmt: skip
 def outside_creeping_inclusion(bench, travel_m, values):
@@ -91,12 +82,3 @@ def outside_sticky_tip(bench, force_n, travel_m, values):
     scale = bench.program.force_n[:, None] / 5
     pull = values["pull_n"] * np.exp(-np.maximum(force_n, 0) / scale) * unloading
     return force_n - pull, travel_m
-
-
-@on_response("outsider", "u + g (z_1 + z_2)/2", "share", 0.1, limit=3.0, kin=("viscoelasticity",),
-             draw=_uniform("time_constant_s", 0.08, 0.16))  # fmt: skip
-def outside_two_creep_times(bench, travel_m, values):
-    """Creep with two time constants, a factor of thirty apart, where the catalogue has one."""
-    short = values["time_constant_s"]
-    both = sum(follow(travel_m, bench.within_s, tau) for tau in (short, 30 * short))
-    return travel_m + values["share"] * np.asarray(both) / 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gamma
 
 from sim.planted.effect import on_response
 
@@ -53,3 +54,41 @@ def hysteresis(bench, travel_m, values):
     largest = np.maximum.accumulate(travel_m, axis=1)
     below = np.where(largest > 0, 1 - travel_m / np.where(largest > 0, largest, 1), 0.0)
     return travel_m + 4 * values["share"] * travel_m * below
+
+
+@on_response("structured", "u + share (z_1 + z_2)/2", "share", 0.1, limit=3.0,
+             draw=_log_uniform("time_constant_s", 0.08, 0.16))  # fmt: skip
+def two_time_creep(bench, travel_m, values):
+    """Creep with two time constants, a factor of thirty apart."""
+    short = values["time_constant_s"]
+    both = sum(follow(travel_m, bench.within_s, tau) for tau in (short, 30 * short))
+    return travel_m + values["share"] * np.asarray(both) / 2
+
+
+@on_response("structured", "u + share integral (t - s)^exponent du, as 60 Kelvin elements",
+             "share", 0.05, limit=3.0, draw=_log_uniform("exponent", 0.15, 0.45))  # fmt: skip
+def power_law_creep(bench, travel_m, values):
+    """Creep on all time scales: t^a = a / Gamma(1 - a) integral tau^a (1 - exp(-t/tau)) dln tau."""
+    a = values["exponent"]
+    taus, step = np.linspace(np.log(1e-4), np.log(1e6), 60, retstep=True)
+    crept = np.zeros_like(travel_m)
+    for tau in np.exp(taus):
+        crept += tau**a * follow(travel_m, bench.within_s, float(tau))
+    return travel_m + values["share"] * a / gamma(1 - a) * float(step) * crept
+
+
+def lag_behind(travel_m: np.ndarray, half_m: np.ndarray) -> np.ndarray:
+    """Play (j, t) of a travel: follows it at a distance of `half_m` (j,) once that is used up."""
+    behind = np.zeros_like(travel_m)
+    for i in range(1, travel_m.shape[1]):
+        now = travel_m[:, i]
+        behind[:, i] = np.clip(behind[:, i - 1], now - half_m, now + half_m)
+    return behind
+
+
+@on_response("structured", "(1 - share) u + share play(u)", "share", 0.2, limit=1.0,
+             draw=_log_uniform("width", 0.04, 0.2))  # fmt: skip
+def play(bench, travel_m, values):
+    """A part of the body follows only after some way, in both senses."""
+    half = values["width"] * travel_m.max(axis=1)
+    return travel_m + values["share"] * (lag_behind(travel_m, half) - travel_m)

@@ -132,7 +132,7 @@ def test_creep_follows_the_closed_form_on_a_ramp_and_in_the_hold(bench):
 
 def test_a_late_force_channel_reads_what_was_a_delay_ago(bench):
     delay = 0.05
-    planted = press(bench, [(HIDDEN["outside_late_force"], {"delay_s": delay})])
+    planted = press(bench, [(HIDDEN["time_lag"], {"lag_s": delay})])
     ramp, peak = bench.program.ramp_s, bench.program.force_n
     expected = peak * (ramp - delay) / ramp  # at the end of the ramp
     assert_allclose(planted.force_n[:, 7], expected, rtol=1e-12)

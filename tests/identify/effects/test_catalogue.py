@@ -16,7 +16,9 @@ NAMES = (
     "spherical_tip", "base_compliance", "base_sliding", "tool_compliance", "force_bias",
     "force_drift", "force_saturation", "contact_offset", "surface_tilt", "breathing", "mesh_error",
     "touch_threshold", "rigid_tip", "inclusion_edge", "inclusion_stretch", "side_gradient",
-    "body_shift", "sensitivity_drift", "displacement_drift",
+    "body_shift", "sensitivity_drift", "displacement_drift", "time_lag", "force_warm_up",
+    "force_wander", "displacement_wander", "two_time_creep", "power_law_creep", "play",
+    "breathing_from_touch",
 )  # fmt: skip
 
 
@@ -51,12 +53,19 @@ def test_what_an_effect_contains_exists(effect):
     assert set(effect.contains) <= set(NAMES) - {effect.name}
 
 
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
+def test_a_family_bears_the_name_of_its_simplest_effect_and_keeps_to_one_link(effect):
+    assert effect.family in NAMES
+    assert CATALOGUE[effect.family].family == effect.family
+    assert CATALOGUE[effect.family].link == effect.link
+
+
 def test_effects_that_can_only_go_one_way_are_known():
     one_sided = {effect.name for effect in CATALOGUE if effect.one_sided}
     assert one_sided == {
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
-        "touch_threshold", "rigid_tip",
+        "touch_threshold", "rigid_tip", "power_law_creep", "play",
     }  # fmt: skip
 
 

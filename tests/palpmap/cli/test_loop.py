@@ -409,6 +409,9 @@ def test_what_hides_behind_the_map_is_never_explained_by_another(case, tmp_path)
 
 
 @pytest.mark.slow
-def test_what_the_catalogue_lacks_stays_unexplained(tmp_path):
+def test_a_late_force_channel_is_named(tmp_path):
     record = explain_case("case_j", tmp_path)
-    assert (record["verdict"], record["added"]) == ("unexplained", [])
+    assert (record["verdict"], record["added"]) == ("explained", ["time_lag"])
+    lag = record["parameters"]["time_lag.lag_s"]
+    assert lag["value"] == pytest.approx(0.07, abs=0.002)
+    assert lag["lower95"] < 0.07 < lag["upper95"]

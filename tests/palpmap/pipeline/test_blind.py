@@ -40,10 +40,10 @@ RUN = CliRunner()
 
 def answer(*effects):
     """Answer with effects given as (name, category, size)."""
-    keys = ("name", "category", "size")
+    keys = ("name", "category", "size", "kin")
     spot = {"weight_pa": 9000.0, "x_m": 0.04, "y_m": 0.05, "z_m": 0.03, "radius_m": 0.01}
     body = {"background_pa": 5000.0, "inclusions": [spot]}
-    hidden = [dict(zip(keys, e, strict=True)) for e in effects]
+    hidden = [dict(zip(keys, e, strict=False)) for e in effects]
     return TrialTruthRecord.model_validate({"effects": hidden, "body": body})
 
 
@@ -54,8 +54,9 @@ def result(verdict, added=(), ambiguous=(), **more):
 
 CREEP = ("viscoelasticity", "structured", 0.03)
 TOOL = ("tool_compliance", "compliance", 0.03)
-LATE = ("outside_late_force", "outsider", 0.05)
+LATE = ("outside_stick_slip", "outsider", 0.05)
 BIAS = ("force_bias", "structured", 0.02)
+FORM = ("form_broad_creep", "form", 0.05, ("viscoelasticity", "two_time_creep"))
 
 JUDGED = [
     (answer(), result("nothing_missing"), "none", "right", True),
@@ -93,6 +94,11 @@ JUDGED = [
     (answer(LATE), result("nothing_missing"), "outsider", "missed", True),
     (answer(LATE), result("ambiguous", (), [["a", "b"]]), "outsider", "honest", True),
     (answer(LATE), result("ambiguous", ["hysteresis"], [["a", "b"]]), "outsider", "wrong", False),
+    (answer(FORM), result("explained", ["two_time_creep"]), "form", "right", True),
+    (answer(FORM), result("explained", ["two_time_creep", "force_bias"]), "form", "wrong", True),
+    (answer(FORM), result("unexplained", ["force_bias"]), "form", "wrong", False),
+    (answer(FORM), result("unexplained"), "form", "honest", False),
+    (answer(FORM), result("nothing_missing"), "form", "missed", False),
     (answer(CREEP, BIAS), result("explained", ["force_bias", "viscoelasticity"]), "pair", "right",
      True),
     (answer(CREEP, BIAS), result("explained", ["force_bias"]), "pair", "wrong", False),
@@ -108,7 +114,7 @@ def test_an_answer_is_judged_as_the_table_says(hidden, found, category, outcome,
 
 
 def test_the_nearest_of_the_catalogue_is_honest_for_its_own_outsider_only():
-    (effect,) = answer(("outside_two_creep_times", "outsider", 0.05)).effects
+    (effect,) = answer(("outside_creeping_inclusion", "outsider", 0.05)).effects
     hidden = (effect.changed(kin=("viscoelasticity",)),)
     near = result("explained", ["viscoelasticity"])
     assert score_blind(near, hidden).outcome == "honest"

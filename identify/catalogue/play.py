@@ -65,13 +65,7 @@ class Play(Effect):
         width: float,
     ) -> np.ndarray:
         """Mix the travel with its play."""
-        half = width * np.abs(readings.peak_of(travel_m))
-        behind, state = np.empty_like(travel_m), np.zeros(readings.presses)
-        for rows in readings.layers:
-            press, u, r = readings.press[rows], travel_m[rows], half[rows]
-            behind[rows] = np.maximum(u - r, np.minimum(u + r, state[press]))
-            state[press] = behind[rows]
-        return (1 - share) * travel_m + share * behind
+        return travel_m + share * play_offset(readings, travel_m, width)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Widths from one that hardly shows to nearly half of the travel."""
@@ -84,3 +78,20 @@ class Play(Effect):
             f"{percent(2 * values['share'] * values['width'])} of its largest travel, alike at all "
             "forces but the ends."
         )
+
+
+def play_offset(readings: Readings, travel_m: np.ndarray, width: float) -> np.ndarray:
+    """Play of a travel less the travel, (m,); `width` is the share of each press's largest travel.
+
+    A hold counts with its mean travel: a play of the noise of single readings would filter it, and
+    fit better than the truth.
+    """
+    largest = readings.peak_of(travel_m)
+    steady = np.where(readings.phase == "hold", largest, travel_m)
+    half = width * np.abs(largest)
+    behind, state = np.empty_like(travel_m), np.zeros(readings.presses)
+    for rows in readings.layers:
+        press, u, r = readings.press[rows], steady[rows], half[rows]
+        behind[rows] = np.maximum(u - r, np.minimum(u + r, state[press]))
+        state[press] = behind[rows]
+    return behind - steady

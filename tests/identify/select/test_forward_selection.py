@@ -120,17 +120,26 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     assert refit_numbers("breathing", found) is None
 
 
-def test_a_late_force_channel_is_not_explained_by_any_name():
-    def late(d, f, t, phase, press):
-        measured = np.empty_like(f)
-        for j in range(25):
-            own = press == j
-            times = np.r_[t[own][0] - 0.125, t[own]]
-            measured[own] = np.interp(t[own] - 0.08, times, np.r_[0.0, f[own]])
-        return d, measured
+def late(d, f, t, phase, press):
+    measured = np.empty_like(f)
+    for j in range(25):
+        own = press == j
+        times = np.r_[t[own][0] - 0.125, t[own]]
+        measured[own] = np.interp(t[own] - 0.08, times, np.r_[0.0, f[own]])
+    return d, measured
 
+
+def test_a_late_force_channel_is_named_with_its_lag():
     table = planted(6, late)
     found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
+    assert (found.verdict, found.added) == ("explained", ("time_lag",))
+    assert found.final.fit.values["time_lag.lag_s"] == pytest.approx(0.08, abs=0.003)
+
+
+def test_a_late_force_channel_is_explained_by_no_other_name():
+    table = planted(6, late)
+    others = [effect for effect in CATALOGUE if effect.name != "time_lag"]
+    found = forward_selection(model(table), TRUE, table, others)
     assert found.verdict == "unexplained"
     assert found.added == ()
     law = found.final.comparison.law

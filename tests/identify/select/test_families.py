@@ -1,0 +1,57 @@
+"""Effects by other laws than those of the catalogue: the family is found, and no false name."""
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.select.forward_selection import forward_selection
+from tests.identify.select.loop_problem import TRUE, model
+from tests.identify.select.test_forward_selection import planted
+
+
+def three_times(d, f, t, phase, press):
+    """Creep with 0.08, 0.5 and 3 s after a step to each force, added step by step."""
+    out = d.copy()
+    for j in np.unique(press):
+        own = np.flatnonzero(press == j)
+        rises = np.diff(d[own], prepend=0.0)
+        # each rise is spread over its step in time: its middle
+        begin = t[own] - 0.5 * np.diff(t[own], prepend=t[own][0] - (t[own][1] - t[own][0]))
+        for i, row in enumerate(own):
+            age = np.maximum(t[row] - begin[: i + 1], 0)
+            kernel = sum(1 - np.exp(-age / tau) for tau in (0.08, 0.5, 3.0))
+            out[row] += 0.05 * np.sum(rises[: i + 1] * kernel)
+    return out, f
+
+
+def logarithmic_zero(d, f, t, phase, press):
+    since = (t - t.min()) / np.ptp(t)
+    return d, f + 0.03 * np.log1p(15 * since) / np.log(16)
+
+
+def several_plays(d, f, t, phase, press):
+    out = d.copy()
+    for j in np.unique(press):
+        own = np.flatnonzero(press == j)
+        for width in (0.03, 0.06, 0.12):
+            half, state = width * d[own].max(), 0.0
+            for row in own:
+                state = min(max(state, d[row] - half), d[row] + half)
+                out[row] += 0.15 * (state - d[row])
+    return out, f
+
+
+@pytest.mark.parametrize(
+    ("change", "family"),
+    [
+        (three_times, "viscoelasticity"),
+        (logarithmic_zero, "force_drift"),
+        (several_plays, "hysteresis"),
+    ],
+)
+def test_a_foreign_form_is_named_by_its_family(change, family):
+    table = planted(8, change)
+    found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
+    assert {CATALOGUE[name].family for name in found.added} == {family}
+    assert found.verdict == "explained"
+    assert all(effect.decided for effect in found.accepted)

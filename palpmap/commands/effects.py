@@ -16,6 +16,7 @@ def effect_record(effect: Effect) -> dict[str, object]:
     return {
         "name": effect.name,
         "title": effect.title,
+        "family": effect.family,
         "link": effect.link,
         "summary": effect.summary,
         "formula": effect.formula,
@@ -60,6 +61,8 @@ def effect_page(effect: Effect, latex: bool = False) -> str:
     ]
     if effect.needs:
         said.append(f"**Needs** a scan with {', '.join(effect.needs)}.")
+    if effect.family != effect.name:
+        said.append(f"**Another form of** {effect.family}.")
     if effect.contains:
         said.append(f"**Contains** {', '.join(effect.contains)}, as a special case.")
     said.append(f"**Source.** {_sentence(effect.source)}")

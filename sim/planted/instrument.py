@@ -107,10 +107,10 @@ def force_warm_up(bench, force_n, travel_m, values):
 def _wander(bench: Bench, values: dict[str, float]) -> np.ndarray:
     """Smooth course of the session, (j, t): two slow cosines, 0 at the start, of order one."""
     t = (bench.time_s - bench.begin_s) / values["session_s"]
-    turns = (0.8, 1.5)
-    waves = (np.cos(np.pi * n * t + values[f"phase_{i}_rad"]) for i, n in enumerate(turns))
-    begin = sum(np.cos(values[f"phase_{i}_rad"]) for i in range(len(turns)))
-    return (sum(waves) - begin) / 2
+    turns = np.array([0.8, 1.5])
+    phases = np.array([values[f"phase_{i}_rad"] for i in range(len(turns))])
+    waves = np.cos(np.pi * turns * t[..., None] + phases) - np.cos(phases)
+    return waves.sum(axis=-1) / 2
 
 
 def _course(bench: Bench, rng: np.random.Generator) -> dict[str, float]:

@@ -14,9 +14,11 @@ from models.scan import Scan
 
 FACTOR = 2.0  # off by this much from both sides: a reading off by 3 is seen beside its noise
 NOISE_LEVELS = 8.0  # robust standard deviations of the scan's differences to the neighbours
+RESOLUTION_STEPS = 2.5  # of a sensor's: lines through rounded readings are off by up to two
 LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is worth a stop
 NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
 FREE_TRAVEL = 0.35  # of the largest travel; a sphere's force is below NO_FORCE up to 0.14
+FREE_RISE = 0.015  # of the largest force, from the first to the last third of the free travel
 CLIPPED_ROWS = 3
 CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
 COLLAPSE = 0.1  # of the force before it
@@ -194,6 +196,10 @@ def _allowed_errors(
         lines.append(count)
     error, count = np.concatenate(errors), np.concatenate(lines)
     least = LEAST_ERROR * np.median([np.abs(values[rows]).max() for rows in presses])
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > 1e-9 * np.abs(values).max()]  # else rounding of the computer
+    if len(steps):
+        least = max(least, RESOLUTION_STEPS * steps.min())
     allowed = np.full(4, np.inf)
     for number in range(1, 4):  # one line alone is off by more than the nearest of three
         if np.any(count == number):
@@ -283,7 +289,7 @@ def _collapsed(scan: Scan) -> list[int]:
 
 def _free_travel(scan: Scan) -> list[Doubt]:
     """Find travel that was counted from above the surface: the tip moves and feels nothing."""
-    free = {}
+    free, rises = {}, []
     for press, rows in _by_press(scan):
         load = scan.phase[rows] == "load"
         force, travel = scan.force_n[rows][load], scan.displacement_m[rows][load]
@@ -293,7 +299,10 @@ def _free_travel(scan: Scan) -> list[Doubt]:
         touch = int(np.argmax(force > NO_FORCE * force.max()))
         if touch and travel[touch - 1] > FREE_TRAVEL * travel.max():
             free[press] = travel[touch - 1]
-    if not free:
+            third = max(touch // 3, 1)
+            begin, end = force[:third].mean(), force[touch - third : touch].mean()
+            rises.append((end - begin) / force.max())
+    if not free or np.median(rises) > FREE_RISE:  # a body that stiffens is felt from the start
         return []
     start = np.array(list(free.values())) * 1e3
     about = (

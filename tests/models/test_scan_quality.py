@@ -272,3 +272,20 @@ def test_presses_that_went_wrong_are_left_out_as_a_whole():
     assert set(scan.press_ids) - set(left.press_ids) == {5}
     assert sentences == ("Left out: Press 5 (1 of 81): hold without contact: the force is below "
                          "5 % of a typical press's.",)  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [4, 19, 179, 184])
+def test_a_coarse_sensor_raises_no_doubt(seed):
+    scan = drawn_scan(seed)
+    step = np.random.default_rng(10_000 + seed).uniform(0.002, 0.02) * scan.force_n.max()
+    assert scan_findings(scan.replace(force_n=np.round(scan.force_n / step) * step)) == []
+
+
+def test_a_body_that_stiffens_strongly_is_not_taken_for_free_travel():
+    for seed in (121, 141, 146, 176):
+        scan = drawn_scan(seed)
+        deepest = np.zeros(len(scan.press_ids))
+        np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+        share = np.clip(scan.displacement_m / deepest[scan.press_index], 0, None)
+        stiff = scan.replace(force_n=scan.force_n * np.exp(3 * (share - 1)))
+        assert "free_travel" not in kinds(stiff)

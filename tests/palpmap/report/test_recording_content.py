@@ -299,7 +299,7 @@ def test_the_layout_shows_scene_maps_presses_and_fit(whole_run):
         "Contact force, N",
         "Events",
         "About",
-        "Residual: red +40, blue -40 um",
+        "Residual: red +40, blue -40 µm",
     } <= names
 
 

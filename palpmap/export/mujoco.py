@@ -2,8 +2,8 @@
 
 MuJoCo's tetrahedra have four nodes: near-incompressible ones are far too stiff. The body is
 therefore exported with a Poisson's ratio of at most `LARGEST_POISSON`, on a mesh of its own, and
-with one factor on all moduli, such that its compliance under the scan's presses is that of the fit
-on average. The map's proportions are kept.
+with one factor on all moduli that makes the largest difference from the fit's compliance under the
+scan's presses least. The map's proportions are kept.
 """
 
 from __future__ import annotations

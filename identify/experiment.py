@@ -86,16 +86,30 @@ def contacts_of(scan: Scan, sphere: bool) -> tuple[Contacts, str]:
 
 
 @dataclass(frozen=True)
+class FieldGuess:
+    """Length (m) and spread of a free map's prior; None is found by evidence."""
+
+    length_m: float | None = None
+    spread: float | None = None
+
+
+@dataclass(frozen=True)
 class MapGuess:
-    """Number of inclusions, first guesses and fixed values by parameter name, body frame."""
+    """Number of inclusions, first guesses and fixed values by parameter name, body frame.
+
+    With a `field` the map is free and has no inclusions.
+    """
 
     inclusions: int | Literal["auto"] = 1
     initial: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
+    field: FieldGuess | None = None
 
     @property
     def unknowns(self) -> int:
-        """Number of free parameters of the map; of "auto" the least."""
+        """Number of free parameters of the map; of "auto" the least, of a free one its level."""
+        if self.field is not None:
+            return 1
         number = 0 if self.inclusions == "auto" else self.inclusions
         return 1 + 5 * number - len(self.fixed)
 

@@ -23,11 +23,11 @@ import numpy as np
 from identify import Progress, silent
 from identify.catalogue import CATALOGUE
 from identify.design import BetterScans, assess, better_scans, detection_limits
-from identify.effects import Effect
+from identify.effects import Effect, Readings
 from identify.fit import FitIteration, fit_jointly, fit_map, read_fit
 from identify.map import GaussianMap
 from identify.optimize import Optimizer, minimize_gauss_newton
-from identify.select import Step, start_fit, step_of, with_effects
+from identify.select import Step, refuse_effect, start_fit, step_of, with_effects
 from identify.select import explain as explain_scan
 from models import Catalogue, InputError, PressProgram, Scan, read_program
 from palpmap.experiment import Experiment, read_study
@@ -77,8 +77,10 @@ def fit(
     experiment = experiment.with_inclusions(inclusions)
     opened = experiment.opened(progress, thin=False)
     progress("fitting the map")
+    for effect, initial in opened.effects:
+        refuse_effect(effect, Readings.of(opened.scan), initial)
     found = fit_map(opened, optimizer, on_iteration)
-    if opened.effects:
+    if opened.effects and opened.map.field is None:
         progress("fitting the effects")
         found = with_effects(opened, found)
         if on_iteration:
@@ -111,6 +113,11 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
+    if experiment.study.map.kind == "free":
+        raise InputError(
+            'study, key map.kind: found "free", expected "inclusions": missing effects are not yet '
+            "sought beside a free map; `palpmap fit` and `palpmap compare` take it"
+        )
     opened = experiment.opened(progress)
     known = (*effects, *(effect for effect, _ in opened.effects), *experiment.own_effects)
     catalogue = Catalogue({effect.name: effect for effect in known}.values())

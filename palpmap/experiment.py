@@ -98,6 +98,11 @@ class Experiment:
         """Return the experiment with another number of inclusions in its map; None keeps it."""
         if inclusions is None:
             return self
+        if self.study.map.kind == "free":
+            raise InputError(
+                'study, key map.kind: found "free", which has no inclusions; leave out '
+                'their number or set kind = "inclusions"'
+            )
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
         checked = _checked(Map, **map_table.model_dump())
         study = self.study.model_copy(update={"map": checked})

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, TypeAdapter
 
-from identify.fit import Estimate, FitIteration
+from identify.fit import Estimate, FitIteration, Hyper, Spot
+from identify.map import Grid
 from identify.measurement import Noise
 from identify.residual import Comparison
 from palpmap.blind.records import (
@@ -20,7 +21,7 @@ from palpmap.blind.records import (
 from palpmap.commands.check import CheckRecord
 from palpmap.commands.scan import ScanRecord
 from palpmap.paper.command import PaperRecord
-from palpmap.record import FileRecord
+from palpmap.record import FileRecord, Record
 from palpmap.result.history import HistoryRecord
 from palpmap.result.records import DiagnosisRecord, ExplainRecord, LimitsRecord
 from palpmap.result.truth import TruthRecord
@@ -30,10 +31,35 @@ Row = tuple[float, ...]
 Rows = tuple[Row, ...]
 
 
+class FreeMapRecord(Record):
+    """A free map: the logarithm of Young's modulus on a grid of g points, the last axis fastest."""
+
+    grid: Grid
+    log_pa: Row = Field(description="ln of the modulus in Pa, (g,)")
+
+
+class FreeFieldRecord(Record):
+    """Prior, precision, sight and spots of a free map."""
+
+    hyper: Hyper
+    log_evidence: float = Field(description="of the readings, over that of noise alone")
+    effective: float = Field(description="effective number of the map's parameters")
+    log_mean: float = Field(description="mean of ln E (E in Pa) over the grid")
+    log_mean_sd: float = Field(description="its standard deviation")
+    log_sd: Row = Field(description="standard deviation of ln E, (g,)")
+    share: Row = Field(description="share of the prior's variance taken away, (g,)")
+    sight_m: float = Field(description="depth of sight of the middle press, m")
+    by_press_m: Rows = Field(description="travel by ln C and ln E at its press, m, (m, 1 or 2)")
+    followed: Rows = Field(description="directions of these that the map can follow, (n, k)")
+    spots: tuple[Spot, ...]
+
+
 class FitRecord(FileRecord):
     """fit.json: a fit of j presses with m readings, k free parameters of map and effects."""
 
-    map: Mapping[str, float] = Field(description="estimated map, body frame, m and Pa")
+    map: Mapping[str, float] | FreeMapRecord = Field(
+        description="estimated map, body frame, m and Pa: parameters by name, or a free map"
+    )
     parameters: Mapping[str, Estimate] = Field(description="of map and effects, by name")
     covariance_names: tuple[str, ...] = Field(description="names of the free parameters, (k,)")
     covariance: Rows = Field(description="of the free parameters, in their units, (k, k)")
@@ -65,6 +91,7 @@ class FitRecord(FileRecord):
     derivative_m: Rows | None = Field(
         default=None, description="derivative of the travel by the free parameters, (m, k)"
     )
+    field: FreeFieldRecord | None = Field(default=None, description="of a free map")
 
 
 RECORDS: Mapping[str, type[FileRecord] | type[TrialLine]] = {

@@ -36,7 +36,7 @@ def plain_name(name: str) -> str:
     >>> plain_name("inclusion_2.radius_m"), plain_name("background_pa"), plain_name("skin.share")
     ('inclusion 2 radius', 'background', 'skin.share')
     """
-    if not name.startswith(("background", "inclusion_")):
+    if not name.startswith(("background", "inclusion_", "mean_")):
         return name
     return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
 

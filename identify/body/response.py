@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fem import PalpationModel
 from fem.palpation import Response, fibre_weights
 from identify.body.shifted_block import Shift
 from identify.body.state import BodyState, ChangedMap
-from identify.map.gaussian_map import GaussianMap
+from identify.map import FreeMap, GaussianMap
 
 if TYPE_CHECKING:
     from identify.body.mechanics import BodyMechanics
@@ -48,6 +48,26 @@ class BodyResponse:
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
         return self._scale[:, None] * _gradient(self._response, gradient, self._state)
+
+    def by_field(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives (j, g) of ln C and of ln of the local modulus by a free map.
+
+        By its logarithm at the g points of its grid.
+        """
+        assert isinstance(self._map, FreeMap)
+        grid, local = self._map.grid, self._mechanics.local_points
+
+        def by_log(points: np.ndarray) -> Any:
+            return grid.weights(points).multiply(self._of_map(points)[:, None]).tocsr()
+
+        by_modulus = by_log(self._mechanics.coarse.points_m)
+        gradient = _gradient(self._response, by_modulus, self._state)
+        by_c = (self._scale / self.compliance)[:, None] * gradient
+        return by_c, by_log(local).toarray() / self.local_modulus[:, None]
+
+    def _of_map(self, points: np.ndarray) -> np.ndarray:
+        """Part (p,) of the modulus at points (p, 3) that grows with the map."""
+        return self._map.modulus(points) * self._state.factor(points)
 
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
@@ -139,8 +159,11 @@ class BodyResponse:
         return self.compliance * (1 - other / here) / step
 
 
-def _gradient(response: Response, by_parameter: np.ndarray, state: BodyState) -> np.ndarray:
-    """Return dC/dp (j, k) of parameters p of the modulus, and of the fibres with it."""
+def _gradient(response: Response, by_parameter: Any, state: BodyState) -> np.ndarray:
+    """Return dC/dp (j, k) of parameters p of the modulus, and of the fibres with it.
+
+    `by_parameter` (p, k) is the modulus samples' derivative, an array or a sparse matrix.
+    """
     gradient = response.gradient(by_parameter)
     if state.fibre_share:
         angle = state.fibre_angle_rad

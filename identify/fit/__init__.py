@@ -1,17 +1,25 @@
 """The fit of map and effects to a scan, with intervals."""
 
+from identify.fit.field import Field
+from identify.fit.field_evidence import Hyper
 from identify.fit.files import read_fit, write_fit
 from identify.fit.free_compliance import FreeComplianceFit
+from identify.fit.free_map_fit import FreeMapIteration
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
+from identify.fit.spots import Spot
 from identify.fit.start_map import fit_map
 
 __all__ = [
     "Estimate",
+    "Field",
     "FitIteration",
     "FitResult",
     "FreeComplianceFit",
+    "FreeMapIteration",
+    "Hyper",
+    "Spot",
     "fit_jointly",
     "fit_map",
     "read_fit",

@@ -3,13 +3,17 @@
 import json
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from identify.fit.field import Field
+from identify.fit.field_evidence import Hyper
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
+from identify.fit.spots import Spot
 from identify.json_record import read_json_record
-from identify.map.gaussian_map import GaussianMap
+from identify.map import FreeMap, GaussianMap, Grid
 from identify.measurement.noise import Noise
 from models import replaced
 
@@ -27,17 +31,19 @@ def write_fit(fit: FitResult, path: str | Path) -> None:
     content: dict = {"schema": SCHEMA}
     for field in fields(FitResult):
         value = getattr(fit, field.name)
-        if field.name in ("estimates", "solution"):
+        if field.name in ("estimates", "solution", "field"):
             continue  # the first stands under parameters, the second stays in memory
         if field.name == "map":
-            content["map"] = dict(zip(value.names, value.values.tolist(), strict=True))
+            content["map"] = _map_content(value)
             content["parameters"] = {name: asdict(e) for name, e in fit.parameters.items()}
         elif field.name == "history":
-            content["history"] = [{**vars(i), "parameters": dict(i.parameters)} for i in value]
+            content["history"] = [_step_content(step) for step in value]
         elif field.name == "noise":
             content["noise"] = asdict(value)
         else:
             content[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
+    if fit.field is not None:
+        content["field"] = _field_content(fit.field)
     text = json.dumps(content, indent=1, allow_nan=False)
     with replaced(path) as beside:
         beside.write_text(text + "\n", encoding="utf-8")
@@ -52,7 +58,8 @@ def _fit(content: dict) -> FitResult:
     """Build the record from the JSON object."""
     values = {
         **content,
-        "map": GaussianMap.from_values(np.array(list(content["map"].values()))),
+        "map": _map(content["map"]),
+        "field": _field(content["field"]) if content.get("field") else None,
         "estimates": {name: Estimate(**entry) for name, entry in content["parameters"].items()},
         "noise": Noise(**content["noise"]),
         "covariance_names": tuple(content["covariance_names"]),
@@ -64,3 +71,42 @@ def _fit(content: dict) -> FitResult:
             values[name] = np.array(content[name], dtype=kind)
     del values["parameters"]
     return FitResult(**values)
+
+
+def _map_content(stiffness: GaussianMap) -> dict:
+    if isinstance(stiffness, FreeMap):
+        return {"grid": asdict(stiffness.grid), "log_pa": stiffness.log_pa.tolist()}
+    return dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
+
+
+def _map(content: dict) -> GaussianMap:
+    if "grid" not in content:
+        return GaussianMap.from_values(np.array(list(content.values())))
+    grid = Grid(**{name: tuple(value) for name, value in content["grid"].items()})
+    return FreeMap(grid, np.array(content["log_pa"], float))
+
+
+def _step_content(step: FitIteration) -> dict:
+    known = {field.name: getattr(step, field.name) for field in fields(FitIteration)}
+    return known | {"parameters": dict(step.parameters)}
+
+
+_LIVE = ("posterior", "effects_covariance")  # parts of a field that stay in memory
+
+
+def _field_content(field: Field) -> dict:
+    found = {f.name: getattr(field, f.name) for f in fields(Field) if f.name not in _LIVE}
+    found = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found.items()}
+    return found | {"hyper": asdict(field.hyper), "spots": [asdict(s) for s in field.spots]}
+
+
+def _field(content: dict) -> Field:
+    hyper, arrays = content["hyper"], ("log_sd", "share", "by_press_m", "followed")
+    found: dict[str, Any] = {
+        **content,
+        "hyper": Hyper(**{**hyper, "given": tuple(hyper["given"])}),
+        "spots": tuple(Spot(**spot) for spot in content["spots"]),
+    }
+    for name in arrays:
+        found[name] = np.array(content[name], float)
+    return Field(**found)

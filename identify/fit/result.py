@@ -10,6 +10,7 @@ import numpy as np
 from identify.body.discretization_error import MODEL_ERROR, shift_covariance
 from identify.body.state import ChangedMap
 from identify.fit.curvature_bias import expected_residual
+from identify.fit.field import LEVEL, Field
 from identify.fit.profile_intervals import straight, valley_intervals
 from identify.fit.search import FitIteration
 from identify.fit.settings import FitSettings
@@ -98,6 +99,7 @@ class FitResult:
         under a flat tip, where it follows from the compliances'
     estimates : parameters of a fit that was read from a file
     solution : the model behind the fit, None of one that was read from a file
+    field : of a free map, whose unknowns stand there and not among `covariance_names`
     """
 
     map: GaussianMap
@@ -125,6 +127,7 @@ class FitResult:
     derivative_m: np.ndarray | None = None
     estimates: Mapping[str, Estimate] | None = None
     solution: Solution | None = None
+    field: Field | None = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -162,13 +165,19 @@ class FitResult:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom: readings less unknowns."""
-        return max(len(self.residual_m) - len(self.covariance_names), 1)
+        """Degrees of freedom: readings less unknowns, of a free map the effective number."""
+        return max(len(self.residual_m) - self.unknowns, 1)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of map and effects; of a free map the effective number, rounded."""
+        of_field = 0 if self.field is None else round(self.field.effective)
+        return len(self.covariance_names) + of_field
 
     @property
     def bic(self) -> float:
         """Bayesian information criterion: chi-square + k ln m."""
-        return self.chi2 + len(self.covariance_names) * float(np.log(len(self.residual_m)))
+        return self.chi2 + self.unknowns * float(np.log(len(self.residual_m)))
 
     # ---- of a fit that was made here, not read -------------------------------------------
 
@@ -244,6 +253,11 @@ class FitResult:
             between = sorted((p.to_value(one), p.to_value(other)))
             std = self.std[p.name]
             found[p.name] = Estimate(self.values[p.name], std, p.unit, *between, free=True)
+        if self.field is not None:
+            mean, *between = np.exp(self.field.log_mean + np.array([0, -1.96, 1.96])
+                                    * self.field.log_mean_sd).tolist()  # fmt: skip
+            level = Estimate(mean, mean * self.field.log_mean_sd, "Pa", *between, free=True)
+            found = {LEVEL: level, **found}
         return found
 
 
@@ -257,14 +271,20 @@ def fit_result(
     message: str,
     nfev: int,
     history: tuple[FitIteration, ...],
+    field: Field | None = None,
 ) -> FitResult:
     """Gather the record of a fit that ended at scaled coordinates u (k,)."""
     started = model.started(u)
-    noise_alone = covariance(at.jacobian)
-    total = noise_alone + _covariance_of_meshes(model, at, noise_alone)
+    if field is None:
+        noise_alone = covariance(at.jacobian)
+        total = noise_alone + _covariance_of_meshes(model, at, noise_alone)
+        unknowns = len(u)
+    else:  # beside the field, whose own error holds that of the meshes
+        noise_alone = total = field.effects_covariance
+        unknowns = len(u) + round(field.effective)
     slope, body, mechanics = model.unknowns.slope(u), at.body, model.mechanics
     presses = np.ones(len(body.compliance))
-    dof = max(len(at.residual) - len(u), 1)
+    dof = max(len(at.residual) - unknowns, 1)
     return FitResult(
         map=model.map(u),
         covariance_names=model.names,
@@ -290,6 +310,7 @@ def fit_result(
         model_error=None if mechanics.fine is None else presses * mechanics.model_error,
         derivative_m=None if model.is_linear else at.jacobian * at.sigma_m[:, None] / slope,
         solution=Solution(started, u, at, noise_alone, total, settings),
+        field=field,
     )
 
 

@@ -170,3 +170,88 @@ class ContactLawSettings:
 
 
 CONTACT_LAW = ContactLawSettings()
+
+
+@dataclass(frozen=True)
+class FreeMapSettings:
+    """Settings of the free map (`identify.fit.free_map_fit`).
+
+    Attributes
+    ----------
+    grid_points : of the field, about
+    level_spread : standard deviation of the logarithm of the map's level, before any reading
+    finest : least length of the prior, in spacings of the grid: a shorter one is no field there
+    finest_cell : ... and in the size of the finite elements' cells, whose samples see the map
+    longest : largest length, in the largest edge of the body
+    first_length, first_spread, first_error : before any evidence; the length in the body's least
+        edge
+    least_spread, largest_spread : bounds of the logarithm's spread
+    least_error, largest_error : bounds of the map's own relative error; the least counts as none
+    evidence_presses : presses from which the prior's numbers are found
+    lengths, length_tol : trials of a length, and the difference of logarithms that ends them
+    size_steps : steps towards spread and error of a trial
+    evidence_rounds : iterations in which the prior's numbers are sought
+    iterations : of Gauss-Newton
+    longest_step : largest change of the map's logarithm in one
+    shortest_step : share of a step below which none is tried
+    worse : tolerated relative rise of the misfit in a step
+    settled : length of a step in standard deviations of the readings that ends the search; they
+        count as larger by the misfit over the noise
+    near : largest change of the logarithm from which on the finer model corrects each step
+    absorbed : variance over the noise's from which on the field counts as following a direction
+        of the readings
+    """
+
+    grid_points: int = 4000
+    level_spread: float = 2.0
+    finest: float = 1.5
+    finest_cell: float = 0.5
+    longest: float = 1.0
+    first_length: float = 0.4
+    first_spread: float = 0.5
+    first_error: float = 0.01
+    least_spread: float = 1e-3
+    largest_spread: float = 4.0
+    least_error: float = 1e-4
+    largest_error: float = 0.5
+    evidence_presses: int = 150
+    lengths: int = 9
+    length_tol: float = 0.05
+    size_steps: int = 30
+    evidence_rounds: int = 3
+    iterations: int = 15
+    longest_step: float = 1.0
+    shortest_step: float = 0.1
+    worse: float = 1e-3
+    settled: float = 0.1
+    near: float = 1.0
+    absorbed: float = 0.05
+
+
+FREE_MAP = FreeMapSettings()
+
+
+@dataclass(frozen=True)
+class SpotSettings:
+    """Settings of the spots of a free map (`identify.fit.spots`).
+
+    Attributes
+    ----------
+    seen : share of the prior's variance that the readings take away where a place counts as seen
+    least_contrast : ratio of moduli from which on a difference counts
+    largest_share : of the body's width, from which on a region is a layer
+    draws : of the posterior
+    most : regions of either sign
+    possible, probable : probability from which on a spot is listed, and offered
+    """
+
+    seen: float = 0.5
+    least_contrast: float = 1.2
+    largest_share: float = 0.6
+    draws: int = 200
+    most: int = 8
+    possible: float = 0.5
+    probable: float = 0.95
+
+
+SPOTS = SpotSettings()

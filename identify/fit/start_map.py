@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.experiment import Experiment, different_presses
+from identify.fit.free_map_fit import fit_free_map
 from identify.fit.map_fit import fit_scan
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
@@ -27,9 +28,11 @@ def fit_map(
     A `rough` fit is a start for another one: without the finer model, with simple intervals.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
-    criterion no longer falls.
+    criterion no longer falls. A free map is fitted jointly with the experiment's effects.
     """
     scan, body, guess = experiment.scan, experiment.body, experiment.map
+    if guess.field is not None:
+        return fit_free_map(experiment, callback)
     known = {**guess.initial, **guess.fixed}
     start = free = None
     if guess.inclusions == "auto":
@@ -69,5 +72,5 @@ def _best_number(experiment: Experiment, settings: FitSettings) -> GaussianMap:
         if best is not None and criterion > least:
             break
         best, least = fit.map, criterion
-    assert best is not None  # the loop has run
+    assert isinstance(best, GaussianMap)  # the loop has run
     return best

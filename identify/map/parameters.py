@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identify.map.free_map import FreeMap
 from identify.map.gaussian_map import GaussianMap
 from models import InputError
 
@@ -78,7 +79,8 @@ class ParameterSpace:
 
     Attributes
     ----------
-    start : values of the map's fixed parameters, signs of the weights and their scale
+    start : values of the map's fixed parameters, signs of the weights and their scale; a free map,
+        which has no parameters, as it is
     parameters : all of the map
     free : indices of the map's free ones
     beyond : those of effects, under the names of the unknowns
@@ -115,6 +117,8 @@ class ParameterSpace:
 
     def to_map(self, u: np.ndarray) -> GaussianMap:
         """Return the map at scaled coordinates u (k,)."""
+        if isinstance(self.start, FreeMap):
+            return self.start
         values = self.start.values
         for i, coordinate in zip(self.free, u[: len(self.free)], strict=True):
             values[i] = self.parameters[i].to_value(float(coordinate))

@@ -94,7 +94,10 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
             f"{len(rows)}, or their readings differ; fit this scan anew"
         )
     derivative = fit.derivative_m
-    if derivative is None:
+    if fit.field is not None:
+        own = [] if derivative is None else [derivative]
+        derivative = np.hstack([*own, fit.field.absorbed_m(rows.press_index)])
+    elif derivative is None:
         derivative = fit.compliance_jacobian[rows.press_index] * fit.latent_force_n[:, None]
     return Whitened(
         scan=rows,

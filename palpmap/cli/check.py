@@ -69,6 +69,7 @@ def _table(found: "CheckRecord") -> "Table":
         f"at most {placed.largest_distance_m * 1e3:.3g} mm off the surface, "
         f"{placed.largest_angle_deg:.3g} degrees off its normal",
     )
-    table.add_row("inclusions in the map", str(found.inclusions))
+    any_shape = "none: a free map" if found.inclusions == "free" else str(found.inclusions)
+    table.add_row("inclusions in the map", any_shape)
     table.add_row("effects in the model", ", ".join(found.effects) or "none")
     return table

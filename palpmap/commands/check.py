@@ -50,7 +50,7 @@ class CheckRecord(FileRecord):
     tip: str
     probe_radius_m: Mapping[str, int] = Field(description="presses by tip radius in m")
     noise: Noise = Field(description="as the study gives it; null is to be estimated")
-    inclusions: int | str = Field(description="number, or auto")
+    inclusions: int | str = Field(description="number, auto, or free of a map of any shape")
     effects: tuple[str, ...] = Field(description="of the study's model")
     placement: PlacementRecord
     can_be_fitted: bool
@@ -93,7 +93,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         tip=study.probe.tip,
         probe_radius_m={f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
         noise=study.noise,
-        inclusions=study.map.inclusions,
+        inclusions="free" if study.map.kind == "free" else study.map.inclusions,
         effects=tuple(effect.name for effect in study.effects),
         placement=PlacementRecord(
             projected=placement.projected,

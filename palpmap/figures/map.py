@@ -9,11 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from identify.body import ChangedMap
-from identify.map import GaussianMap, Inclusion
+from identify.fit.settings import SPOTS
+from identify.map import FreeMap, GaussianMap, Inclusion
 from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.result.finding import Finding
 
 CELLS = 160
+BLIND = SPOTS.seen  # share of the prior's variance taken away, below which a place is blind
 
 
 @dataclass(frozen=True)
@@ -62,19 +64,26 @@ def draw_map(f: Finding) -> Figure:
                 signed=True,
             )
         )
-    elif f.fit.covariance_names:
+    elif f.fit.unknowns:
         columns.append(_uncertainty(f))
     return _draw_columns(f, columns)
 
 
 def draw_uncertainty(f: Finding) -> Figure | None:
     """Draw the found map's standard deviation, where `draw_map` does not; None without one."""
-    if f.truth is None or not f.fit.covariance_names:
+    if f.truth is None or not f.fit.unknowns:
         return None
     return _draw_columns(f, [_uncertainty(f)])
 
 
 def _uncertainty(f: Finding) -> Column:
+    found, field = f.fit.map, f.fit.field
+    if isinstance(found, FreeMap) and field is not None:
+
+        def relative(points: np.ndarray) -> np.ndarray:
+            return 100 * found.grid.interpolated(field.log_sd, points)
+
+        return Column("How sure", relative, "one standard deviation, %", "magma_r")
     names = f.fit.map.names  # the effects' own parameters are held
     own = [i for i, name in enumerate(f.fit.covariance_names) if name in names]
     free = [names.index(f.fit.covariance_names[i]) for i in own]
@@ -105,6 +114,8 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
             axes = grid[row, i]
             image = show_cut(axes, f, cut, fields[row][i], column.colors, span)
             _decorate(axes, f, cut, column.title == "True")
+            if column.title != "True":
+                _hatch_blind(axes, f, cut)
             axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
             if i:
                 axes.set_ylabel("")
@@ -138,8 +149,11 @@ def cuts(f: Finding) -> tuple[Cut, Cut]:
 
     The vertical one lies across x or y, whichever comes nearer to the other inclusions.
     """
-    inclusions = f.map.inclusions
     middle = (f.outline.lower_m + f.outline.upper_m) / 2
+    if isinstance(f.fit.map, FreeMap):
+        place = _free_place(f, f.fit.map)
+        return Cut(2, float(place[2])), Cut(1, float(place[1]))
+    inclusions = f.map.inclusions
     if not inclusions:
         return Cut(2, float(middle[2])), Cut(1, float(middle[1]))
     strongest = max(inclusions, key=lambda i: abs(i.weight_pa))
@@ -200,6 +214,31 @@ def show_cut(
         values, origin="lower", cmap=colors, vmin=span[0], vmax=span[1],
         extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
     )  # fmt: skip
+
+
+def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
+    """Place of a free map's first spot, or of its largest difference that the scan sees."""
+    field = f.fit.field
+    assert field is not None
+    if field.spots:
+        spot = field.spots[0]
+        return np.array([spot.x_m, spot.y_m, spot.z_m])
+    differs = np.abs(found.log_pa - np.median(found.log_pa)) * field.share
+    return found.grid.points_m[int(np.argmax(differs))]
+
+
+def _hatch_blind(axes: Axes, f: Finding, cut: Cut) -> None:
+    """Fade and hatch the places that the scan of a free map does not see."""
+    field, found = f.fit.field, f.fit.map
+    if field is None or not isinstance(found, FreeMap):
+        return
+    share = sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
+    low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
+    (right, up), (rows, columns) = cut.axes, share.shape
+    x = low[right] + (np.arange(columns) + 0.5) / columns * (high[right] - low[right])
+    y = low[up] + (np.arange(rows) + 0.5) / rows * (high[up] - low[up])
+    if np.nanmin(share) < BLIND:
+        axes.contourf(x, y, share, levels=[-1.0, BLIND], colors=[(1, 1, 1, 0.55)], hatches=["////"])
 
 
 def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:

@@ -7,6 +7,7 @@ from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.console import plain
 from palpmap.report.draw import console
+from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
 from palpmap.result.tables import ANSWERS, Table, parameter_table
 
@@ -28,7 +29,11 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
     title = f"{finding.name}: found map"
     parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
-    return statement, *plain(following), console(parameters), console(_residual_table(c)), *notes
+    free = () if finding.fit.field is None else (
+        console(spot_table(finding)), console(sight_table(finding)),
+    )  # fmt: skip
+    found = (console(parameters), *free, console(_residual_table(c)))
+    return statement, *plain(following), *found, *notes
 
 
 def _residual_table(c: Comparison) -> Table:

@@ -8,6 +8,7 @@ import numpy as np
 from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
+from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
 from palpmap.result.next_step import after_fit
 from palpmap.result.tables import Cell, Table, number, parameter_table
@@ -31,6 +32,8 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         pictures=pictures,
         parameters=parameter_table(finding.parameters, true=finding.true),
         following=after_fit(finding.comparison.is_noise, study) if study.is_file() else (),
+        spots=spot_table(finding),
+        sight=sight_table(finding),
         tests=_test_table(finding.comparison),
         presses=_press_table(finding),
         readings=_reading_table(finding),

@@ -13,10 +13,13 @@ def limits_of(
 ) -> tuple[str, ...]:
     """Return the assumptions of the result in sentences."""
     limits = [
-        "The map is a background and Gaussian inclusions; other shapes are only approximated.",
+        "The map is a background and Gaussian inclusions; other shapes are only approximated."
+        if fit.field is None
+        else "The map has any shape that is as smooth as the scan asks; where the scan is blind, "
+        "it is the prior's guess.",
         f"Poisson's ratio {study.body.poisson_ratio:g} was given, not found.",
         "The intervals count the noise"
-        + ("" if fit.model_error is None else " and the mesh's own error")
+        + ("" if fit.model_error is None or fit.field else " and the mesh's own error")
         + ", not physics that the model leaves out.",
     ]
     deepest = float(np.max(displacement_m))
@@ -43,7 +46,8 @@ def limits_of(
         largest = float(np.max(np.abs(fit.discretization_error)))
         limits.append(
             f"The coarse mesh is off the finer model by up to {100 * largest:.2g} %; this was "
-            "corrected, and the error of the finer one widens the intervals."
+            "corrected, and the error of the finer one "
+            + ("widens the intervals." if fit.field is None else "is not counted on its own.")
         )
     else:
         limits.append("No finer model was compared: the mesh's own error is not counted.")

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from fem import Mesh
-from identify.fit import FitIteration, FitResult, read_fit, write_fit
-from identify.map import GaussianMap
+from identify.fit import FitIteration, FitResult, FreeMapIteration, read_fit, write_fit
+from identify.map import FreeMap, GaussianMap
 from identify.residual import compare
 from models import Scan, read_scan, thinned
 from palpmap.experiment import Experiment
@@ -21,6 +21,7 @@ from palpmap.report.fit_report import write_report
 from palpmap.result.finding import Finding
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import read_truth
+from palpmap.run_files.volume import write_vti
 from palpmap.run_folder import how_made
 from palpmap.study.kept_inputs import keep_inputs
 from palpmap.study.placement import place_scan
@@ -107,7 +108,10 @@ def record_step(
     box_m : (2, 3) corners of the body
     surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
     """
-    stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))
+    if isinstance(step, FreeMapIteration):
+        stiffness = step.stiffness
+    else:
+        stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))
     colors = None if surface_m is None else stiffness.modulus(surface_m)
     recording.iteration(step, map_views(stiffness.modulus, *box_m), colors)
 
@@ -115,6 +119,8 @@ def record_step(
 def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
     """Write fit.json, comparison, figures and report; end the recording with the residuals."""
     write_fit(finding.fit, run / "fit.json")
+    if isinstance(finding.fit.map, FreeMap):
+        write_vti(finding, run / "map.vti")
     paths = write_finding(finding, run)
     measured, modelled, _ = near_largest_force(finding)
     recording.comparison(

@@ -33,7 +33,8 @@ def refuse_contradictions(placement: Placement, study: Study) -> None:
 def too_few(placement: Placement, study: Study) -> str | None:
     """Name the missing data where the presses cannot determine the study's map, else None."""
     scan = placement.scan.used()
-    number = 0 if study.map.inclusions == "auto" else study.map.inclusions
+    uncounted = study.map.kind == "free" or study.map.inclusions == "auto"
+    number = 0 if uncounted else int(study.map.inclusions)
     unknowns = 1 + 5 * number - len(study.map.fixed)
     found = different_presses(scan)
     if found >= unknowns and len(scan.press_ids) >= FEWEST_PRESSES:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from identify import Experiment, MapGuess, Progress, silent
+from identify import Experiment, FieldGuess, MapGuess, Progress, silent
 from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
 from identify.measurement import scan_noise
@@ -61,7 +61,10 @@ def open_study(
             used, study.noise.displacement_m, study.noise.force_n, study.noise.touch_m or 0.0
         ),
         MapGuess(
-            study.map.inclusions, in_body_frame(study.map.initial), in_body_frame(study.map.fixed)
+            study.map.inclusions,
+            in_body_frame(study.map.initial),
+            in_body_frame(study.map.fixed),
+            FieldGuess(study.map.length_m, study.map.spread) if study.map.kind == "free" else None,
         ),
         tuple((catalogue[entry.name], entry.initial) for entry in study.effects),
         origin_m,

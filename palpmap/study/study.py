@@ -6,7 +6,7 @@ import re
 import tomllib
 from math import inf
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     Field,
@@ -97,12 +97,17 @@ class Noise(Table):
 
 
 class Map(Table):
-    """`[map]`: number of inclusions; first guesses and fixed values by parameter name.
+    """`[map]`: its kind; of inclusions their number, first guesses and fixed values by name.
 
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
-    positions are in the scan's frame.
+    positions are in the scan's frame. A "free" map has any shape: the logarithm of the modulus is a
+    Gaussian field, whose smoothness is found from the scan or given: `length_m`, the distance over
+    which it changes, and `spread`, the standard deviation of the logarithm.
     """
 
+    kind: Literal["inclusions", "free"] = "inclusions"
+    length_m: Positive | None = None
+    spread: Annotated[Positive, Field(le=4)] | None = None
     inclusions: int | Literal["auto"] = 1
     initial: dict[str, float] = Field(default_factory=dict)
     fixed: dict[str, float] = Field(default_factory=dict)
@@ -133,6 +138,16 @@ class Map(Table):
             if name.endswith(("background_pa", "radius_m")) and number <= 0:
                 raise ValueError(f"a number greater than 0 {said}")
         return flat
+
+    @model_validator(mode="after")
+    def _kind_has_its_keys(self) -> "Map":
+        free = self.kind == "free"
+        of_others = ("inclusions", "initial", "fixed") if free else ("length_m", "spread")
+        for key in of_others:
+            if getattr(self, key) != Map.model_fields[key].get_default(call_default_factory=True):
+                says = "which has no inclusions" if free else 'not "free"'
+                raise ValueError(f"no key '{key}', as kind is \"{self.kind}\", {says}; remove one")
+        return self
 
     @model_validator(mode="after")
     def _names_exist(self) -> "Map":
@@ -298,7 +313,8 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
     for table, entry in zip(tables.get("effects", ()), study.effects, strict=False):
         if entry.file is not None:
             table["file"] = relative(entry.file)
-    tables.setdefault("map", {})["inclusions"] = study.map.inclusions
+    if study.map.kind == "inclusions":
+        tables.setdefault("map", {})["inclusions"] = study.map.inclusions
     with replaced(path) as beside:
         beside.write_text(tomli_w.dumps(tables), encoding="utf-8")
 
@@ -308,6 +324,7 @@ def _check_units(path: Path, study: Study) -> None:
     lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
     lengths += [("body.cell_size_m", study.body.cell_size_m or 0.0, LARGEST_BODY_M)]
     lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
+    lengths += [("map.length_m", study.map.length_m or 0.0, LARGEST_BODY_M)]
     lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
     lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]
     lengths += [("noise.touch_m", study.noise.touch_m or 0.0, LARGEST_NOISE_M)]

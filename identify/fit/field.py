@@ -1,0 +1,122 @@
+"""The record of a free map beside its most probable field: prior, precision, sight, spots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identify.fit.field_evidence import Hyper
+from identify.fit.field_posterior import FieldPosterior
+from identify.fit.settings import SPOTS
+from identify.fit.spots import Spot, find_spots
+from identify.measurement.model import Linearised, MeasurementModel
+
+LEVEL = "mean_pa"  # the parameter of a free map that tables show
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A free map's prior and posterior.
+
+    Attributes
+    ----------
+    hyper : length and spread of the prior, relative error of the map in each press's compliance
+        that the readings ask for; 0 where their noise suffices
+    log_evidence : of the readings around the estimate, over that of noise alone
+    effective : effective number of the field's parameters
+    log_mean, log_mean_sd : mean of ln E (E in Pa) over the grid, and its standard deviation
+    log_sd : (g,) standard deviation of ln E
+    share : (g,) share of the prior's variance about its level that the readings take away
+    sight_m : depth under the tips down to which that share is at least `SpotSettings.seen`, the
+        middle one of all presses
+    by_press_m : (m, 1 or 2) change of each predicted displacement by s of its press, see
+        `identify.fit.field_data`, m
+    followed : (n, k) directions of s that the field can follow
+    spots : places harder or softer than their surroundings
+    effects_covariance : (q, q) of the effects' scaled parameters beside the field
+    posterior : for draws and resolution; both only of a fit that was made here
+    """
+
+    hyper: Hyper
+    log_evidence: float
+    effective: float
+    log_mean: float
+    log_mean_sd: float
+    log_sd: np.ndarray
+    share: np.ndarray
+    sight_m: float
+    by_press_m: np.ndarray
+    followed: np.ndarray
+    spots: tuple[Spot, ...] = ()
+    effects_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    posterior: FieldPosterior | None = None
+
+    @classmethod
+    def of(
+        cls,
+        posterior: FieldPosterior,
+        hyper: Hyper,
+        log_prior_mean: float,
+        model: MeasurementModel,
+        at: Linearised,
+        least: float,
+    ) -> Field:
+        """Gather the record from a posterior.
+
+        Parameters
+        ----------
+        log_prior_mean : ln of the modulus in Pa that the field is counted from
+        model, at : the model at the estimate
+        least : variance over the noise's from which on a direction counts as absorbed
+        """
+        even = np.full((1, len(posterior.sd)), 1 / len(posterior.sd))
+        variance = float((posterior.prior.product(even) @ even.T).item())
+        variance -= float(np.sum((posterior.seen @ even[0]) ** 2))
+        directions, gain = posterior.modes
+        press = model.readings.press
+        by_press = [at.by_compliance * at.body.compliance[press]]
+        if len(directions) > model.readings.presses:
+            by_press.append(at.by_modulus * at.body.local_modulus[press])
+        return cls(
+            hyper=hyper,
+            log_evidence=posterior.log_evidence,
+            effective=posterior.effective,
+            log_mean=log_prior_mean + float(posterior.mean.mean()),
+            log_mean_sd=float(np.sqrt(max(variance, 0.0))),
+            log_sd=posterior.sd,
+            share=posterior.share,
+            sight_m=_sight_m(posterior, model),
+            spots=find_spots(posterior),
+            effects_covariance=posterior.effects_covariance(),
+            by_press_m=np.column_stack(by_press),
+            followed=directions[:, gain > least],
+            posterior=posterior,
+        )
+
+    def absorbed_m(self, press: np.ndarray) -> np.ndarray:
+        """Return the changes (m, k) m of predicted displacements that the field can follow.
+
+        `press` (m,) is the press of each reading.
+        """
+        columns = self.by_press_m.shape[1]
+        of_press = self.followed.reshape(columns, -1, self.followed.shape[1])
+        return np.einsum("mo,omk->mk", self.by_press_m, of_press[:, press])
+
+
+def _sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:
+    """Depth of sight of the middle press, m."""
+    contacts, grid = model.mechanics.coarse.contacts, posterior.prior.grid
+    low, high = model.mechanics.coarse.mesh.box_m
+    step = min(grid.spacing_m) / 2
+    depths = step * np.arange(1, round(float(np.linalg.norm(high - low)) / step) + 1)
+    seen = np.ones(len(contacts), dtype=bool)
+    found = np.zeros(len(contacts))
+    for depth in depths.tolist():
+        points = contacts.points_m + depth * contacts.directions
+        seen &= ((points >= low - 1e-9) & (points <= high + 1e-9)).all(axis=1)
+        seen &= grid.weights(points) @ posterior.share >= SPOTS.seen
+        if not seen.any():
+            break
+        found[seen] = depth
+    return float(np.median(found))

@@ -1,0 +1,109 @@
+"""Length and spread of a free map's prior, and the map's own error, by evidence.
+
+The evidence of the readings, linear around an estimate, is maximised: spread and error by its exact
+gradient for each length, the length by a search of one number. A part of the presses suffices for
+three numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize, minimize_scalar
+
+from identify.fit.field_data import FieldData, PressSums
+from identify.fit.settings import FREE_MAP, FreeMapSettings
+from identify.map import MaternField
+
+
+@dataclass(frozen=True)
+class Hyper:
+    """Length and spread of the prior, relative error of the map; which of them are `given`."""
+
+    length_m: float
+    spread: float
+    error: float
+    given: tuple[str, ...] = ()
+
+
+def best_hyper(
+    sums: PressSums,
+    by_field: np.ndarray,
+    field: np.ndarray,
+    prior: MaternField,
+    start: Hyper,
+    lengths_m: tuple[float, float],
+    settings: FreeMapSettings = FREE_MAP,
+) -> Hyper:
+    """Return the numbers of most evidence; those `given` stay.
+
+    Parameters
+    ----------
+    sums, by_field, field : as `FieldData.of` takes them
+    prior : its grid and level are used
+    lengths_m : least and largest length
+    """
+    j = len(sums.chi2)
+    some = np.arange(j)
+    if j > settings.evidence_presses:
+        some = np.sort(np.random.default_rng(0).permutation(j)[: settings.evidence_presses])
+    rows = np.concatenate([some + part * j for part in range(sums.of_press)])
+    data = FieldData.of(sums.some(some), by_field[rows], field)
+    best: dict[float, tuple[float, Hyper]] = {}
+    latest = start
+
+    def misfit(log_length: float) -> float:
+        nonlocal latest
+        unit = replace(prior, length_m=float(np.exp(log_length)), spread=1.0, level_spread=0.0)
+        value, latest = _best_sizes(data, unit, prior.level_spread, latest, settings)
+        best[log_length] = (value, latest)
+        return value
+
+    if "length_m" in start.given:
+        misfit(float(np.log(start.length_m)))
+    else:
+        minimize_scalar(
+            misfit,
+            bounds=np.log(lengths_m),
+            method="bounded",
+            options={"xatol": settings.length_tol, "maxiter": settings.lengths},
+        )
+    return min(best.values(), key=lambda pair: pair[0])[1]
+
+
+def _best_sizes(
+    data: FieldData, unit: MaternField, level: float, start: Hyper, settings: FreeMapSettings
+) -> tuple[float, Hyper]:
+    """Return minus the log evidence and the best spread and error for a prior's length."""
+    root = data.root
+    of_field = root.T @ (unit.product(data.by_field) @ data.by_field.T) @ root
+    ones = root.T @ data.by_field.sum(axis=1)
+    of_level = level**2 * np.outer(ones, ones)
+    of_error = root.T @ data.error_covariance(1.0) @ root
+    least = np.array([settings.least_spread, settings.least_error])
+    most = np.array([settings.largest_spread, settings.largest_error])
+    first = np.log(np.clip([start.spread, max(start.error, settings.first_error)], least, most))
+    bounds = list(zip(np.log(least), np.log(most), strict=True))
+    if "spread" in start.given:
+        first[0] = np.log(start.spread)
+        bounds[0] = (first[0], first[0])
+
+    def misfit(x: np.ndarray) -> tuple[float, np.ndarray]:
+        parts = (np.exp(2 * x[0]) * of_field, np.exp(2 * x[1]) * of_error)
+        whole = np.eye(len(root)) + of_level + parts[0] + parts[1]
+        factor = cho_factor(whole, lower=True)
+        weight = cho_solve(factor, data.target)
+        inverse = cho_solve(factor, np.eye(len(root)))
+        log_det = 2 * float(np.log(np.diag(factor[0])).sum())
+        slopes = [float(np.sum(inverse * p) - weight @ p @ weight) for p in parts]
+        return 0.5 * (float(data.target @ weight) + log_det), np.array(slopes)
+
+    found = minimize(
+        misfit, first, jac=True, method="L-BFGS-B", bounds=bounds,
+        options={"maxiter": settings.size_steps, "ftol": 1e-6},
+    )  # fmt: skip
+    spread, error = np.exp(found.x).tolist()
+    error = 0.0 if error <= settings.least_error * 1.01 else error
+    return float(found.fun), Hyper(unit.length_m, spread, error, start.given)

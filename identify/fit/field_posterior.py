@@ -1,0 +1,185 @@
+"""The posterior of a free map: mean, standard deviation, draws, resolution and evidence.
+
+In data space, with the prior covariance C of the field, K and V of `identify.fit.field_data`, and
+the covariance Q of s by the map's own error,
+
+    S = I + V' (K C K' + Q) V,     dev = C K' V S^-1 t,     cov = C - C K' V S^-1 V' K C
+
+and the target t ~ N(0, S) gives the evidence. Source: Tarantola, "Inverse Problem Theory", SIAM
+2005, section 3.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, eigh, solve_triangular
+
+from identify.fit.field_data import FieldData
+from identify.map import MaternField
+
+
+@dataclass(frozen=True, eq=False)
+class FieldPosterior:
+    """A Gaussian field given readings that are linear in it.
+
+    Attributes
+    ----------
+    data : of the readings
+    prior : of the field (g,)
+    error : relative error of the map in each press's compliance, of the map's own form
+    """
+
+    data: FieldData
+    prior: MaternField
+    error: float = 0.0
+
+    @cached_property
+    def spread_by(self) -> np.ndarray:
+        """Prior covariance of s and field, K C (n, g)."""
+        return self.prior.product(self.data.by_field)
+
+    @cached_property
+    def of_field(self) -> np.ndarray:
+        """Prior covariance (n, n) of s by the field, K C K'."""
+        return self.spread_by @ self.data.by_field.T
+
+    @cached_property
+    def _of_s(self) -> np.ndarray:
+        return self.of_field + self.data.error_covariance(self.error)
+
+    @cached_property
+    def _factor(self) -> np.ndarray:
+        """Lower triangular factor (n, n) of S."""
+        root = self.data.root
+        whole = root.T @ self._of_s @ root
+        whole[np.diag_indices_from(whole)] += 1
+        return cholesky(whole, lower=True)
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """V S^-1 t, (n,): the field is `spread_by` times it."""
+        return self.data.root @ cho_solve((self._factor, True), self.data.target)
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """Most probable field (g,), counted from its prior mean."""
+        return self.weights @ self.spread_by
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """Whitened part (n, g) of the field that is seen; its squares are the variance taken."""
+        return solve_triangular(self._factor, self.data.root.T @ self.spread_by, lower=True)
+
+    @cached_property
+    def sd(self) -> np.ndarray:
+        """Standard deviation of the field, (g,)."""
+        prior = self.prior.spread**2 + self.prior.level_spread**2
+        return np.sqrt(np.maximum(prior - np.sum(self.seen**2, axis=0), 0.0))
+
+    @cached_property
+    def share(self) -> np.ndarray:
+        """Share of the prior's variance about its level that the readings take away, (g,)."""
+        return np.clip(1 - (self.sd / self.prior.spread) ** 2, 0.0, 1.0)
+
+    def moved(self) -> np.ndarray:
+        """Change (n,) of s from the field around which the data are linear, with its error."""
+        return self._of_s @ self.weights - self.data.offset
+
+    @property
+    def step(self) -> float:
+        """Length of that change in standard deviations of the readings."""
+        change = self.of_field @ self.weights - self.data.offset
+        return float(np.linalg.norm(self.data.root.T @ change))
+
+    def effects_covariance(self) -> np.ndarray:
+        """Covariance (q, q) of the effects' parameters beside the field, scaled."""
+        root = self.data.root
+        half = solve_triangular(self._factor, root.T @ self._of_s, lower=True)
+        return self.data.effects.covariance(self._of_s - half.T @ half)
+
+    @property
+    def prior_cost(self) -> float:
+        """Square of the prior's distance of the most probable field from its mean."""
+        return float(self.weights @ self.of_field @ self.weights)
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Logarithm of the density of the readings, whitened, over that of noise alone."""
+        return log_evidence(self.data, self._factor)
+
+    @cached_property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions (n, n) of s that the field can follow, and its variance over the noise's."""
+        root = self.data.root
+        noise = root.T @ self.data.error_covariance(self.error) @ root
+        noise[np.diag_indices_from(noise)] += 1
+        gain, vectors = eigh(root.T @ self.of_field @ root, noise)
+        directions = noise @ vectors
+        return solve_triangular(root, directions, lower=True, trans=1), np.maximum(gain, 0.0)
+
+    @property
+    def effective(self) -> float:
+        """Effective number of parameters of the field: the trace of the readings' hat matrix."""
+        gain = self.modes[1]
+        return float(np.sum(gain / (1 + gain)))
+
+    def draws(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Return random fields (count, g) of the posterior, by Matheron's rule."""
+        data = self.data
+        fields = self.prior.draws(rng, count)
+        own = self.error * rng.standard_normal((count, data.presses))
+        if len(data.target) > data.presses:
+            own = np.hstack([own, -own])
+        simulated = (fields @ data.by_field.T + own) @ data.root
+        simulated += rng.standard_normal(simulated.shape)
+        short = cho_solve((self._factor, True), (data.target - simulated).T).T
+        return fields + (short @ data.root.T) @ self.spread_by
+
+    def smearing_m(self, points: np.ndarray) -> np.ndarray:
+        """Width (q,) in m over which grid points (q,) int are smeared.
+
+        The estimate at a point is a weighted mean of the true field; the width is the diameter of a
+        ball of as many points as that mean counts.
+        """
+        back = solve_triangular(self._factor, self.seen[:, points], lower=True, trans=1)
+        kernel = (self.data.root @ back).T @ self.data.by_field
+        count = kernel.sum(axis=1) ** 2 / np.maximum(np.sum(kernel**2, axis=1), 1e-300)
+        return np.cbrt(6 / np.pi * count * self.prior.grid.cell_m3)
+
+    def left_out(self, folds: np.ndarray) -> np.ndarray:
+        """Predicted less fitted s (n,) of each press from those of the other folds (j,)."""
+        data, found = self.data, np.zeros(len(self.data.target))
+        fold = np.tile(folds, len(found) // data.presses)
+        precision = data.root @ data.root.T
+        # What readings say of s on their own: s_hat with the covariance precision^-1
+        own = solve_triangular(data.root, data.target, lower=True, trans=1)
+        for number in np.unique(folds):
+            rest, out = fold != number, fold == number
+            noise = np.linalg.inv(precision[np.ix_(rest, rest)])
+            known = self._of_s[np.ix_(rest, rest)] + noise
+            gain = np.linalg.solve(known, own[rest])
+            found[out] = self.of_field[np.ix_(out, rest)] @ gain
+        return found - own
+
+
+def log_evidence(data: FieldData, factor: np.ndarray) -> float:
+    """Log evidence of a target with the factor (n, n) of its covariance, over noise alone.
+
+    The readings' own residual around the linearisation, which no field changes, is part of it.
+    """
+    sums, effects = data.sums, data.effects
+    half = solve_triangular(factor, data.target, lower=True)
+    own = solve_triangular(data.root, _gradient(data), lower=True)
+    rest = float(sums.chi2.sum() - own @ own)
+    log_det = 2 * float(np.log(np.diag(factor)).sum())
+    if effects.count:
+        rest -= float(effects.gradient @ effects.solve(effects.gradient))
+        log_det += float(np.linalg.slogdet(effects.normal)[1]) - effects.count * np.log(2 * np.pi)
+    return -0.5 * (rest + float(half @ half) + log_det)
+
+
+def _gradient(data: FieldData) -> np.ndarray:
+    return data.root @ (data.target - data.root.T @ data.offset)

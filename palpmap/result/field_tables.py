@@ -1,0 +1,54 @@
+"""Tables of a free map: its spots, and the reach of the scan."""
+
+import numpy as np
+
+from palpmap import units
+from palpmap.result.finding import Finding
+from palpmap.result.tables import Cell, Table, number
+
+
+def spot_table(f: Finding) -> Table:
+    """Return the spots of a free map, positions in the scan's frame; a row says so if none."""
+    head = ("Spot", *map(number, ("x, y, z in mm", "+-", "Diameter", "Modulus, around = 1",
+            "95 % interval", "Probability")))  # fmt: skip
+    spots = () if f.fit.field is None else f.fit.field.spots
+    rows = [
+        (
+            Cell("hard" if s.contrast > 1 else "soft", "good" if s.found else "dim"),
+            ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), f.origin_m)),
+            f"{1e3 * s.place_sd_m:.1f} mm",
+            f"{1e3 * s.diameter_m:.0f} mm",
+            f"{s.contrast:.2f}",
+            f"{s.lower95:.2f} to {s.upper95:.2f}",
+            Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
+                 "good" if s.found else "dim"),
+        )
+        for s in spots
+    ]  # fmt: skip
+    rows = rows or [("none that differs from its surroundings",)]
+    return Table.of(head[: len(rows[0])], rows, "spots")
+
+
+def sight_table(f: Finding) -> Table:
+    """Return the reach of the scan and the free map's prior."""
+    field = f.fit.field
+    if field is None:
+        return Table.of(("", ""), ())
+    hyper = field.hyper
+
+    def by(name: str) -> str:
+        return "as given" if name in hyper.given else "by evidence"
+
+    error = "none" if not hyper.error else (
+        f"{100 * hyper.error:.2g} % of each press's compliance: the noise is not the limit, and "
+        "the map follows the presses no closer"
+    )  # fmt: skip
+    rows = (
+        ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),
+        ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),
+        ("spread of ln E", f"{hyper.spread:.2g}, {by('spread')}"),
+        ("effective parameters", f"{field.effective:.0f}"),
+        ("log evidence", f"{field.log_evidence:.1f}"),
+        ("error of the model", error),
+    )
+    return Table.of(("", ""), rows, "free map")

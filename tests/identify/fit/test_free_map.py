@@ -1,0 +1,237 @@
+"""The free map against closed forms, differences, direct formulas and an independent solver."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body import BodyMechanics
+from identify.effects import Readings
+from identify.fit.field_data import FieldData, PressSums, field_derivatives
+from identify.fit.field_evidence import Hyper, best_hyper
+from identify.fit.field_posterior import FieldPosterior
+from identify.fit.free_map_fit import FreeMapFit
+from identify.map import FreeMap, Grid, MaternField
+from identify.map.parameters import ParameterSpace
+from identify.measurement.model import MeasurementModel
+from identify.measurement.noise import Noise
+from models import Scan
+
+SIZE_M = (0.06, 0.06, 0.03)
+NOISE = Noise(2e-5, 5e-3)
+LEVEL = np.log(8e3)
+FORCES_N = np.linspace(0.1, 0.8, 8)
+
+
+def contacts(per_side: int = 5, profile: str = "flat") -> Contacts:
+    axis = np.linspace(0.01, 0.05, per_side)
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis))
+    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
+    return Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.004), profile)
+
+
+@pytest.fixture(scope="module")
+def body() -> PalpationModel:
+    return PalpationModel(block_mesh(SIZE_M, (5, 5, 3)), 0.45, contacts())
+
+
+@pytest.fixture(scope="module")
+def grid() -> Grid:
+    return Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
+
+
+def readings(presses: Contacts) -> Readings:
+    j, k = len(presses), len(FORCES_N)
+    press = np.repeat(np.arange(j), k)
+    scan = Scan(
+        press=press,
+        time_s=np.full(j * k, np.nan),
+        phase=np.full(j * k, "load"),
+        force_n=np.tile(FORCES_N, j),
+        displacement_m=np.tile(FORCES_N, j) * 1e-3,
+        point_m=presses.points_m[press],
+        direction=presses.directions[press],
+        probe_radius_m=np.full(j * k, 0.004),
+    )
+    return Readings.of(scan)
+
+
+def model_of(body: PalpationModel, grid: Grid, truth: FreeMap, rng) -> MeasurementModel:
+    """Readings of a true map, on the same mesh, with noise in both columns."""
+    r = readings(body.contacts)
+    c = body.evaluate(truth.modulus(body.points_m)).compliance[r.press]
+    travel = c * r.force_n + rng.normal(0, NOISE.displacement_m, len(r.press))
+    noisy = replace(r, force_n=r.force_n + rng.normal(0, NOISE.force_n, len(r.press)))
+    start = FreeMap(grid, np.full(len(grid), LEVEL))
+    return MeasurementModel(
+        noisy, travel, NOISE, BodyMechanics.of(body), ParameterSpace(start, (), ())
+    )
+
+
+@pytest.fixture(scope="module")
+def linear(body, grid):
+    """Data of a field around an uneven one, linear."""
+    rng = np.random.default_rng(4)
+    field = MaternField(grid, 0.02, 0.3).draws(rng, 1)[0]
+    model = model_of(body, grid, FreeMap(grid, LEVEL + field), rng)
+    here = 0.5 * field
+    model = replace(model, space=ParameterSpace(FreeMap(grid, LEVEL + here), (), ()))
+    at = model.linearise(np.empty(0))
+    sums = PressSums.of(model, at)
+    by_field = field_derivatives(at, sums.of_press)
+    return model, at, here, sums, by_field, FieldData.of(sums, by_field, here)
+
+
+def test_the_covariance_of_the_prior_is_that_of_its_products_and_draws():
+    grid = Grid.over(np.array([[0, 0, 0], [0.02, 0.03, 0.01]]), 0.005)
+    prior = MaternField(grid, 0.01, 0.7, 2.0)
+    apart = np.linalg.norm(grid.points_m[:, None] - grid.points_m[None], axis=2)
+    s = np.sqrt(3) * apart / 0.01
+    dense = 0.49 * (1 + s) * np.exp(-s) + 4.0
+    assert prior.product(np.eye(len(grid))) == pytest.approx(dense, abs=1e-12)
+    drawn = np.cov(prior.draws(np.random.default_rng(0), 20000).T)
+    assert drawn == pytest.approx(dense, abs=0.15)  # 4 sigma of 20,000 draws of variance 4.5
+
+
+def test_interpolation_is_exact_for_linear_fields_and_keeps_the_edge_beyond():
+    grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.01)
+    law = np.array([1.0, -2.0, 3.0])
+    inside = np.random.default_rng(0).uniform(0, 1, (50, 3)) * SIZE_M
+    assert grid.interpolated(grid.points_m @ law, inside) == pytest.approx(inside @ law)
+    beyond = grid.interpolated(grid.points_m @ law, np.array([[1.0, 0.0, 0.0]]))
+    assert beyond == pytest.approx([SIZE_M[0]])
+
+
+def test_derivatives_by_the_field_against_differences(linear):
+    model, _, here, _, by_field, _ = linear
+    rng = np.random.default_rng(1)
+    move = 1e-4 * rng.standard_normal(len(here))
+    grid = model.space.start.grid
+    sides = []
+    for sign in (1, -1):
+        space = ParameterSpace(FreeMap(grid, LEVEL + here + sign * move), (), ())
+        sides.append(np.log(replace(model, space=space).linearise(np.empty(0)).body.compliance))
+    assert by_field @ move == pytest.approx((sides[0] - sides[1]) / 2, rel=1e-4, abs=1e-9)
+
+
+def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
+    _, at, here, _, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0)
+    posterior = FieldPosterior(data, prior)
+    # Reading by reading, with the whole covariance of the prior
+    press = np.repeat(np.arange(data.presses), len(FORCES_N))
+    own = at.by_compliance * at.body.compliance[press] / at.sigma_m
+    jacobian = own[:, None] * by_field[press]
+    precision = np.linalg.inv(prior.product(np.eye(len(grid)))) + jacobian.T @ jacobian
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ (jacobian.T @ (at.residual + jacobian @ here))
+    assert posterior.mean == pytest.approx(mean, abs=1e-6)
+    assert posterior.sd == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-5)
+    hat = jacobian @ covariance @ jacobian.T
+    assert posterior.effective == pytest.approx(np.trace(hat), rel=1e-6)
+    drawn = posterior.draws(np.random.default_rng(0), 4000)
+    assert drawn.mean(axis=0) == pytest.approx(mean, abs=0.03)
+    assert drawn.std(axis=0) == pytest.approx(posterior.sd, rel=0.08)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.02])
+def test_the_evidence_against_a_direct_formula(linear, grid, error):
+    _, at, here, _, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0)
+    press = np.repeat(np.arange(data.presses), len(FORCES_N))
+    own = at.by_compliance * at.body.compliance[press] / at.sigma_m
+    jacobian = own[:, None] * by_field[press]
+    alike = np.outer(own, own) * (press[:, None] == press[None]) * error**2
+    whole = np.eye(len(press)) + jacobian @ prior.product(jacobian).T + alike
+    target = at.residual + jacobian @ here
+    direct = multivariate_normal(cov=whole).logpdf(target)
+    noise = -0.5 * len(press) * np.log(2 * np.pi)
+    found = FieldPosterior(data, prior, error).log_evidence
+    assert found == pytest.approx(direct - noise, rel=1e-6)
+
+
+def test_the_evidence_finds_the_numbers_that_maximise_it(linear, grid):
+    _, _, here, sums, by_field, data = linear
+    start = Hyper(0.02, 0.3, 0.01)
+    best = best_hyper(sums, by_field, here, MaternField(grid, 1, 1, 1.0), start, (0.01, 0.06))
+
+    def evidence(hyper):
+        prior = MaternField(grid, hyper.length_m, hyper.spread, 1.0)
+        return FieldPosterior(data, prior, hyper.error).log_evidence
+
+    top = evidence(best)
+    for length, spread in ((1.4, 1), (0.7, 1), (1, 1.4), (1, 0.7)):
+        moved = replace(best, length_m=best.length_m * length, spread=best.spread * spread)
+        assert evidence(moved) < top + 0.02
+
+
+def test_left_out_presses_are_predicted_as_by_a_fit_without_them(linear, grid):
+    _, _, here, sums, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0)
+    folds = np.arange(data.presses) % 5
+    found = FieldPosterior(data, prior).left_out(folds)
+    out = folds == 2
+    rest = FieldData.of(sums.some(np.flatnonzero(~out)), by_field[~out], here)
+    mean = FieldPosterior(rest, prior).mean
+    own = np.linalg.solve(data.root.T, data.target)
+    assert found[out] == pytest.approx((by_field @ mean - own)[out], abs=1e-6)
+
+
+def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, grid):
+    rng = np.random.default_rng(11)
+    true = MaternField(grid, 0.02, 0.4).draws(rng, 1)[0]
+    model = model_of(body, grid, FreeMap(grid, LEVEL + 0.5 + true), rng)
+    fit = FreeMapFit(model, Hyper(0.015, 0.5, 0.01), (0.009, 0.06)).run()
+    assert fit.success
+    at_truth = replace(model, space=ParameterSpace(FreeMap(grid, LEVEL + 0.5 + true), (), ()))
+    taken = at_truth.linearise(np.empty(0)).chi2 - fit.chi2
+    assert 0 < taken < 2 * fit.field.effective  # the fit follows the noise no further than that
+    assert abs(fit.chi2_per_dof - 1) < 3 * np.sqrt(2 / fit.dof)
+    off = (fit.map.log_pa - LEVEL - 0.5 - true) / fit.field.log_sd
+    assert np.mean(np.abs(off) < 1.96) > 0.85
+    depth = SIZE_M[2] - grid.points_m[:, 2]
+    inner = np.all(np.abs(grid.points_m[:, :2] - 0.03) < 0.02, axis=1)
+    shallow, deep = (fit.field.share[inner & at] for at in (depth < 0.007, depth > 0.025))
+    assert shallow.mean() > deep.mean() + 0.2
+    assert 0.003 < fit.field.sight_m < SIZE_M[2] + 1e-9
+
+
+def test_a_homogeneous_body_has_no_spot(body, grid):
+    rng = np.random.default_rng(5)
+    model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL + 0.3)), rng)
+    fit = FreeMapFit(model, Hyper(0.015, 0.5, 0.01), (0.009, 0.06)).run()
+    assert not any(spot.found for spot in fit.field.spots)
+    assert fit.parameters["mean_pa"].lower95 < np.exp(LEVEL + 0.3)
+    assert fit.parameters["mean_pa"].upper95 > np.exp(LEVEL + 0.3)
+
+
+@pytest.mark.slow
+def test_95_percent_bands_hold_the_truth_on_draws_of_the_prior(body, grid):
+    """40 bodies, prior as given: 95 % of all places lie inside, 90 to 98 % of the seen ones."""
+    rng, inside, seen = np.random.default_rng(7), [], []
+    for _ in range(40):
+        prior = MaternField(grid, 0.02, 0.4)
+        true = prior.draws(rng, 1)[0]
+        model = model_of(body, grid, FreeMap(grid, LEVEL + true), rng)
+        hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
+        fit = FreeMapFit(model, hyper, (0.009, 0.06)).run()
+        hit = np.abs(fit.map.log_pa - LEVEL - true) < 1.96 * fit.field.log_sd
+        inside.append(hit.mean())
+        seen.append(hit[fit.field.share > 0.5].mean())
+    assert 0.92 < np.mean(inside) < 0.98, np.mean(inside)
+    assert 0.90 < np.mean(seen) < 0.98, np.mean(seen)
+
+
+@pytest.mark.slow
+def test_false_spots_on_bodies_without_any(body, grid):
+    """20 bodies each, even and with a gradient: at most one of twenty shows a spot."""
+    rng, false = np.random.default_rng(8), 0
+    for number in range(40):
+        slope = 0.0 if number % 2 else 0.5
+        true = LEVEL + slope * (grid.points_m[:, 0] / SIZE_M[0] - 0.5)
+        model = model_of(body, grid, FreeMap(grid, true), rng)
+        fit = FreeMapFit(model, Hyper(0.015, 0.5, 0.01), (0.009, 0.06)).run()
+        false += any(spot.found for spot in fit.field.spots)
+    assert false <= 2

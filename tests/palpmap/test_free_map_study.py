@@ -1,0 +1,71 @@
+"""A study with a free map: its keys, its faces, and the sentences for what does not work."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import palpmap as pm
+from models import InputError
+from palpmap.__main__ import app
+
+STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
+
+
+def study(folder: Path, table: str) -> Path:
+    text = STUDY.read_text(encoding="utf-8").split("[map]")[0]
+    text = text.replace('"scan.csv"', f'"{(STUDY.parent / "scan.csv").as_posix()}"')
+    path = folder / "study.toml"
+    path.write_text(f"{text}\n[map]\n{table}\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ('kind = "free"\ninclusions = 2', "no key 'inclusions'"),
+        ("length_m = 0.01", "no key 'length_m'"),
+        ('kind = "free"\nspread = 9.0', "less than or equal to 4"),
+        ('kind = "free"\nlength_m = 12.0', "divide by 1000"),
+        ('kind = "fre"', "nearest right one is 'free'"),
+    ],
+)
+def test_wrong_keys_are_one_sentence(tmp_path, table, said):
+    with pytest.raises(InputError, match=said):
+        pm.read_study(study(tmp_path, table))
+
+
+def test_a_length_below_the_mesh_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"map.length_m: found 0.001 m, expected 0.00"):
+        pm.fit(pm.read_study(study(tmp_path, 'kind = "free"\nlength_m = 0.001')))
+
+
+def test_what_does_not_work_is_said(tmp_path):
+    experiment = pm.read_study(study(tmp_path, 'kind = "free"'))
+    with pytest.raises(InputError, match="not yet sought beside a free map"):
+        pm.explain(experiment)
+    with pytest.raises(InputError, match="has no inclusions"):
+        pm.fit(experiment, inclusions=2)
+
+
+def test_a_free_fit_is_written_read_and_compared(tmp_path):
+    path, run = study(tmp_path, 'kind = "free"'), tmp_path / "run"
+    runner = CliRunner()
+    assert "free map" in runner.invoke(app, ["check", str(path)]).output
+    made = runner.invoke(app, ["fit", str(path), "--out", str(run)])
+    assert made.exit_code == 0, made.output
+    assert "depth of sight" in made.output
+    again = pm.read_run(run).fit
+    compared = runner.invoke(app, ["compare", str(run)])
+    assert compared.exit_code in (0, 1), compared.output
+    import pyvista
+
+    volume = pyvista.read(run / "map.vti")
+    points = np.array(volume.points)[::37]
+    written = np.array(volume.point_data["modulus_pa"])[::37]
+    assert again.map.modulus(points) == pytest.approx(written, rel=1e-4)
+    assert (np.array(volume.point_data["lower95_pa"]) < volume.point_data["modulus_pa"]).all()
+    report = (run / "report.html").read_text(encoding="utf-8")
+    assert "a free map" in report
+    assert "depth of sight" in report

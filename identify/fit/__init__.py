@@ -8,10 +8,12 @@ from identify.fit.free_map_fit import FreeMapIteration
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
+from identify.fit.settings import SPOTS
 from identify.fit.spots import Spot
 from identify.fit.start_map import fit_map
 
 __all__ = [
+    "SPOTS",
     "Estimate",
     "Field",
     "FitIteration",

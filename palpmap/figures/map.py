@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from identify.body import ChangedMap
-from identify.fit.settings import SPOTS
+from identify.fit import SPOTS
 from identify.map import FreeMap, GaussianMap, Inclusion
 from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.result.finding import Finding

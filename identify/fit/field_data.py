@@ -7,7 +7,7 @@ Around an estimate with the residual r of m readings, whitened,
 with s the logarithms of each press's compliance and, where travel and force are not proportional,
 of its local modulus; dev (g,) the field about its prior mean; p the effects' parameters. The sums
 of products over each press hold all that the readings say of s and p. The effects are eliminated
-under a flat prior, and what remains is a target t of as many numbers as s:
+under a flat prior; the rest is a target t of as many numbers as s:
 
     t = V' (s - s_mu) + N(0, I),      V V' = A'A - A'E (E'E)^-1 E'A
 """

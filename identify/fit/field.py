@@ -61,6 +61,7 @@ class Field:
         model: MeasurementModel,
         at: Linearised,
         least: float,
+        converged: bool = True,
     ) -> Field:
         """Gather the record from a posterior.
 
@@ -69,6 +70,7 @@ class Field:
         log_prior_mean : ln of the modulus in Pa that the field is counted from
         model, at : the model at the estimate
         least : variance over the noise's from which on a direction counts as absorbed
+        converged : spots of another field are none
         """
         even = np.full((1, len(posterior.sd)), 1 / len(posterior.sd))
         variance = float((posterior.prior.product(even) @ even.T).item())
@@ -87,7 +89,7 @@ class Field:
             log_sd=posterior.sd,
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
-            spots=find_spots(posterior),
+            spots=find_spots(posterior) if converged else (),
             effects_covariance=posterior.effects_covariance(),
             by_press_m=np.column_stack(by_press),
             followed=directions[:, gain > least],

@@ -203,7 +203,9 @@ class FreeMapFit:
     ) -> FitResult:
         model = replace(point.model, press_error=self.hyper.error)
         at = model.linearise(point.u)
-        field = Field.of(posterior, self.hyper, self.level, model, at, self.settings.absorbed)
+        field = Field.of(
+            posterior, self.hyper, self.level, model, at, self.settings.absorbed, success
+        )
         return fit_result(
             model, point.u, at, replace(PRECISE, curved_intervals=False), success=success,
             message=message, nfev=self.spent, history=tuple(self.history), field=field,

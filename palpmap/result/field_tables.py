@@ -25,7 +25,8 @@ def spot_table(f: Finding) -> Table:
         )
         for s in spots
     ]  # fmt: skip
-    rows = rows or [("none that differs from its surroundings",)]
+    none = "none that differs from its surroundings"
+    rows = rows or [(none if f.fit.success else "not looked for: the search did not end",)]
     return Table.of(head[: len(rows[0])], rows, "spots")
 
 

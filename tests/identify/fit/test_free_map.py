@@ -13,6 +13,7 @@ from identify.fit.field_data import FieldData, PressSums, field_derivatives
 from identify.fit.field_evidence import Hyper, best_hyper
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.free_map_fit import FreeMapFit
+from identify.fit.settings import FREE_MAP
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.model import MeasurementModel
@@ -207,6 +208,21 @@ def test_a_homogeneous_body_has_no_spot(body, grid):
     assert not any(spot.found for spot in fit.field.spots)
     assert fit.parameters["mean_pa"].lower95 < np.exp(LEVEL + 0.3)
     assert fit.parameters["mean_pa"].upper95 > np.exp(LEVEL + 0.3)
+
+
+def test_a_search_that_did_not_end_has_no_spots(body, grid):
+    rng = np.random.default_rng(11)
+    bump = 1.5 * np.exp(-np.sum((grid.points_m - (0.03, 0.03, 0.025)) ** 2, axis=1) / 0.008**2)
+    model = model_of(body, grid, FreeMap(grid, LEVEL + bump), rng)
+    hyper = Hyper(0.015, 0.5, 0.01, ("length_m", "spread"))
+    ended, stopped = (
+        FreeMapFit(model, hyper, (0.009, 0.06), settings=replace(FREE_MAP, iterations=n)).run()
+        for n in (FREE_MAP.iterations, 1)
+    )
+    assert ended.success
+    assert ended.field.spots
+    assert not stopped.success
+    assert stopped.field.spots == ()
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
         paths = write_finding(finding, folder.path)
         output.result(
             {**comparison.to_dict(), "run": str(folder.path)},
-            *summary(finding, after_fit(comparison.is_noise, _study(source))),
+            *summary(finding, after_fit(finding, _study(source))),
             f"Report: {escape(str(paths['report']))}",
         )
     return comparison.is_noise

@@ -102,7 +102,7 @@ def run_fit(
             finding = fit_run.finish(fit.finding)
     output.result(
         {**fit.to_dict(), "run": str(run.path), "left_out": list(left_out)},
-        *summary(finding, after_fit(finding.comparison.is_noise, study)),
+        *summary(finding, after_fit(finding, study)),
         f"Fit: {escape(fit.message)}",
         f"Report: {escape(str(run / 'report.html'))}",
         f"Recording: {escape(to_type('review', run.path))}",

@@ -31,7 +31,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         f=finding,
         pictures=pictures,
         parameters=parameter_table(finding.parameters, true=finding.true),
-        following=after_fit(finding.comparison.is_noise, study) if study.is_file() else (),
+        following=after_fit(finding, study) if study.is_file() else (),
         spots=spot_table(finding),
         sight=sight_table(finding),
         tests=_test_table(finding.comparison),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from identify.select import Explanation
 from palpmap.console import to_type
+from palpmap.result.finding import Finding
 from palpmap.result.own_effect import OWN_EFFECT
 from palpmap.result.records import ExplainRecord
 from palpmap.units import minutes
@@ -60,8 +61,19 @@ def _own_effect(run: Path, study: Path) -> str:
     )
 
 
-def after_fit(is_noise: bool, study: Path) -> tuple[str, ...]:
+def after_fit(finding: Finding, study: Path) -> tuple[str, ...]:
     """Return the next step after a fit or a comparison."""
+    if finding.fit.field is None:
+        return _after_comparison(finding.comparison.is_noise, study)
+    if not finding.fit.success:
+        return (
+            "The search did not end: this map is no result. Next: state the noise of the readings "
+            "under [noise], or length_m and spread under [map].",
+        )
+    return ("Next: open map.vti of the run folder in ParaView.",)
+
+
+def _after_comparison(is_noise: bool, study: Path) -> tuple[str, ...]:
     command = to_type("limits" if is_noise else "diagnose", study)
     says = (
         "says how large an effect must be for this scan to show it"
@@ -74,5 +86,5 @@ def after_fit(is_noise: bool, study: Path) -> tuple[str, ...]:
 def after_diagnosis(is_noise: bool, study: Path) -> tuple[str, ...]:
     """Return the next step after a diagnosis: the search, or the detection limits."""
     if is_noise:
-        return after_fit(True, study)
+        return _after_comparison(True, study)
     return (f"Next: `{to_type('explain', study)}` adds effects until the residual is noise.",)

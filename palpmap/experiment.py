@@ -205,7 +205,7 @@ def Sphere(radius_m: float) -> Probe:
     return _checked(Probe, tip="sphere", radius_m=radius_m)
 
 
-def _checked(kind, **values):
+def _checked(kind, /, **values):
     """Make a record; an impossible value becomes one sentence."""
     try:
         return kind(**values)

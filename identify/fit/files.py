@@ -42,8 +42,7 @@ def write_fit(fit: FitResult, path: str | Path) -> None:
             content["noise"] = asdict(value)
         else:
             content[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
-    if fit.field is not None:
-        content["field"] = _field_content(fit.field)
+    content["field"] = None if fit.field is None else _field_content(fit.field)
     text = json.dumps(content, indent=1, allow_nan=False)
     with replaced(path) as beside:
         beside.write_text(text + "\n", encoding="utf-8")

@@ -51,6 +51,7 @@ def test_the_import_alone_loads_nothing_heavy():
     assert done.stdout.strip() == "set()"
 
 
+@pytest.mark.slow
 def test_a_fit_holds_the_truth_and_shows_itself(fitted):
     truth = json.loads((LAB / "case_a" / "truth.json").read_text())["body"]
     found = fitted.parameters["background_pa"]
@@ -65,6 +66,7 @@ def test_a_fit_holds_the_truth_and_shows_itself(fitted):
     assert '<img src="data:image/png;base64,' in fitted._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_comparison_is_that_of_the_fit(fitted):
     comparison = pm.compare(fitted)
     assert comparison.is_noise

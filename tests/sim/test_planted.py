@@ -56,6 +56,7 @@ def test_a_press_ramps_holds_and_unloads_at_its_own_pace(bench):
     assert (np.diff(bench.time_s[:, bench.sampled].ravel()) > 0).all()
 
 
+@pytest.mark.slow
 def test_a_hidden_skin_is_felt_as_by_an_independent_solver():
     folder = LAB / "case_f"
     truth = json.loads((folder / "truth.json").read_text())

@@ -70,5 +70,6 @@ def test_a_body_that_is_higher_than_stated_is_named_beside_the_gradient():
     assert found(StiffnessGradient(), higher_m=4e-3)["body_height"] == pytest.approx(4e-3, rel=0.2)
 
 
+@pytest.mark.slow
 def test_no_length_looks_like_a_body_that_lies_elsewhere():
     assert found(BodyShift(), shift_m=1.5e-3) == {}

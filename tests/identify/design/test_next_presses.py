@@ -116,6 +116,7 @@ def test_a_mixed_scan_has_the_same_places_and_length_with_every_tip_at_every_for
         assert counts.min() >= 6
 
 
+@pytest.mark.slow
 def test_presses_that_are_made_bring_what_was_promised(candidates):
     """All presses are made, without noise, and both candidates are refitted to all of them.
 

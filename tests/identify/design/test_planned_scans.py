@@ -31,6 +31,7 @@ def design(fit, name):
     return next(d for d in designs if d.name == name)
 
 
+@pytest.mark.slow
 def test_the_same_scan_once_more_has_the_limits_of_the_scan_that_was_made(fit):
     now = {limit.name: limit.smallest_share for limit in detection_limits(fit, CATALOGUE)}
     (same,) = improvements(fit, CATALOGUE, [design(fit, "same")])

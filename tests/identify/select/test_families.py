@@ -45,8 +45,8 @@ def several_plays(d, f, t, phase, press):
     ("change", "family"),
     [
         (three_times, "viscoelasticity"),
-        (logarithmic_zero, "force_drift"),
-        (several_plays, "hysteresis"),
+        pytest.param(logarithmic_zero, "force_drift", marks=pytest.mark.slow),
+        pytest.param(several_plays, "hysteresis", marks=pytest.mark.slow),
     ],
 )
 def test_a_foreign_form_is_named_by_its_family(change, family):

@@ -54,6 +54,7 @@ def test_a_little_more_that_acts_on_compliances_is_not_told_from_the_rest_of_tha
     assert found.added == ()
 
 
+@pytest.mark.slow
 def test_what_explains_more_than_such_a_rest_is_named():
     found = explained(0.1, gradient=GRADIENT)
     group, share = second(found)

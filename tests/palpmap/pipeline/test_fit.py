@@ -88,7 +88,7 @@ def test_the_run_folder_of_a_fit_stands_for_itself(case_k):
     (entry,) = json.loads((case_k.folder / "run.json").read_text())["runs"]
     inputs = {Path(path).name: digest for path, digest in entry["inputs"].items()}
     assert inputs == {name: sha256(LAB / "case_k" / name) for name in ("study.toml", "scan.csv")}
-    assert entry["settings"] == {"inclusions": 1, "optimizer": "gauss-newton"}
+    assert entry["settings"] == {"inclusions": 1, "optimizer": "gauss-newton", "left_out": []}
 
 
 def test_the_recording_of_a_fit_is_whole_and_ends_at_the_found_map(case_k):

@@ -6,6 +6,7 @@ Lengths are in m, forces in N, moduli in Pa.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -27,11 +28,12 @@ if TYPE_CHECKING:
     from palpmap.result.records import ExplainRecord
 
 
-class Shown:
+class Shown(ABC):
     """A result that shows itself as text, and in a notebook."""
 
+    @abstractmethod
     def _renderables(self) -> Sequence[RenderableType]:
-        raise NotImplementedError
+        """Tables and sentences of the result."""
 
     def renderables(self) -> Sequence[RenderableType]:
         """Return tables and sentences for a rich console."""

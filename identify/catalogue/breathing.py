@@ -64,8 +64,7 @@ class Breathing(Advice, Effect):
         frequency_hz: float,
     ) -> np.ndarray:
         """Add the motion."""
-        angle = 2 * math.pi * frequency_hz * readings.elapsed_s
-        return travel_m + sine_m * np.sin(angle) + cosine_m * np.cos(angle)
+        return travel_m + motion(readings.elapsed_s, sine_m, cosine_m, frequency_hz)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.
@@ -111,6 +110,12 @@ class Breathing(Advice, Effect):
             f"Readings swing up and down by {length(size)} every {seconds(1 / f)} "
             f"({f:.3g} Hz, {60 * f:.3g} a minute) through the whole scan, whatever the force."
         )
+
+
+def motion(time_s: np.ndarray, sine_m: float, cosine_m: float, frequency_hz: float) -> np.ndarray:
+    """Motion of the body at times since the scan's clock began, m."""
+    angle = 2 * math.pi * frequency_hz * time_s
+    return sine_m * np.sin(angle) + cosine_m * np.cos(angle)
 
 
 def _band(readings: Readings) -> tuple[float, float]:

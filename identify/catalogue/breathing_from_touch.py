@@ -1,10 +1,8 @@
 """The body moves up and down on its own, and each press counts from its own touch."""
 
-import math
-
 import numpy as np
 
-from identify.catalogue.breathing import Breathing
+from identify.catalogue.breathing import Breathing, motion
 from identify.effects.base import WorkedExample
 from identify.effects.readings import Readings
 
@@ -50,10 +48,6 @@ class BreathingFromTouch(Breathing):
         frequency_hz: float,
     ) -> np.ndarray:
         """Add the motion since touch."""
-
-        def motion(time_s: np.ndarray) -> np.ndarray:
-            angle = 2 * math.pi * frequency_hz * time_s
-            return sine_m * np.sin(angle) + cosine_m * np.cos(angle)
-
+        sizes = sine_m, cosine_m, frequency_hz
         touch = readings.touch_time_s[readings.press] - readings.clock_start_s
-        return travel_m + motion(readings.elapsed_s) - motion(touch)
+        return travel_m + motion(readings.elapsed_s, *sizes) - motion(touch, *sizes)

@@ -1,9 +1,16 @@
 """A base that lets the body slide sideways."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from identify.body.state import BodyState
 from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length
+
+_FREE = 100.0  # heights over modulus: the base holds nothing back
+_OUT_OF_SIGHT_M = 0.3  # slid under the pressure of the tip: many times any body's own shear
 
 
 class BaseSliding(Advice, Effect):
@@ -35,6 +42,7 @@ class BaseSliding(Advice, Effect):
             0.0,
             1e-3,
             2e-7,
+            natural="upper",
         ),
     )
     examples = (
@@ -51,6 +59,13 @@ class BaseSliding(Advice, Effect):
         total = state.base_tangential_m_per_pa + tangential_m_per_pa
         return state.changed(base_tangential_m_per_pa=total)
 
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Bound the travel where the body slides as if there were no friction."""
+        if state.background_pa is None:
+            return self.parameters
+        (only,) = self.parameters
+        return (replace(only, upper=_FREE * state.height_m / state.background_pa),)
+
     def levels(self, state: BodyState) -> tuple[float, ...]:
         """Return those of some sliding and of nearly free sliding, from height over modulus."""
         if state.background_pa is None:
@@ -61,6 +76,9 @@ class BaseSliding(Advice, Effect):
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how easily the body slides."""
         softness = values["tangential_m_per_pa"]
+        pressure = np.max(readings.force_n / (np.pi * readings.radius_m**2))
+        if softness * pressure > _OUT_OF_SIGHT_M:
+            return "Presses sink as if the body slid freely on its base, without friction."
         return (
             "Presses sink as if the body could slide on its base by "
             f"{length(1e3 * softness)} for each kPa of shear, as on a gel of 10 kPa shear modulus "

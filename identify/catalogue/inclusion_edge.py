@@ -26,7 +26,11 @@ class InclusionEdge(Advice, Effect):
     source = "generalised normal distribution: S. Nadarajah, J. Appl. Stat. 32 (2005) 685-694"
     gives_away = "presses over an inclusion and those around it misfit with opposite signs"
     cure = "None is needed: the edge belongs to the body. Keep the effect in the study."
-    parameters = (EffectParameter("edge", "1", "0: Gaussian, 1: even ball", 0.0, -0.5, 0.9, 0.3),)
+    parameters = (
+        EffectParameter(
+            "edge", "1", "0: Gaussian, 1: even ball", 0.0, -0.5, 0.9, 0.3, natural="upper"
+        ),
+    )  # at 0.9 it is an even ball for the finite elements
     needs = ("several presses",)
     # a ball that is fitted as a Gaussian may end far too narrow, too hard and too shallow
     refitted_from = MappingProxyType({"edge": 0.6})

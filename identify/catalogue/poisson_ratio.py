@@ -23,7 +23,11 @@ class PoissonRatio(Effect):
     source = "W. C. Hayes et al., J. Biomech. 5 (1972) 541-551 (indented layers)"
     gives_away = "presses near the edges misfit otherwise than those in the middle"
     cure = "Measure it apart, or press with two tips of clearly different radius."
-    parameters = (EffectParameter("change", "1", "of Poisson's ratio", 0.0, -0.49, 0.49, 0.05),)
+    parameters = (
+        EffectParameter(
+            "change", "1", "of Poisson's ratio", 0.0, -0.49, 0.49, 0.05, natural="upper"
+        ),
+    )
     examples = (
         WorkedExample(
             "0.49 less 0.04.",

@@ -14,6 +14,7 @@ An optimiser works on u (k,), not on the parameters themselves, so that all have
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -39,6 +40,8 @@ class Parameter:
     lower, upper : bounds
     typical : size that an experimenter would call ordinary; the scale of the search
     log : sought as ln(value); of effects, shape parameters only
+    natural : bounds that are physics, not limits of the search (no friction, no change of volume):
+        an estimate there is a finding, one on another bound a doubt
 
     Examples
     --------
@@ -58,6 +61,7 @@ class Parameter:
     upper: float
     typical: float
     log: bool = False
+    natural: Literal["", "lower", "upper", "both"] = ""
 
     def to_scaled(self, value: float) -> float:
         """Return u of a value; a value outside the bounds is put on the nearer one."""
@@ -139,9 +143,13 @@ class ParameterSpace:
         return longest
 
     def at_bound(self, u: np.ndarray) -> tuple[str, ...]:
-        """Names of the unknowns that sit on one of their bounds."""
+        """Names of the unknowns that sit on a bound of the search; a natural one is none."""
         lower, upper = self.bounds
-        hit = (u <= lower + _AT_BOUND) | (u >= upper - _AT_BOUND)
+        low, high = (
+            np.array([p.natural not in (side, "both") for p in self.unknowns], bool)
+            for side in ("lower", "upper")
+        )
+        hit = ((u <= lower + _AT_BOUND) & low) | ((u >= upper - _AT_BOUND) & high)
         return tuple(name for name, is_hit in zip(self.names, hit, strict=True) if is_hit)
 
 

@@ -3,7 +3,7 @@
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import fit_with
 from identify.select.diagnosis import CandidateVerdict, Diagnosis, EffectVerdict
-from identify.select.forward_selection import Explanation, Verdict
+from identify.select.forward_selection import OTHER_CAUSE, Explanation, Verdict
 from identify.select.outlying_presses import WithoutSuspects, explain
 from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
 from identify.select.score_test import Score
@@ -13,6 +13,7 @@ from identify.select.step import Step, step_of
 
 __all__ = [
     "NOT_PLANTED",
+    "OTHER_CAUSE",
     "SELECTION",
     "AcceptedEffect",
     "CandidateVerdict",

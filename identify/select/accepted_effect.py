@@ -65,9 +65,10 @@ class AcceptedEffect:
 
 
 def at_bound(fit: FitResult, name: str) -> bool:
-    """Whether an amplitude of an effect ends at a physical bound other than its null.
+    """Whether an amplitude of an effect ends at a bound of the search other than its null.
 
-    The scan asks for more of the effect than possible: the cause is another one.
+    The scan asks for more of the effect than was thought possible: the cause may be another one.
+    A natural end (no friction, no change of volume) is no such bound.
     """
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
     nulls = {amplitude.name: amplitude.null for amplitude in part.effect.amplitudes}

@@ -33,6 +33,7 @@ from identify.select.step import Step, step_of
 from models import Scan
 
 SUSPECT_PRESSES = "suspect_presses"  # equivalent of an effect that rests on single presses
+OTHER_CAUSE = "another_cause"  # equivalent of an effect whose values are doubted
 
 Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
 
@@ -48,6 +49,7 @@ class Explanation:
     accepted : effects of the last model, in the order of their steps
     dropped : effects that were added and later lost their place
     resting_on_outliers : effects that are not found without the outlying presses
+    further : best-scored effect where the residual is noise and yet one more is missing, or nothing
     settings : of the selection
     """
 
@@ -56,6 +58,7 @@ class Explanation:
     accepted: tuple[AcceptedEffect, ...]
     dropped: tuple[str, ...]
     resting_on_outliers: tuple[str, ...] = ()
+    further: str = ""
     settings: SelectionSettings = SELECTION
 
     @property
@@ -65,9 +68,20 @@ class Explanation:
 
     @property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of effects that explain the scan equally well, single bad presses among them."""
+        """Groups of effects that explain the scan equally well.
+
+        Single bad presses are among them, and, where the residual is noise, the unknown cause in
+        place of an effect whose values are doubted.
+        """
         groups = tuple(a.group for a in self.accepted if not a.decided)
-        return groups + tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
+        groups += tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
+        if self.verdict == "unexplained":
+            return groups
+        decided = {a.name for a in self.accepted if a.decided}
+        doubted = dict.fromkeys((*self.at_bound, *self.implausible, self.further))
+        return groups + tuple(
+            (name, OTHER_CAUSE) for name in doubted if name in (*decided, self.further) and name
+        )
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -85,7 +99,7 @@ class Explanation:
 
     @property
     def at_bound(self) -> tuple[str, ...]:
-        """Effects of the last model at a physical bound: not found."""
+        """Effects of the last model at a bound of the search: not found."""
         return tuple(name for name in self.final.fit.effect_names if at_bound(self.final.fit, name))
 
     @property
@@ -182,9 +196,16 @@ def forward_selection(
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
                 ladder[number] = judged(with_exchanged(step.fit, exchanged, fit))
         ladder.append(judged(fit))
-    verdict = "unexplained" if model.press_error else _verdict(ladder, accepted, settled, settings)
+    further = "" if settled else _further(ladder, accepted, settings)
     gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
-    return Explanation(verdict, tuple(ladder), tuple(accepted), gone, settings=settings)
+    return Explanation(
+        _verdict(ladder[-1], accepted, further),
+        tuple(ladder),
+        tuple(accepted),
+        gone,
+        further=further,
+        settings=settings,
+    )
 
 
 def _share(before: FitResult, after: FitResult) -> float:
@@ -301,23 +322,25 @@ def is_more_missing(
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
 
 
-def _verdict(
-    ladder: Sequence[Step],
-    accepted: Sequence[AcceptedEffect],
-    settled: bool,
-    settings: SelectionSettings = SELECTION,
-) -> Verdict:
-    """Verdict of the last step; `settled`: noise, and no effect does clearly better."""
+def _further(
+    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> str:
+    """Return the best-scored effect that is missing though the residual is noise, or nothing."""
     last = ladder[-1]
-    if not last.comparison.is_noise or (
-        is_more_missing(ladder, accepted, settings) and not settled
-    ):
+    if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
+        return ""
+    return max(last.diagnosis.significant, key=lambda name: last.diagnosis[name].statistic)
+
+
+def _verdict(last: Step, accepted: Sequence[AcceptedEffect], further: str = "") -> Verdict:
+    """Verdict of the last step; `further`: an effect that is missing beside noise."""
+    if not last.comparison.is_noise:
         return "unexplained"
-    if not accepted:
+    if not accepted and not further:
         return "nothing_missing"
-    if any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted):
-        return "unexplained"
-    return "explained" if all(a.decided for a in accepted) else "ambiguous"
+    doubted = any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted)
+    sure = all(a.decided for a in accepted) and not doubted and not further
+    return "explained" if sure else "ambiguous"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from identify.effects.base import Effect, advice
 from identify.select.candidates import refit_p_value
 from identify.select.diagnosis import CandidateVerdict, EffectVerdict
-from identify.select.forward_selection import SUSPECT_PRESSES, Explanation
+from identify.select.forward_selection import OTHER_CAUSE, SUSPECT_PRESSES, Explanation
 from identify.select.step import Step
 
 
@@ -60,7 +60,8 @@ def _in_group(
     if name in explained.resting_on_outliers:
         return "indistinguishable", (SUSPECT_PRESSES,)
     if name in (*explained.at_bound, *explained.implausible):
-        return "not_seen", ()
+        noise = explained.verdict != "unexplained"
+        return ("indistinguishable", (OTHER_CAUSE,)) if noise else ("not_seen", ())
     return "helps", ()
 
 

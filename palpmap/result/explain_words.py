@@ -10,7 +10,7 @@ from identify.body import MODEL_ERROR
 from identify.design import DETECTION
 from identify.effects import advice, length, more, percent
 from identify.residual import law_sentence, sentence
-from identify.select import SELECTION, Explanation
+from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
@@ -41,10 +41,8 @@ CANDIDATES = {
 
 def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
-    if explained.verdict == "unexplained" and explained.final.comparison.is_noise:
-        if explained.at_bound or explained.implausible:
-            return "Unexplained: the only model that fits has implausible parameter values."
-        return "Unexplained: a missing effect is detected, but no model with one explains it."
+    if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
+        return "Ambiguous: the model that fits has values that make its cause doubtful."
     return VERDICTS[explained.verdict][0]
 
 

@@ -17,7 +17,7 @@ from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
 from identify.select import outlying_presses as suspects
 from identify.select.accepted_effect import AcceptedEffect
-from identify.select.forward_selection import SUSPECT_PRESSES
+from identify.select.forward_selection import OTHER_CAUSE, SUSPECT_PRESSES
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
@@ -85,7 +85,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     explained = explained_case.explained
     (name,) = explained.added
     assert name == "viscoelasticity"
-    assert explain._verdict(explained.ladder, explained.accepted, True) == "explained"
+    assert explain._verdict(explained.final, explained.accepted) == "explained"
     why = "it keeps step with the presses"
 
     class Doubted(Advice, Viscoelasticity):
@@ -94,15 +94,21 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
 
     monkeypatch.setattr(CATALOGUE[name], "__class__", Doubted)
     assert candidates.is_implausible(explained.final.fit, name)
-    assert explain._verdict(explained.ladder, explained.accepted, True) == "unexplained"
-    found = replace(explained, verdict="unexplained")
+    # The model fits: the residual is noise, and the cause is doubtful
+    assert explain._verdict(explained.final, explained.accepted) == "ambiguous"
+    found = replace(explained, verdict="ambiguous")
     assert found.added == ()
-    assert "implausible" in headline(found)
-    assert "implausible values" in verdict_detail(found)
-    assert "structure" not in headline(found) + verdict_detail(found).split("The residual")[0]
+    assert found.ambiguous == ((name, OTHER_CAUSE),)
+    assert "doubtful" in headline(found)
+    assert verdict_detail(found) == f"{name} or another_cause."
     assert why in " ".join(_name_notes(found, name))
     record = effect_verdict(CATALOGUE[name], found)
-    assert record.verdict == "not_seen"
+    assert (record.verdict, record.confused_with) == ("indistinguishable", (OTHER_CAUSE,))
+    # Beside a structured residual it is no answer at all
+    left = replace(found, verdict="unexplained")
+    assert (left.added, left.ambiguous) == ((), ())
+    assert "implausible values" in verdict_detail(left)
+    assert effect_verdict(CATALOGUE[name], left).verdict == "not_seen"
     # Nor is it a candidate of anything else
     tried = candidates.compare_candidates(
         explained.ladder[0], {name: CATALOGUE[name]}, lambda text: None, [name]

@@ -77,9 +77,9 @@ def test_a_rival_is_beaten_by_the_data_and_not_by_its_price_alone(rungs, behind,
 def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
     (first, last), _ = rungs
     quiet = replace(significant(first, 0.01, first.fit.chi2), comparison=last.comparison)
-    assert _verdict((quiet,), (), settled=False) == "unexplained"
-    assert _verdict((quiet,), (), settled=True) == "nothing_missing"
-    assert _verdict((first,), (), settled=True) == "unexplained"
+    assert _verdict(quiet, (), further=first.diagnosis.scores[0].name) == "ambiguous"
+    assert _verdict(quiet, ()) == "nothing_missing"
+    assert _verdict(first, ()) == "unexplained"
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from models.scan_checks import CONTACT_PHASES, PHASES
+from models.scan_checks import CONTACT_PHASES, OUTCOMES, PHASES
 
-_PHASE = np.dtype(("U", max(map(len, PHASES))))
+_WORDS = {"phase": PHASES, "outcome": OUTCOMES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,12 @@ class Scan:
     probe_radius_m : (m,) m, radius of the flat tip, or of the sphere; one a press
     force_vector_n : (m, 3) N, force vector on the body, or None
     tip_pose : (m, 7) measured pose of the tip: position in m and quaternion w, x, y, z; or None
+    outcome : (m,) made, or retried where an earlier attempt at the press failed; or None
 
     Raises
     ------
     ValueError
-        If the arrays' lengths differ, a phase is unknown or the press ids fall.
+        If the arrays' lengths differ, a phase or an outcome is unknown, or the press ids fall.
 
     Examples
     --------
@@ -53,19 +54,22 @@ class Scan:
     probe_radius_m: np.ndarray
     force_vector_n: np.ndarray | None = None
     tip_pose: np.ndarray | None = None
+    outcome: np.ndarray | None = None
 
     def __post_init__(self):
         m = len(self.press)
         widths = {"point_m": 3, "direction": 3, "force_vector_n": 3, "tip_pose": 7}
-        kinds = {"press": np.int64, "phase": _PHASE}
+        kinds: dict[str, object] = {"press": np.int64}
+        kinds |= {name: f"U{max(map(len, words))}" for name, words in _WORDS.items()}
         for field in fields(self):
             value = getattr(self, field.name)
             if value is None:
                 continue
             array = np.array(value)
-            if field.name == "phase" and not np.isin(array, PHASES).all():
-                unknown = set(array.tolist()) - set(PHASES)
-                raise ValueError(f"phase holds {unknown}, expected {PHASES}")
+            words = _WORDS.get(field.name)
+            if words and not np.isin(array, words).all():
+                unknown = set(array.tolist()) - set(words)
+                raise ValueError(f"{field.name} holds {unknown}, expected {words}")
             array = array.astype(kinds.get(field.name, np.float64))
             shape = (m, widths[field.name]) if field.name in widths else (m,)
             if array.shape != shape:

@@ -31,10 +31,14 @@ REQUIRED = (
     "displacement_m",
     "probe_radius_m",
 )
-OPTIONAL = FORCE_VECTOR + TIP_POSE
+OUTCOME = "outcome"
+OPTIONAL = (*FORCE_VECTOR, *TIP_POSE, OUTCOME)
+TEXT = ("phase", OUTCOME)
 
 CONTACT_PHASES = ("load", "hold", "unload")
 PHASES = (*CONTACT_PHASES, "approach", "retract")
+OUTCOMES = ("made", "retried")
+"""Of presses with readings; those that were skipped or aborted have no rows."""
 
 LARGEST_COORDINATE_M = 3.0
 LARGEST_TRAVEL_M = 0.1
@@ -164,7 +168,9 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
     _check_possible(columns, where)
     _check_epoch(columns["time_s"], where)
     _check_press_order(columns["press"], where)
-    _check_phase(columns["phase"], where)
+    _check_words(columns["phase"], "phase", PHASES, where)
+    if OUTCOME in columns:
+        _check_words(columns[OUTCOME], OUTCOME, OUTCOMES, where)
     _check_radius(columns["probe_radius_m"], where)
     if not units_checked:
         _check_lengths(columns, where)
@@ -182,7 +188,7 @@ def check_columns(columns: Columns, where: Where, units_checked: bool = False) -
 
 def _check_finite(columns: Columns, where: Where) -> None:
     for name, values in columns.items():
-        if name == "phase" or (name == "time_s" and np.isnan(values).all()):
+        if name in TEXT or (name == "time_s" and np.isnan(values).all()):
             continue
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -195,7 +201,7 @@ def _check_finite(columns: Columns, where: Where) -> None:
 
 def _check_possible(columns: Columns, where: Where) -> None:
     for name, values in columns.items():
-        if name in ("phase", "press", "time_s"):
+        if name in (*TEXT, "press", "time_s"):
             continue
         row = int(np.abs(values).argmax())
         if np.abs(values[row]) > LARGEST_NUMBER:
@@ -238,13 +244,14 @@ def _check_press_order(press: np.ndarray, where: Where) -> None:
         )
 
 
-def _check_phase(phase: np.ndarray, where: Where) -> None:
-    bad = np.flatnonzero(~np.isin(phase, PHASES))
+def _check_words(words: np.ndarray, column: str, known: tuple[str, ...], where: Where) -> None:
+    bad = np.flatnonzero(~np.isin(words, known))
     if len(bad):
-        found = cut(str(phase[bad[0]]))
+        found = cut(str(words[bad[0]]))
+        cure = "; leave out the rows of presses that were not made" if column == OUTCOME else ""
         raise InputError(
-            f"{where.cell(bad[0], 'phase')}: found '{found}', expected one of "
-            f"{', '.join(PHASES)}{nearest(found, PHASES)}"
+            f"{where.cell(bad[0], column)}: found '{found}', expected one of "
+            f"{', '.join(known)}{nearest(found, known)}{cure}"
         )
 
 

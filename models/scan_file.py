@@ -20,7 +20,9 @@ from models.scan import Scan
 from models.scan_checks import (
     DIRECTION,
     FORCE_VECTOR,
+    OUTCOME,
     POINT,
+    TEXT,
     TIP_POSE,
     Where,
     check_columns,
@@ -122,6 +124,7 @@ def _scan_from_columns(columns: dict[str, np.ndarray]) -> Scan:
         probe_radius_m=columns["probe_radius_m"],
         force_vector_n=together(FORCE_VECTOR),
         tip_pose=together(TIP_POSE),
+        outcome=columns.get(OUTCOME),
     )
 
 
@@ -139,6 +142,8 @@ def _table_from_scan(scan: Scan) -> pa.Table:
         columns |= dict(zip(FORCE_VECTOR, scan.force_vector_n.T, strict=True))
     if scan.tip_pose is not None:
         columns |= dict(zip(TIP_POSE, scan.tip_pose.T, strict=True))
+    if scan.outcome is not None:
+        columns[OUTCOME] = scan.outcome.tolist()
     return pa.table(columns)
 
 
@@ -239,21 +244,21 @@ def _columns_from_table(table: pa.Table, where: Where) -> dict[str, np.ndarray]:
         numeric = pa.types.is_floating(kind) or pa.types.is_integer(kind)
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[name] = _from_text([cell or "" for cell in cells.to_pylist()], name, where)
-        elif numeric and name != "phase":
+        elif numeric and name not in TEXT:
             columns[name] = cells.cast(pa.float64(), safe=False).to_numpy()
         elif pa.types.is_null(kind) and name == "time_s":
             columns[name] = np.full(len(cells), np.nan)
         else:
             raise InputError(
                 f"{where.file}, column {name}: found values of type {cells.type}, expected "
-                f"{'text' if name == 'phase' else 'numbers'}; convert the column"
+                f"{'text' if name in TEXT else 'numbers'}; convert the column"
             )
     return columns
 
 
 def _from_text(cells: list[str], name: str, where: Where) -> np.ndarray:
     cells = [cell.strip() for cell in cells]
-    if name == "phase":
+    if name in TEXT:
         return np.array(cells, dtype=np.str_)
     if name == "time_s" and all(cell.lower() in ("", "nan") for cell in cells):
         return np.full(len(cells), np.nan)

@@ -8,7 +8,8 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_quality import identical_presses
 
-OPTIONAL = {"force_vector_n": "fx_n, fy_n, fz_n", "tip_pose": "tip_x_m ... tip_qz"}
+OPTIONAL = {"force_vector_n": "fx_n, fy_n, fz_n", "tip_pose": "tip_x_m ... tip_qz",
+            "outcome": "outcome"}  # fmt: skip
 
 
 def stack_scans(scans: Sequence[Scan]) -> Scan:

@@ -23,6 +23,7 @@ from palpmap.commands.scan import ScanRecord
 from palpmap.paper.command import PaperRecord
 from palpmap.record import FileRecord, Record
 from palpmap.result.history import HistoryRecord
+from palpmap.result.press_outcomes import PressesRecord
 from palpmap.result.records import DiagnosisRecord, ExplainRecord, LimitsRecord
 from palpmap.result.truth import TruthRecord
 from palpmap.run_folder import RunsRecord
@@ -101,6 +102,7 @@ RECORDS: Mapping[str, type[FileRecord] | type[TrialLine]] = {
     "history": HistoryRecord,
     "limits": LimitsRecord,
     "paper": PaperRecord,
+    "presses": PressesRecord,
     "result": ExplainRecord,
     "reveal": RevealRecord,
     "run": RunsRecord,

@@ -1,5 +1,6 @@
 """`palpmap scan`."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,14 @@ import typer
 
 from palpmap.cli.options import Json, Out, PaperForce, Quiet, Seed
 from palpmap.console import Output
+
+
+class OnFault(StrEnum):
+    """What follows a press that cannot be made."""
+
+    skip = "skip"
+    retry = "retry"
+    stop = "stop"
 
 
 def _planted(text: str) -> tuple[str, float]:
@@ -66,6 +75,14 @@ def scan(
             show_default="nothing; 3 %",
         ),
     ] = None,
+    on_fault: Annotated[
+        OnFault,
+        typer.Option(
+            "--on-fault",
+            help="After a press that fails: go on with the next, try it again first, or end the "
+            "scan.",
+        ),
+    ] = OnFault.skip,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -92,6 +109,7 @@ def scan(
         presses_per_side=presses_per_side,
         program=program,
         plant=[_planted(text) for text in plant or []],
+        on_fault=on_fault.value,
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),

@@ -1,8 +1,9 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, JsonValue
 
@@ -12,6 +13,8 @@ from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
 from palpmap.record import FileRecord, Record
 from palpmap.recording.recorder import Recording
+from palpmap.result.press_outcomes import FILE as PRESSES
+from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import Study, load_study, write_study
 from palpmap.study.virtual_lab import (
@@ -29,16 +32,13 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from sim.motion import ScanPlan
-    from sim.scan import PressResult, ScanRun
+    from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun
+
+OnFault = Literal["skip", "retry", "stop"]
 
 PAPER_FORCE_N = 3.0
+LISTED = 10
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
-
-# What the scan promises of each press
-LARGEST_FORCE_ERROR = 0.01
-LARGEST_OVERSHOOT = 0.05
-LARGEST_CONTACT_ERROR_M = 2e-4
-LARGEST_COUPLING_ERROR = 1e-3
 
 PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
 SMALL_DEPTH_SHARE = 0.2  # deeper ones are said: beyond a tenth a linear law goes wrong by so much
@@ -55,6 +55,7 @@ def run_scan_command(
     output: Output,
     program: Path | None = None,
     plant: Sequence[tuple[str, float]] = (),
+    on_fault: OnFault = "skip",
 ) -> bool:
     """Scan the built-in phantom, or a study's block with the phantom's map scaled into it.
 
@@ -63,11 +64,13 @@ def run_scan_command(
     presses_per_side : of the grid, None for `PRESSES_PER_SIDE`
     program : file of presses (`models.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
+    on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
 
     Returns
     -------
     bool
-        Whether every press kept what the scan promises (force, overshoot, place, coupling).
+        Whether every press was made and kept what the scan promises (force, overshoot, place) by
+        the robot's own readings.
     """
     from rich.markup import escape
 
@@ -97,7 +100,9 @@ def run_scan_command(
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
-        laboratory, _ = planned_laboratory(run.path, known, plan, seed, plant, paper_force)
+        laboratory, _ = planned_laboratory(
+            run.path, known, plan, seed, plant, paper_force, on_fault
+        )
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -105,6 +110,8 @@ def run_scan_command(
     output.result(
         {**record.to_dict(), "run": str(run.path)},
         scan_table(record),
+        *map(escape, record.not_kept[:LISTED]),
+        *([f"... see {escape(str(run / PRESSES))}"] if len(record.not_kept) > LISTED else []),
         f"Next: {escape(to_type('fit', run / 'study.toml'))}",
         f"Recording: {escape(to_type('review', run.path))}",
     )
@@ -118,6 +125,7 @@ def planned_laboratory(
     seed: int,
     plant: Sequence[tuple[str, float]] = (),
     paper_force: bool = False,
+    on_fault: OnFault = "skip",
 ) -> tuple[Laboratory, Study]:
     """Solve the body of a planned scan; write study.toml and truth.json into the run folder.
 
@@ -133,7 +141,7 @@ def planned_laboratory(
     from sim.motion import ScanSettings
 
     share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
-    settings = ScanSettings(seed=seed, deepest_share=share)
+    settings = ScanSettings(seed=seed, deepest_share=share, on_fault=on_fault)
     laboratory = build_laboratory(study, plan, settings, plant)
     known = known_of(study, run / "scan.csv", laboratory)
     write_study(known, run / "study.toml")
@@ -144,9 +152,20 @@ def planned_laboratory(
 def make_scan(
     run: Path, laboratory: Laboratory, recording: Recording, advance: Callable[[], object]
 ) -> "ScanRun":
-    """Make all presses; scan.csv and the recording are complete up to the last one at any time."""
+    """Make all presses; scan.csv, presses.json and recording are complete up to the last one."""
+    statistics: dict[int, PressStatistics] = {}
+    records: list[PressRecord] = []
+
+    def on_outcome(outcome: "PressOutcome") -> None:
+        records.append(press_record(outcome, statistics.get(outcome.press)))
+        told = PressesRecord(on_fault=laboratory.settings.on_fault, presses=tuple(records))
+        told.write(run / PRESSES)
+        if outcome.faults or not outcome.kept:
+            recording.event(outcome.sentence, "WARN")
+        advance()
 
     def on_press(result: "PressResult", reported: Scan) -> None:
+        statistics[result.statistics.press] = result.statistics
         write_scan(reported, run / "scan.csv")
         told = reported.rows(reported.press == result.statistics.press)
         used = told.used()
@@ -157,10 +176,9 @@ def make_scan(
             float(used.at_largest_force(used.force_n)[0]),
             float(used.at_largest_force(used.displacement_m)[0]),
         )
-        advance()
 
     drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
-    made, _ = laboratory.press(drawn, on_press)
+    made, _ = laboratory.press(drawn, on_press, on_outcome)
     if laboratory.hidden.planted:
         reached = laboratory.hidden.reached([press.scan for press in made.presses])
         write_truth(run, laboratory.hidden.body, reached)
@@ -168,7 +186,7 @@ def make_scan(
 
 
 class LargestRecord(Record):
-    """Largest deviations of the presses from their commands."""
+    """Largest deviations of the presses from their commands, as only the simulator knows them."""
 
     force_error: float = Field(description="of the held force, relative")
     overshoot: float = Field(description="of the force, relative")
@@ -180,9 +198,13 @@ class LargestRecord(Record):
 class ScanRecord(FileRecord):
     """Output of `palpmap scan --json`: how well the presses were made."""
 
-    presses: int
-    presses_kept: int = Field(description="presses within all tolerances")
-    kept: bool = Field(description="every press within all tolerances")
+    presses: int = Field(description="planned")
+    presses_kept: int = Field(description="made, with force and place kept by the readings")
+    kept: bool = Field(description="whether all are")
+    outcomes: dict[str, int] = Field(
+        default_factory=dict, description="presses that were made, retried, skipped, aborted"
+    )
+    not_kept: tuple[str, ...] = Field(default=(), description="a sentence on each other press")
     largest: LargestRecord
     force_n: float = Field(description="set force of the first press, N")
     simulated_s: float = Field(description="time of the robot, s")
@@ -200,17 +222,14 @@ def scan_record(scanned: "ScanRun") -> ScanRecord:
         coupling_error=max(s.coupling_error for s in statistics),
         depth_share=max(s.depth_share for s in statistics),
     )
-    kept = [
-        abs(s.force_error) <= LARGEST_FORCE_ERROR
-        and s.overshoot <= LARGEST_OVERSHOOT
-        and s.contact_error_m <= LARGEST_CONTACT_ERROR_M
-        and s.coupling_error <= LARGEST_COUPLING_ERROR
-        for s in statistics
-    ]
+    kept = sum(outcome.kept for outcome in scanned.outcomes)
+    counts = Counter(outcome.outcome for outcome in scanned.outcomes)
     return ScanRecord(
-        presses=len(statistics),
-        presses_kept=sum(kept),
-        kept=all(kept),
+        presses=len(scanned.outcomes),
+        presses_kept=kept,
+        kept=kept == len(scanned.outcomes),
+        outcomes=dict(counts),
+        not_kept=tuple(outcome.sentence for outcome in scanned.outcomes if not outcome.kept),
         largest=largest,
         force_n=statistics[0].set_force_n,
         simulated_s=scanned.simulated_s,
@@ -227,9 +246,12 @@ def scan_table(record: ScanRecord) -> "RenderableType":
     largest = record.largest
     table = Table(box=box.SIMPLE, show_header=False, title="scan", title_justify="left")
     table.add_row(
-        "presses that kept force, place and coupling",
+        "presses that kept force and place",
         f"{record.presses_kept} of {record.presses} at {record.force_n:g} N",
     )
+    if set(record.outcomes) - {"made"}:
+        told = ", ".join(f"{number} {name}" for name, number in record.outcomes.items())
+        table.add_row("presses", told)
     table.add_row(
         "largest force error, overshoot",
         f"{100 * largest.force_error:.2f} %, {100 * largest.overshoot:.1f} %",

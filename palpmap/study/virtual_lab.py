@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from models import PressProgram
     from sim.body import SoftBody, TruthMap
     from sim.motion import ScanPlan, ScanSettings
-    from sim.scan import Frame, PressResult, RobotPlant, ScanRun
+    from sim.scan import Frame, PressOutcome, PressResult, RobotPlant, ScanRun
 
 DEFAULT_FORCE_N = 0.3
 PRESSES_PER_SIDE = 9
@@ -51,13 +51,20 @@ class Laboratory:
         self,
         on_frame: Callable[[Frame], None] | None = None,
         on_press: Callable[[PressResult, Scan], None] | None = None,
+        on_outcome: Callable[[PressOutcome], None] | None = None,
     ) -> tuple[ScanRun, Scan]:
         """Make all presses; return how they went, and the readings that the robot reports.
 
         Parameters
         ----------
         on_frame : called with each picture of the running scan
-        on_press : called after each press with all reported readings so far
+        on_press : called after each press that was made, with all reported readings so far
+        on_outcome : called for every planned press with what became of it
+
+        Raises
+        ------
+        InputError
+            No press could be made.
         """
         from sim.scan import run_scan
 
@@ -69,7 +76,12 @@ class Laboratory:
             if on_press:
                 on_press(result, stack_scans(done))
 
-        made = run_scan(self.plan, self.body, self.settings, on_frame, reported)
+        made = run_scan(self.plan, self.body, self.settings, on_frame, reported, on_outcome)
+        if not done:
+            first = made.outcomes[0]
+            raise InputError(
+                f"none of {len(made.outcomes)} presses could be made. {first.sentence}"
+            )
         return made, stack_scans(done)
 
 

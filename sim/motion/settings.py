@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 
@@ -32,6 +33,10 @@ class ScanSettings:
     depth_m : largest depth, None for 30 mm a newton of set force and at least 20 mm
     deepest_share : largest depth that a press may be expected to reach, of the body's thickness
         along it; at most 1, where the tip has come through the body
+    force_limit_n : measured force at which a press is broken off, None for twice its set force and
+        0.5 N
+    on_fault : what follows a press that cannot be made or is broken off: "skip" goes on with the
+        next one, "retry" tries it twice more before, "stop" ends the scan
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
 
@@ -61,6 +66,8 @@ class ScanSettings:
     stiffness_n_per_m: float = 150.0
     depth_m: float | None = None
     deepest_share: float = 0.5
+    force_limit_n: float | None = None
+    on_fault: Literal["skip", "retry", "stop"] = "skip"
     timestep_s: float = 0.002
     frames_per_s: float = 25.0
 
@@ -68,7 +75,7 @@ class ScanSettings:
         may_be_zero = ("seed", "force_noise_n", "displacement_noise_m")
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name in (*may_be_zero, "pause_s", "depth_m"):
+            if field.name in (*may_be_zero, "pause_s", "on_fault") or value is None:
                 continue
             if not value > 0:
                 raise InputError(
@@ -82,8 +89,10 @@ class ScanSettings:
                 f"The scan setting pause_s is {self.pause_s}; give the shortest and the "
                 "longest pause in s."
             )
-        if self.depth_m is not None and not self.depth_m > 0:
-            raise InputError(f"The scan setting depth_m is {self.depth_m}; it has to be positive.")
+        if self.on_fault not in ("skip", "retry", "stop"):
+            raise InputError(
+                f"The scan setting on_fault is '{self.on_fault}'; give skip, retry or stop."
+            )
         if self.deepest_share > 1:
             raise InputError(
                 f"The scan setting deepest_share is {self.deepest_share:g}; give at most 1, the "

@@ -28,7 +28,8 @@ which the tangent changes: 2 % of the set force is taken.
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -51,6 +52,19 @@ class PressedBody(Protocol):
         ...
 
 
+@runtime_checkable
+class BodyInTime(Protocol):
+    """Soft body whose law changes with time: creep, breathing, a history."""
+
+    def advance(self, press: int, time_s: float, force_n: float) -> bool:
+        """Go on to a time under a force; True if the law is another one than before."""
+        ...
+
+
+class BodyLawError(Exception):
+    """The pressed body answers with a displacement or a stiffness that no body has."""
+
+
 class MatchedContact:
     """The pad under the tip, kept on the tangent of the body's law.
 
@@ -66,12 +80,14 @@ class MatchedContact:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, body: PressedBody) -> None:
         self._model, self._data, self._body = model, data, body
+        self._in_time = body if isinstance(body, BodyInTime) else None
         self._pair = model.pair(PAIR).id
         model.pair_solimp[self._pair, :2] = IMPEDANCE
         self._regularisation = _regularisation(model)
         self._press, self._renew_at = 0, np.inf
         self._force = 0.0
         self._point, self._normal = np.zeros(3), np.array([0.0, 0.0, 1.0])
+        self._shift, self._line_m = np.zeros(3), 0.0
         self.calls = 0
         self.release()
 
@@ -87,13 +103,19 @@ class MatchedContact:
         self._press, self._point, self._normal = press, point_m, -direction
         self._renew_at = RENEW_FRACTION * force_n
         self._data.mocap_quat[0] = _quaternion_of_normal(self._normal)
-        self.calls = 0
+        self.calls, self._line_m, self._shift = 0, 0.0, np.zeros(3)
         self._exchange(0.0)
 
-    def follow(self, force_n: float) -> None:
+    def follow(self, force_n: float, time_s: float) -> None:
         """Renew the pair where the contact force has moved away from the last one."""
-        if abs(force_n - self._force) > self._renew_at:
+        moved = self._in_time and self._in_time.advance(self._press, time_s, force_n)
+        if moved or abs(force_n - self._force) > self._renew_at:
             self._exchange(force_n)
+
+    def shift(self, by_m: np.ndarray) -> None:
+        """Move the undeformed surface to (3,) m beside its planned place, world frame."""
+        self._shift = by_m
+        self._place()
 
     def release(self) -> None:
         """Take the pad away, so that the arm moves freely."""
@@ -104,10 +126,19 @@ class MatchedContact:
         """Give the body a force; put its displacement and tangent into the contact."""
         depth = self._body.displacement(self._press, force_n)
         stiffness = self._body.tangent(self._press, force_n)
+        if not (math.isfinite(depth) and math.isfinite(stiffness) and stiffness > 0):
+            raise BodyLawError(
+                f"the body answers {force_n:.3g} N with a travel of {depth:.3g} m and a stiffness "
+                f"of {stiffness:.3g} N/m; a positive stiffness is needed"
+            )
         self._force = force_n
         self.calls += 1
         self._model.pair_solref[self._pair] = (-stiffness * self._regularisation * IMPEDANCE, 0.0)
-        self._data.mocap_pos[0] = self._point - (depth - force_n / stiffness) * self._normal
+        self._line_m = depth - force_n / stiffness
+        self._place()
+
+    def _place(self) -> None:
+        self._data.mocap_pos[0] = self._point + self._shift - self._line_m * self._normal
 
 
 def _regularisation(model: mujoco.MjModel) -> float:

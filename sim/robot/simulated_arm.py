@@ -16,11 +16,14 @@ import numpy as np
 import pinocchio as pin
 
 from sim.robot.laboratory import Laboratory
+from sim.robot.mechanism import Mechanisms
 
 SERVO_RAD_PER_S = 60.0
 """Both poles of the joint servo."""
 
 BLOCK = 4096
+
+mujoco.set_mju_user_warning(lambda text: None)  # `unstable` tells; MuJoCo would write a log file
 
 
 class SimulatedArm:
@@ -31,11 +34,16 @@ class SimulatedArm:
     laboratory : the compiled scene
     force_noise_n : standard deviation of each component of the wrist's force, a sample
     rng : source of that noise
+    mechanisms : that act on sensor, encoders, joints and scene, unknown to the robot
 
     Attributes
     ----------
-    q, v : (7,) rad and rad/s, the state now
-    q_seen : (7,) rad, configuration of the last step, to which its sensors and contact belong
+    q, v : (n,) rad and rad/s, the state now
+    q_seen : (n,) rad, configuration of the last step, to which its sensors and contact belong
+    q_read : (n,) rad, the same as the encoders read it
+    tare_n : (3,) N, taken off the wrist's force
+    sensor_n : (3,) N, what the sensor itself read, with the probe's weight and inertia in it
+    time_s : since the simulation began
     tip_m : (3,) m, centre of the tip in the world during the last step
     wrist_n : (3,) N, measured force of the tip on the body during the last step, axes of the
         probe; the probe's weight and inertia are taken out by the model from measured q, v and
@@ -44,9 +52,17 @@ class SimulatedArm:
     """
 
     def __init__(
-        self, laboratory: Laboratory, force_noise_n: float, rng: np.random.Generator
+        self,
+        laboratory: Laboratory,
+        force_noise_n: float,
+        rng: np.random.Generator,
+        mechanisms: Mechanisms | None = None,
     ) -> None:
+        mechanisms = mechanisms or Mechanisms()
         model = laboratory.model
+        mechanisms.change(model)
+        self._sensor, self._encoders = mechanisms.sensor, mechanisms.encoders
+        self._joint_torque = mechanisms.joint_torque
         self.laboratory, self.model = laboratory, model
         self.data = mujoco.MjData(model)
         self.dt = float(model.opt.timestep)
@@ -56,13 +72,17 @@ class SimulatedArm:
         self._limit = np.array(self._arm.effortLimit)
         wrist = self._arm.frames[self._arm.getFrameId("ft")]
         self._joint, self._to_probe = wrist.parentJoint, wrist.placement.rotation.T.copy()
-        start = int(model.sensor("ft_force").adr[0])
-        self._raw = self.data.sensordata[start : start + 3]
+        force, torque = (int(model.sensor(name).adr[0]) for name in ("ft_force", "ft_torque"))
+        self._raw = self.data.sensordata[force : force + 3]
+        self._raw_torque = self.data.sensordata[torque : torque + 3]
+        self._warnings = self.data.warning.number
         self._tip = self.data.site_xpos[model.site("tcp").id]
         self._force_noise, self._rng = force_noise_n, rng
         self._noise, self._drawn = np.zeros((BLOCK, 3)), BLOCK
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
         self._peak = np.zeros(model.nv)
+        self.tare_n = np.zeros(3)
+        self.time_s = 0.0
         self.place(laboratory.home)
 
     def place(self, q: np.ndarray) -> None:
@@ -71,9 +91,42 @@ class SimulatedArm:
         self.data.qvel[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.q, self.v = self.data.qpos.copy(), self.data.qvel.copy()
-        self.q_seen = self.q
+        self.q_seen = self.q_read = self._q_good = self.q
+        self._v_seen = self.v
+        self._a = np.zeros_like(self.v)
+        self._torque = np.zeros_like(self.v)
         self.tip_m = self._tip
-        self.wrist_n, self.contact_n = np.zeros(3), 0.0
+        self.wrist_n, self.sensor_n, self.contact_n = np.zeros(3), np.zeros(3), 0.0
+
+    def recover(self, q: np.ndarray) -> None:
+        """Begin anew at a configuration (n,) rad after the simulation became unstable."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.place(q)
+
+    def tare(self, mean_n: np.ndarray) -> None:
+        """Take the mean (3,) N of readings without contact off all later ones."""
+        self.tare_n = self.tare_n + mean_n
+
+    @property
+    def unstable(self) -> bool:
+        """True once MuJoCo has warned of a state without meaning."""
+        return bool(self._warnings.any())
+
+    def force_by_torque(self, lever: np.ndarray) -> float:
+        """Contact force in N that the joints' torques of the last step show.
+
+        Parameters
+        ----------
+        lever : (n,) m, the tip's Jacobian along the press direction
+        """
+        q, v = self.q_seen, self._v_seen
+        free = pin.rnea(self._arm, self._arm_data, q, v, self._a) + self._damping * v
+        return float(lever @ (self._torque - free) / (lever @ lever))
+
+    @property
+    def torque_share(self) -> float:
+        """Largest part of a joint's torque limit that the last step asked for."""
+        return float((np.abs(self._torque) / self._limit).max())
 
     @property
     def peak_torque(self) -> float:
@@ -86,14 +139,27 @@ class SimulatedArm:
         """Servo towards a configuration, velocity and acceleration for one time step."""
         q, v, data = self.q, self.v, self.data
         gain = SERVO_RAD_PER_S
-        wanted = a_wanted + (gain * gain) * (q_wanted - q) + (2 * gain) * (v_wanted - v)
-        torque = pin.rnea(self._arm, self._arm_data, q, v, wanted) + self._damping * v
+        read = q
+        if self._encoders:
+            self.q_read = self._encoders(self.time_s, q.copy())
+            if np.isfinite(self.q_read).all():
+                self._q_good = self.q_read
+            read = self._q_good
+        else:
+            self.q_read = q
+        if self._joint_torque:
+            data.qfrc_applied[:] = self._joint_torque(self.time_s, q)
+        wanted = a_wanted + (gain * gain) * (q_wanted - read) + (2 * gain) * (v_wanted - v)
+        torque = pin.rnea(self._arm, self._arm_data, read, v, wanted) + self._damping * v
         self._ctrl[:] = torque
         mujoco.mj_step(self.model, data)
         q_next, v_next = self._qpos.copy(), self._qvel.copy()
         self.contact_n = float(data.efc_force[-1]) if data.ncon else 0.0
-        self.wrist_n = self._contact_from_wrist(q, v, (v_next - v) / self.dt)
-        self.q_seen, self.q, self.v = q, q_next, v_next
+        self._a = (v_next - v) / self.dt
+        self.wrist_n = self._contact_from_wrist(read, v, self._a)
+        self.q_seen, self._v_seen, self.q, self.v = q, v, q_next, v_next
+        self._torque = torque
+        self.time_s += self.dt
         np.maximum(self._peak, np.abs(torque), out=self._peak)
 
     def _contact_from_wrist(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -105,4 +171,8 @@ class SimulatedArm:
             self._drawn = 0
         noise = self._noise[self._drawn]
         self._drawn += 1
-        return self._raw - own + noise
+        read = self._raw + noise
+        if self._sensor:
+            read = self._sensor(self.time_s, np.concatenate([read, self._raw_torque]))[:3]
+        self.sensor_n = read
+        return read - own - self.tare_n

@@ -21,7 +21,13 @@ from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
+from sim.robot.mechanism import Mechanisms
+from sim.scan.outcome import Judgement
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
+from sim.scan.watchdog import check_record
+
+SMOOTHED_S = 0.05
+"""Over which the force is averaged before its overshoot is judged."""
 
 LOAD, HOLD, UNLOAD = (PHASES.index(name) for name in ("load", "hold", "unload"))
 
@@ -33,21 +39,30 @@ class PressLog:
     Attributes
     ----------
     press, fem_calls : number of the press, pairs exchanged
-    time_s, phase, wanted_n, true_force_n : (t,)
+    time_s, clock_s : (t,) true and written time
+    phase, wanted_n, true_force_n : (t,)
     wrist_n : (t, 3) measured force on the body, axes of the probe
     tip_m : (t, 3) true tip centre, world
-    q : (t, 7) true joint angles
+    q, q_read : (t, n) true joint angles, and as the encoders read them
+    touch_depth_m : commanded depth at which touch was declared
+    tare_n : along the probe
+    outcome : made, or retried
     """
 
     press: int
     fem_calls: int
     time_s: np.ndarray
+    clock_s: np.ndarray
     phase: np.ndarray
     wanted_n: np.ndarray
     true_force_n: np.ndarray
     wrist_n: np.ndarray
     tip_m: np.ndarray
     q: np.ndarray
+    q_read: np.ndarray
+    touch_depth_m: float
+    tare_n: float
+    outcome: str
 
 
 def press_result(
@@ -58,6 +73,7 @@ def press_result(
     kinematics: TipKinematics,
     body: PressedBody,
     rng: np.random.Generator,
+    mechanisms: Mechanisms,
 ) -> PressResult:
     """Reduce one press's log.
 
@@ -69,21 +85,31 @@ def press_result(
     kinematics : of the tip
     body : whose own law the settled pairs are compared with
     rng : source of the encoders' noise
+    mechanisms : tell from where the robot counts travel
+
+    Raises
+    ------
+    PressFault
+        Samples that cannot be right.
     """
-    contact = np.flatnonzero(np.isin(log.phase, (LOAD, HOLD, UNLOAD)))
+    contact, wanted = np.flatnonzero(log.phase >= LOAD), plan.force_of(log.press)
+    contact = contact[log.phase[contact] <= UNLOAD]
     lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
-    noise = settings.displacement_noise_m / lever * rng.standard_normal((len(contact), 7))
-    poses = [kinematics.pose(q) for q in log.q[contact] + noise]
+    noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[contact].shape)
+    poses = [kinematics.pose(q) for q in log.q_read[contact] + noise]
     tips = np.array([tip for tip, _ in poses])
     turns = np.array([turn for _, turn in poses])
     depth = (tips - planned.point_m) @ planned.direction
     # row by row: probe axes -> world
     vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[contact])
     force = vectors @ planned.direction
-    moving = log.phase[contact] != HOLD
-    zero = depth_at_zero_force(
-        depth[moving], force[moving], settings.displacement_noise_m, settings.force_noise_n
-    )
+    check_record(log.clock_s[contact], force, depth, log.q_read[contact], wanted, settings)
+    zero = mechanisms.zero_shift_m
+    if mechanisms.zero == "touch":
+        moving = log.phase[contact] != HOLD
+        zero += depth_at_zero_force(
+            depth[moving], force[moving], settings.displacement_noise_m, settings.force_noise_n
+        )
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
     rows = _sample_rows(log.phase[contact], settings)
     picked = contact[rows]
@@ -102,7 +128,34 @@ def press_result(
         true_depth_m=true_depth,
     )
     statistics = _statistics(log, plan, planned, body, true_depth, zero)
-    return PressResult(statistics, scan, series, log.true_force_n[picked], true_depth[picked])
+    judged = _judged(log, contact, force, tips, planned, wanted)
+    truth = log.true_force_n[picked], true_depth[picked]
+    return PressResult(statistics, scan, series, *truth, judged)
+
+
+def _judged(
+    log: PressLog,
+    contact: np.ndarray,
+    force_n: np.ndarray,
+    tips_m: np.ndarray,
+    planned: PlannedPress,
+    wanted_n: float,
+) -> Judgement:
+    """Return the quality of the press as the robot's own readings show it."""
+    hold = np.flatnonzero(log.phase[contact] == HOLD)
+    settled = hold[len(hold) // 2 :]
+    mean = float(force_n[settled].mean())
+    width = min(max(round(SMOOTHED_S / float(log.time_s[1] - log.time_s[0])), 1), len(force_n))
+    smooth = np.convolve(force_n, np.full(width, 1 / width), "valid")
+    away = (tips_m[settled] - planned.point_m).mean(axis=0)
+    beside = away - (away @ planned.direction) * planned.direction
+    return Judgement(
+        force_n=mean,
+        force_error=mean / wanted_n - 1,
+        overshoot=float(smooth.max() / wanted_n - 1),
+        place_error_m=float(np.linalg.norm(beside)),
+        tare_n=log.tare_n,
+    )
 
 
 def _sample_rows(phase: np.ndarray, settings: ScanSettings) -> np.ndarray:
@@ -136,7 +189,7 @@ def _scan(
     force = vectors @ rotation
     return Scan(
         press=np.full(count, log.press),
-        time_s=log.time_s[picked],
+        time_s=log.clock_s[picked],
         phase=np.array(PHASES)[log.phase[picked]],
         point_m=np.tile(plan.points_m[log.press], (count, 1)),
         direction=np.tile(direction, (count, 1)),
@@ -145,6 +198,7 @@ def _scan(
         probe_radius_m=np.full(count, plan.tip_radius_m),
         force_vector_n=force,
         tip_pose=np.hstack([position, np.roll(turned, 1, axis=1)]),
+        outcome=np.full(count, log.outcome),
     )
 
 

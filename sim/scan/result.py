@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models import Scan, stack_scans
+from sim.scan.outcome import Judgement, PressOutcome
 
 PHASES = ("transit", "approach", "touch", "load", "hold", "unload", "retract")
 """Phases of the time series, in the order of their codes."""
@@ -87,7 +88,7 @@ class Series:
     force_n : (t,) measured along the probe's axis
     displacement_m : (t,) measured travel since first touch; NaN where the tip is not in contact
     wanted_n : (t,) set value of the force
-    q : (t, 7) rad, joint angles
+    q : (t, n) rad, joint angles
     true_force_n, true_depth_m : (t,) the simulator's contact force and depth beyond the
         undeformed surface
     """
@@ -113,6 +114,7 @@ class PressResult:
     scan : its rows of the table
     series : all its samples
     true_force_n, true_displacement_m : (m,) the simulator's truth for each row of `scan`
+    judged : how well it went by the robot's own readings
     """
 
     statistics: PressStatistics
@@ -120,6 +122,7 @@ class PressResult:
     series: Series
     true_force_n: np.ndarray
     true_displacement_m: np.ndarray
+    judged: Judgement
 
 
 @dataclass(frozen=True)
@@ -128,20 +131,22 @@ class ScanRun:
 
     Attributes
     ----------
-    presses : result of each press
+    presses : result of each press that was made
     simulated_s, wall_s : duration in the laboratory's time and of the computation, planning
         included
     peak_torque : largest part of a joint's torque limit that was used
+    outcomes : what became of each planned press
     """
 
     presses: tuple[PressResult, ...]
     simulated_s: float
     wall_s: float
     peak_torque: float
+    outcomes: tuple[PressOutcome, ...]
 
     @property
     def scan(self) -> Scan:
-        """The whole table."""
+        """The whole table of the presses that were made."""
         return stack_scans([press.scan for press in self.presses])
 
     @property

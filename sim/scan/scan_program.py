@@ -14,13 +14,16 @@ from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
-from sim.robot.contact_coupling import MatchedContact, PressedBody
+from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
+from sim.robot.mechanism import Mechanisms
 from sim.robot.simulated_arm import SimulatedArm
+from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
 from sim.scan.press_log import PressLog, press_result
 from sim.scan.result import PHASES, Frame, PressResult, ScanRun
+from sim.scan.watchdog import Watchdog, limits_of
 
 TRANSIT, APPROACH, TOUCH, LOAD, HOLD, UNLOAD, RETRACT = range(len(PHASES))
 DWELL_S = 0.06
@@ -30,7 +33,16 @@ TOUCH_SAMPLES = 2
 """Samples in a row above the touch force: one alone may be noise."""
 
 NEAR_M = 1e-5
-COLUMNS = 17
+
+FALSE_TOUCHES = 3
+UNSTEADY = 4.0
+"""Times the touch force that say touch while the tip gathers or loses speed."""
+
+TARE_S = 0.1
+"""The arm rests at least so long before an approach; the sensor is tared meanwhile."""
+
+BRAKING_M_PER_S2 = 5.0
+"""Of the tip after a fault."""
 
 
 def run_scan(
@@ -39,45 +51,55 @@ def run_scan(
     settings: ScanSettings | None = None,
     on_frame: Callable[[Frame], None] | None = None,
     on_press: Callable[[PressResult], None] | None = None,
+    on_outcome: Callable[[PressOutcome], None] | None = None,
+    mechanisms: Mechanisms | None = None,
 ) -> ScanRun:
-    """Plan and make all presses of a scan.
+    """Plan and make all presses of a scan; a press that fails does not end it.
 
     Parameters
     ----------
     plan : where, in which direction and how hard to press
     soft_body : answers the contact forces; its press j is the plan's press j
-    settings : times, speeds, noise, sampling
+    settings : times, speeds, noise, sampling, and what follows a fault
     on_frame : called at `settings.frames_per_s` of simulated time
     on_press : called after each press with its result. A scan that is broken off (also by
         KeyboardInterrupt, which is passed on) has delivered all presses finished so far.
+    on_outcome : called for every planned press with what became of it
+    mechanisms : that act in the loop, unknown to the robot
 
     Raises
     ------
     InputError
         Before the arm moves: a press that cannot be made, or would go too deep (see
-        `sim.motion.planner`). During the scan: a body so far away, or so much softer than it said,
-        that the planned depth does not do.
+        `sim.motion.planner`). At the end: no press was made at all.
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
-    program = _Program(plan, soft_body, settings, on_frame)
-    results = []
+    program = _Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms())
+    results, outcomes = [], []
     for number, planned in enumerate(program.presses):
-        program.press(number, planned)
-        result = press_result(
-            program.log(number),
-            plan,
-            planned,
-            settings,
-            program.kinematics,
-            soft_body,
-            program.encoder_rng,
-        )
-        results.append(result)
-        if on_press:
-            on_press(result)
+        outcome, result = program.press(number, planned)
+        outcomes.append(outcome)
+        if result:
+            results.append(result)
+            if on_press:
+                on_press(result)
+        if on_outcome:
+            on_outcome(outcome)
+        if not outcome.delivered and settings.on_fault == "stop":
+            break
+    for number in range(len(outcomes), len(plan)):
+        why = f"the scan was stopped after press {len(outcomes) - 1}"
+        left = PressOutcome(number, "skipped", plan.force_of(number), reason=why)
+        outcomes.append(left)
+        if on_outcome:
+            on_outcome(left)
     return ScanRun(
-        tuple(results), program.time_s, time.perf_counter() - started, program.rig.peak_torque
+        tuple(results),
+        program.time_s,
+        time.perf_counter() - started,
+        program.rig.peak_torque,
+        tuple(outcomes),
     )
 
 
@@ -90,6 +112,7 @@ class _Program:
         body: PressedBody,
         settings: ScanSettings,
         on_frame: Callable[[Frame], None] | None,
+        mechanisms: Mechanisms,
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
         weakest = min(plan.force_of(press) for press in range(len(plan)))
@@ -117,37 +140,75 @@ class _Program:
         self.encoder_rng = np.random.default_rng(encoder_seed)
         self.pauses_s = settings.pauses(len(plan))
         self.kinematics = TipKinematics(laboratory.arm)
+        self.mechanisms, self.body = mechanisms, mechanisms.pressed(body)
+        self.body_pose = mechanisms.body_pose
+        self.speed_limit = laboratory.speed_limit
         self.rig = SimulatedArm(
-            laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed)
+            laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed), mechanisms
         )
-        self.contact = MatchedContact(self.rig.model, self.rig.data, body)
+        self.watchdog = Watchdog(self.rig, settings)
+        self.contact = MatchedContact(self.rig.model, self.rig.data, self.body)
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
         self.links = [self.rig.model.body(name).id for name in LINKS]
         self.dt = self.rig.dt
         self.steps, self.every = 0, max(1, round(1 / (settings.frames_per_s * self.dt)))
         self.posture = laboratory.home
-        self.wanted = 0.0
-        self._rows, self._used = np.empty((8192, COLUMNS)), 0
+        self.wanted, self.phase = 0.0, TRANSIT
+        self.joints = len(laboratory.home)
+        self._rows, self._used = np.empty((8192, 10 + 2 * self.joints)), 0
 
     @property
     def time_s(self) -> float:
         return self.steps * self.dt
 
-    def press(self, number: int, planned: PlannedPress) -> None:
-        """Make one press, from the approach pose of the one before."""
+    def press(self, number: int, planned: PlannedPress) -> tuple[PressOutcome, PressResult | None]:
+        """Make one press, from the approach pose of the one before, again if that is asked for."""
+        force, faults = self.plan.force_of(number), []
+        for attempt in range(ATTEMPTS if self.settings.on_fault == "retry" else 1):
+            try:
+                self._attempt(number, planned, again=attempt > 0)
+                result = self._reduced(number, planned, again=attempt > 0)
+            except (PressFault, BodyLawError) as fault:
+                kind = fault.kind if isinstance(fault, PressFault) else "body"
+                phase, when = PHASES[self.phase], self.time_s
+                faults.append(Fault(kind, str(fault), phase, when))
+                self._retreat(planned)
+                continue
+            shortfalls = result.judged.shortfalls()
+            outcome = PressOutcome(
+                number,
+                "retried" if faults else "made",
+                force,
+                tuple(faults),
+                result.judged,
+                "; ".join(shortfalls) or (faults[-1].reason if faults else ""),
+            )
+            return outcome, result
+        begun = faults[-1].phase != PHASES[TRANSIT]
+        return (
+            PressOutcome(
+                number,
+                "aborted" if begun else "skipped",
+                force,
+                tuple(faults),
+                reason=f"{faults[-1].kind} ({faults[-1].phase}): {faults[-1].reason}",
+            ),
+            None,
+        )
+
+    def _attempt(self, number: int, planned: PlannedPress, again: bool) -> None:
         self.number, self.planned = number, planned
         settings, control, force = self.settings, self.control, self.plan.force_of(number)
         ramp_s, hold_s, unload_s, pause_s = self._times(number)
         self._used, self.wanted = 0, 0.0
-        self._transit(planned.waypoints)
-        self._pause(pause_s)
+        self.mechanisms.begin(number, self.time_s)
+        if not again:
+            self._transit(planned.waypoints)
+        self._tare(max(pause_s, TARE_S))
         self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
         self.contact.start(number, planned.point_m, planned.direction, force)
         control.rest(-settings.lift_m)
-        self._approach()
-        for _ in range(round(DWELL_S / self.dt)):
-            control.stop()
-            self._tick(TOUCH)
+        self._touch()
         self._ramp(LOAD, control.force_n, force, ramp_s)
         self._ramp(HOLD, force, force, hold_s)
         self._ramp(UNLOAD, force, settings.residual * force, unload_s)
@@ -155,7 +216,7 @@ class _Program:
         while (left := control.depth_m + settings.lift_m) > NEAR_M:
             speed = max(0.9 * math.sqrt(2 * ACCELERATION_M_PER_S2 * left), settings.touch_m_per_s)
             control.move(-min(settings.approach_m_per_s, speed))
-            self._tick(RETRACT)
+            self._tick(RETRACT, touched=True)
         self.contact.release()
 
     def _times(self, number: int) -> tuple[float, float, float, float]:
@@ -168,20 +229,57 @@ class _Program:
         ramp, hold, unload, pause = (float(column[number]) for column in columns)
         return ramp, hold, unload, pause
 
-    def log(self, number: int) -> PressLog:
-        """Return the samples of the press just made."""
-        rows = self._rows[: self._used].copy()
-        return PressLog(
+    def _reduced(self, number: int, planned: PlannedPress, again: bool) -> PressResult:
+        """Return the result of the press just made."""
+        rows, n = self._rows[: self._used].copy(), self.joints
+        clock = np.array([self.mechanisms.clock(t) for t in rows[:, 0]])
+        log = PressLog(
             number,
             self.contact.calls,
             rows[:, 0],
+            clock if self.mechanisms.has_clock else rows[:, 0],
             rows[:, 1].astype(np.int8),
             rows[:, 2],
             rows[:, 3],
             rows[:, 4:7],
             rows[:, 7:10],
-            rows[:, 10:17],
+            rows[:, 10 : 10 + n],
+            rows[:, 10 + n :],
+            self.touch_depth_m,
+            float(self.rig.tare_n[2]),
+            "retried" if again else "made",
         )
+        return press_result(
+            log,
+            self.plan,
+            planned,
+            self.settings,
+            self.kinematics,
+            self.body,
+            self.encoder_rng,
+            self.mechanisms,
+        )
+
+    def _retreat(self, planned: PlannedPress) -> None:
+        """Take the tip out of the body after a fault, along its path, whatever the sensors say."""
+        rig, control, settings = self.rig, self.control, self.settings
+        if rig.unstable or not np.isfinite(rig.q).all() or not np.isfinite(rig.v).all():
+            rig.recover(planned.approach)  # the simulation is at fault, not the robot
+            control.rest(-settings.lift_m)
+        elif self.phase != TRANSIT:
+            depth, speed = control.depth_m, control.speed_m_per_s
+            while depth + settings.lift_m > NEAR_M or speed > 0:
+                left = max(depth + settings.lift_m, 0.0)
+                wanted = -min(settings.approach_m_per_s, 0.9 * math.sqrt(left) + 1e-3)
+                change = BRAKING_M_PER_S2 * self.dt
+                speed = max(speed - change, min(speed + change, wanted))
+                depth += speed * self.dt
+                q, slope = planned.path.at(depth)
+                self._step(RETRACT, q, slope * speed)
+                self.posture = q
+        self.contact.release()
+        self.phase = TRANSIT
+        self.posture = planned.approach
 
     def _transit(self, waypoints: tuple[tuple[np.ndarray, float], ...]) -> None:
         """Quintic joint motion through the waypoints, standing still at each."""
@@ -191,20 +289,58 @@ class _Program:
                 self._step(TRANSIT, *quintic(start, goal, i / count, duration))
             self.posture = goal
 
-    def _pause(self, duration: float) -> None:
+    def _tare(self, duration: float) -> None:
+        """Stand still; take the force that is read meanwhile off the later readings."""
+        standing, readings = np.zeros(self.joints), []
         for _ in range(round(duration / self.dt)):
-            self._step(TRANSIT, self.posture, np.zeros(7))
+            self._step(TRANSIT, self.posture, standing)
+            readings.append(self.rig.wrist_n)
+        last = np.array(readings[-round(TARE_S / self.dt) :])
+        planned = self.planned
+        lever = planned.direction @ self.kinematics.jacobian(planned.touch)
+        self.watchdog.begin(
+            limits_of(self.settings, self.plan.force_of(self.number), self.depth_limit,
+                      self.speed_limit),
+            lever,
+        )  # fmt: skip
+        mean = self.watchdog.refuse_tare(last)
+        first = self.number == 0 or self.mechanisms.tare == "press"
+        if first:
+            self.rig.tare(mean)
+        # A sensor that is tared once a scan still has its zero at each approach to find touch by
+        self.zero_n = 0.0 if first else float(mean[2])
+
+    def _touch(self) -> None:
+        """Go down until the measured force says touch, and stand; go on if that was none."""
+        for _ in range(FALSE_TOUCHES):
+            self._approach()
+            for _ in range(round(DWELL_S / self.dt)):
+                self.control.stop()
+                self._tick(TOUCH)
+            left = self.control.force_n - self.zero_n
+            if left >= 0.3 * self.settings.touch_force_n:
+                return
+        raise PressFault(
+            "touch",
+            f"{FALSE_TOUCHES} times the force fell after first touch, now to {left:.3g} N at "
+            f"{1e3 * self.touch_depth_m:.3g} mm from the planned surface: nothing was touched",
+        )
 
     def _approach(self) -> None:
-        """Go down until the measured force says touch."""
         settings, control = self.settings, self.control
         braking = settings.approach_m_per_s**2 / (2 * ACCELERATION_M_PER_S2)
-        above = 0
+        above, steady = 0, 0
         while above < TOUCH_SAMPLES:
             fast = control.depth_m < -settings.slow_m - braking
+            before = control.speed_m_per_s
             control.move(settings.approach_m_per_s if fast else settings.touch_m_per_s)
             self._tick(APPROACH)
-            above = above + 1 if self.rig.wrist_n[2] >= settings.touch_force_n else 0
+            steady = steady + 1 if control.speed_m_per_s == before else 0
+            # An unknown mass on the sensor shows as a force while the arm gathers or loses speed
+            enough = 1.0 if steady * self.dt > DWELL_S else UNSTEADY
+            touching = self.rig.wrist_n[2] - self.zero_n >= enough * settings.touch_force_n
+            above = above + 1 if touching else 0
+        self.touch_depth_m = control.depth_m
         control.touch()
 
     def _ramp(self, phase: int, start_n: float, end_n: float, duration: float) -> None:
@@ -215,27 +351,24 @@ class _Program:
             share, rate = line.at(line.duration_s * i / count)
             self.wanted = start_n + (end_n - start_n) * share
             self.control.press(self.wanted, (end_n - start_n) * rate, learn=phase == LOAD)
-            self._tick(phase)
+            self._tick(phase, touched=True)
 
-    def _tick(self, phase: int) -> None:
+    def _tick(self, phase: int, touched: bool = False) -> None:
         """One step at the commanded depth; measured force and body follow."""
         control = self.control
-        if control.depth_m > self.depth_limit:
-            raise InputError(
-                f"Press {self.number}: the tip has gone {control.depth_m * 1e3:.1f} mm deep at "
-                f"{control.force_n:.3f} N "
-                f"and the plan provides for {self.depth_limit * 1e3:.1f} mm, at most what the "
-                "body is thick. Set a smaller force, or a larger depth_m if it is less than that."
-            )
         q, slope = self.planned.path.at(control.depth_m)
         q = q - control.force_n * self.sideways
+        if self.body_pose:
+            self.contact.shift(self.body_pose(self.time_s, self.number))
         self._step(phase, q, slope * control.speed_m_per_s)
-        control.feel(self.rig.wrist_n[2])
-        self.contact.follow(self.rig.contact_n)
         self.posture = q
+        self.watchdog.look(control.depth_m, touched)
+        control.feel(self.rig.wrist_n[2])
+        self.contact.follow(self.rig.contact_n, self.time_s)
 
     def _step(self, phase: int, q: np.ndarray, v: np.ndarray, a: np.ndarray | float = 0.0) -> None:
-        rig = self.rig
+        rig, n = self.rig, self.joints
+        self.phase = phase
         rig.step(q, v, a)
         if self._used == len(self._rows):
             self._rows = np.vstack([self._rows, np.empty_like(self._rows)])
@@ -243,7 +376,8 @@ class _Program:
         row[:4] = (self.steps * self.dt, phase, self.wanted, rig.contact_n)
         row[4:7] = rig.wrist_n
         row[7:10] = rig.tip_m
-        row[10:17] = rig.q_seen
+        row[10 : 10 + n] = rig.q_seen
+        row[10 + n :] = rig.q_read
         self._used += 1
         if self.on_frame and self.steps % self.every == 0:
             self.on_frame(self._frame(PHASES[phase]))
@@ -261,8 +395,8 @@ class _Program:
             quaternions=data.xquat[self.links].copy(),
             tip_m=tip,
             tip_quaternion=data.xquat[self.links[-1]].copy(),
-            force_vector_n=rotation @ self.rig.wrist_n,
-            force_n=float(self.rig.wrist_n[2]),
+            force_vector_n=rotation @ np.nan_to_num(self.rig.wrist_n),
+            force_n=float(np.nan_to_num(self.rig.wrist_n[2])),
             wanted_n=self.wanted,
             displacement_m=float((tip - planned.point_m) @ planned.direction),
         )

@@ -174,8 +174,12 @@ class Softening(Stiffening):
         return self.k1 / 10
 
 
-def test_a_body_softer_than_the_plan_provides_for_stops_the_scan():
-    with pytest.raises(InputError, match=r"Press 0: the tip has gone 2.* Set a smaller force"):
-        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.02))
-    with pytest.raises(InputError, match=r"provides for 48.0 mm, at most what the body is thick"):
-        run_scan(ScanPlan(POINTS, DOWN, 3.0), Softening(200, 0), ScanSettings(depth_m=0.2))
+def test_a_press_that_goes_deeper_than_the_plan_provides_for_is_broken_off():
+    plan = ScanPlan(POINTS, DOWN, 3.0)
+    for depth, limit in ((0.02, "20"), (0.2, "48")):
+        run = run_scan(plan, Softening(200, 0), ScanSettings(depth_m=depth))
+        assert [o.outcome for o in run.outcomes] == ["aborted", "aborted"]
+        assert run.presses == ()
+        for outcome in run.outcomes:
+            assert outcome.faults[0].kind == "travel"
+            assert f"the limit is {limit} mm; press with less force" in outcome.reason

@@ -7,6 +7,7 @@ import pytest
 
 from models.scan_file import read_scan
 from palpmap.commands.scan import ScanRecord, scan_table
+from palpmap.result.press_outcomes import PressesRecord
 from palpmap.run_folder import sha256
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
@@ -36,7 +37,11 @@ def test_a_scan_works_in_and_into_a_folder_with_a_space_in_its_name(spaced):
     assert run.record["kept"]
     assert run.record["presses_kept"] == 4
     left = {path.name for path in folder.iterdir()}
-    assert left == {"scan.csv", "study.toml", "truth.json", "recording.rrd", "run.json"}
+    assert left == {
+        "scan.csv", "presses.json", "study.toml", "truth.json", "recording.rrd", "run.json"
+    }  # fmt: skip
+    told = PressesRecord.read(folder / "presses.json").presses
+    assert [(press.outcome, press.kept) for press in told] == [("made", True)] * 4
 
 
 def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_review):

@@ -1,0 +1,93 @@
+"""presses.json: what became of each press of a robot's scan."""
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from palpmap.record import FileRecord, Record
+
+if TYPE_CHECKING:
+    from sim.scan import PressOutcome, PressStatistics
+
+FILE = "presses.json"
+
+
+class FaultRecord(Record):
+    """A fault in one attempt at a press."""
+
+    kind: str = Field(description="which watchdog noticed it")
+    phase: str = Field(description="of the press, when it was noticed")
+    time_s: float = Field(description="since the scan began, s")
+    reason: str
+
+
+class MeasuredRecord(Record):
+    """Quality of a press by the robot's own readings."""
+
+    force_n: float = Field(description="mean over the second half of the hold, N")
+    force_error: float = Field(description="of that mean from the set force, relative")
+    overshoot: float = Field(description="largest force averaged over 50 ms, over the set force")
+    place_error_m: float = Field(description="sideways distance from the planned point, m")
+    tare_n: float = Field(description="taken off the force before the approach, N")
+
+
+class SimulatorRecord(Record):
+    """The same by what only the simulator knows."""
+
+    force_error: float = Field(description="of the held force, relative")
+    overshoot: float = Field(description="largest force over the set force, less one")
+    contact_error_m: float = Field(description="sideways distance from the planned point, m")
+    coupling_error: float = Field(description="of body and robot from each other, relative")
+    touch_error_m: float = Field(description="of the point of first touch, m")
+    settle_s: float = Field(description="until the force stays within 1 %, s")
+
+
+class PressRecord(Record):
+    """One planned press."""
+
+    press: int = Field(description="number in the plan, and in the scan")
+    outcome: Literal["made", "retried", "skipped", "aborted"]
+    kept: bool = Field(description="made, with force, overshoot and place as promised")
+    set_force_n: float = Field(description="N")
+    reason: str = Field(description="why it has no readings, or what was not kept; may be empty")
+    faults: tuple[FaultRecord, ...] = Field(description="of its attempts")
+    measured: MeasuredRecord | None = Field(description="null without readings")
+    simulator: SimulatorRecord | None = Field(description="null without readings")
+
+
+class PressesRecord(FileRecord):
+    """presses.json: every planned press, in order; written anew after each."""
+
+    on_fault: Literal["skip", "retry", "stop"]
+    presses: tuple[PressRecord, ...]
+
+
+def press_record(
+    outcome: "PressOutcome", statistics: "PressStatistics | None" = None
+) -> PressRecord:
+    """Return the record of one press; `statistics` are the simulator's, of a press with readings.
+
+    Examples
+    --------
+    >>> from sim.scan import PressOutcome
+    >>> press_record(PressOutcome(3, "skipped", 0.3, reason="out of reach")).outcome
+    'skipped'
+    """
+    judged = outcome.judged
+    return PressRecord(
+        press=outcome.press,
+        outcome=outcome.outcome,
+        kept=outcome.kept,
+        set_force_n=outcome.set_force_n,
+        reason=outcome.reason,
+        faults=tuple(
+            FaultRecord(kind=f.kind, phase=f.phase, time_s=f.time_s, reason=f.reason)
+            for f in outcome.faults
+        ),
+        measured=judged
+        and MeasuredRecord(**{name: getattr(judged, name) for name in MeasuredRecord.model_fields}),
+        simulator=statistics
+        and SimulatorRecord(
+            **{name: getattr(statistics, name) for name in SimulatorRecord.model_fields}
+        ),
+    )

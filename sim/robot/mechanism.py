@@ -1,0 +1,155 @@
+"""What acts in the loop unknown to the robot: hooks at sensor, encoders, joints, body and clock.
+
+A mechanism is planted where it acts: the arm is moved by it, the force control reacts to it and the
+body answers it. Each hook is a function, or None where the mechanism does not act.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from models import InputError
+
+if TYPE_CHECKING:
+    from sim.robot.contact_coupling import PressedBody
+
+Zero = Literal["touch", "plane"]
+"""From where travel counts: first touch as found from the samples, or the planned surface."""
+
+Tare = Literal["press", "scan"]
+"""When the force sensor is tared: before each approach, or before the first one alone."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """One mechanism or fault; times are true seconds since the scan began.
+
+    Attributes
+    ----------
+    name : in reports
+    begin : (press, t), called when an attempt at a press begins
+    sensor : (t, wrench) to the wrench that the sensor reads: (6,) N and N m at the sensor, axes of
+        the probe, pressing positive; with the tool's weight and inertia in it
+    encoders : (t, q) to the joint angles (n,) rad that servo and kinematics read
+    joint_torque : (t, q) to the torques (n,) N m that act beside the motors
+    body_pose : (t, press) to the shift (3,) m of the surface under the tip, world frame
+    body : the pressed body to one that yields otherwise
+    clock : t to the time that is written beside the samples
+    scene : changes the compiled MuJoCo model, of which the robot's own model knows nothing
+    zero, tare : how the robot that suffers from it counts travel and tares
+    zero_shift_m : by which first touch is called too late, m
+    """
+
+    name: str
+    begin: Callable[[int, float], None] | None = None
+    sensor: Callable[[float, np.ndarray], np.ndarray] | None = None
+    encoders: Callable[[float, np.ndarray], np.ndarray] | None = None
+    joint_torque: Callable[[float, np.ndarray], np.ndarray] | None = None
+    body_pose: Callable[[float, int], np.ndarray] | None = None
+    body: Callable[[PressedBody], PressedBody] | None = None
+    clock: Callable[[float], float] | None = None
+    scene: Callable[[Any], None] | None = None
+    zero: Zero = "touch"
+    tare: Tare = "press"
+    zero_shift_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mechanisms:
+    """All mechanisms of a scan, in the order in which they act on one reading."""
+
+    parts: tuple[Mechanism, ...] = ()
+
+    def begin(self, press: int, time_s: float) -> None:
+        """Tell all of them that an attempt at a press begins."""
+        for part in self.parts:
+            if part.begin:
+                part.begin(press, time_s)
+
+    @property
+    def sensor(self) -> Callable[[float, np.ndarray], np.ndarray] | None:
+        """One after the other; None if none acts on the sensor."""
+        return _chain([part.sensor for part in self.parts if part.sensor], "sensor", 6)
+
+    @property
+    def encoders(self) -> Callable[[float, np.ndarray], np.ndarray] | None:
+        """One after the other; None if none acts on the encoders."""
+        return _chain([part.encoders for part in self.parts if part.encoders], "encoders", None)
+
+    @property
+    def joint_torque(self) -> Callable[[float, np.ndarray], np.ndarray] | None:
+        """Sum of the torques; None if there are none."""
+        return _total([part.joint_torque for part in self.parts if part.joint_torque])
+
+    @property
+    def body_pose(self) -> Callable[[float, int], np.ndarray] | None:
+        """Sum of the shifts; None if the body stays in its place."""
+        return _total([part.body_pose for part in self.parts if part.body_pose])
+
+    def pressed(self, body: PressedBody) -> PressedBody:
+        """Return the body with all that makes it yield otherwise."""
+        for part in self.parts:
+            if part.body:
+                body = part.body(body)
+        return body
+
+    def clock(self, time_s: float) -> float:
+        """Time that is written beside a sample."""
+        for part in self.parts:
+            if part.clock:
+                time_s = float(part.clock(time_s))
+        return time_s
+
+    @property
+    def has_clock(self) -> bool:
+        """True if the written times differ from the true ones."""
+        return any(part.clock for part in self.parts)
+
+    def change(self, model: Any) -> None:
+        """Change the compiled model of the scene."""
+        for part in self.parts:
+            if part.scene:
+                part.scene(model)
+
+    @property
+    def zero(self) -> Zero:
+        """The planned surface if any of them needs it."""
+        return "plane" if any(part.zero == "plane" for part in self.parts) else "touch"
+
+    @property
+    def tare(self) -> Tare:
+        """Once a scan if any of them needs it."""
+        return "scan" if any(part.tare == "scan" for part in self.parts) else "press"
+
+    @property
+    def zero_shift_m(self) -> float:
+        """Sum of the shifts of first touch."""
+        return sum(part.zero_shift_m for part in self.parts)
+
+
+def _chain(hooks: Sequence[Callable], name: str, size: int | None) -> Callable | None:
+    if not hooks:
+        return None
+
+    def act(time_s: float, values: np.ndarray) -> np.ndarray:
+        wanted = size or len(values)
+        for hook in hooks:
+            values = np.asarray(hook(time_s, values), float)
+            if values.shape != (wanted,):
+                raise InputError(
+                    f"The planted {name}(t, ...) returned an array of shape {values.shape}; "
+                    f"expected ({wanted},)."
+                )
+        return values
+
+    return act
+
+
+def _total(hooks: Sequence[Callable]) -> Callable | None:
+    if not hooks:
+        return None
+    return lambda time_s, other: sum(np.asarray(hook(time_s, other), float) for hook in hooks)

@@ -1,0 +1,124 @@
+"""What became of a press: made, retried, skipped or aborted, with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Outcome = Literal["made", "retried", "skipped", "aborted"]
+"""`made` at the first attempt, `retried` and made at a later one, `skipped` without having begun,
+`aborted` after a fault. The scan holds the readings of presses that are made or retried."""
+
+ATTEMPTS = 3
+"""Attempts at a press with `retry`."""
+
+LARGEST_FORCE_ERROR = 0.01
+LARGEST_OVERSHOOT = 0.05
+LARGEST_PLACE_ERROR_M = 2e-4
+
+
+class PressFault(Exception):
+    """A press cannot be made, or not go on.
+
+    Parameters
+    ----------
+    kind : one word of `sim.scan.watchdog.KINDS`
+    reason : sentence without the press's number
+    """
+
+    def __init__(self, kind: str, reason: str) -> None:
+        super().__init__(reason)
+        self.kind, self.reason = kind, reason
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault in one attempt at a press.
+
+    Attributes
+    ----------
+    kind, reason : see `PressFault`
+    phase : in which it was noticed
+    time_s : since the scan began
+    """
+
+    kind: str
+    reason: str
+    phase: str
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Quality of a press as the robot's own readings show it.
+
+    Attributes
+    ----------
+    force_n : mean of the force over the second half of the hold
+    force_error : relative, of that mean
+    overshoot : largest force, averaged over 50 ms, over the set force, less one
+    place_error_m : sideways distance of the tip from the planned point, mean of the second half of
+        the hold
+    tare_n : taken off the force before the approach, along the probe
+    """
+
+    force_n: float
+    force_error: float
+    overshoot: float
+    place_error_m: float
+    tare_n: float
+
+    @property
+    def kept(self) -> bool:
+        """True if force, overshoot and place are within what a scan promises."""
+        return not self.shortfalls()
+
+    def shortfalls(self) -> tuple[str, ...]:
+        """Return what is outside, in words."""
+        found = []
+        if not abs(self.force_error) <= LARGEST_FORCE_ERROR:
+            found.append(f"the held force is off by {100 * self.force_error:.1f} %")
+        if not self.overshoot <= LARGEST_OVERSHOOT:
+            found.append(f"the force overshot by {100 * self.overshoot:.1f} %")
+        if not self.place_error_m <= LARGEST_PLACE_ERROR_M:
+            found.append(f"the tip stood {1e3 * self.place_error_m:.2f} mm beside its place")
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class PressOutcome:
+    """What became of one planned press.
+
+    Attributes
+    ----------
+    press : its number in the plan
+    outcome : see `Outcome`
+    set_force_n : wanted force
+    faults : of its attempts, in their order
+    judged : of a press with readings
+    reason : why there are no readings, or what was not kept; empty if all is well
+    """
+
+    press: int
+    outcome: Outcome
+    set_force_n: float
+    faults: tuple[Fault, ...] = ()
+    judged: Judgement | None = None
+    reason: str = ""
+
+    @property
+    def delivered(self) -> bool:
+        """True if the scan holds its readings."""
+        return self.outcome in ("made", "retried")
+
+    @property
+    def kept(self) -> bool:
+        """True if the readings are there and force, overshoot and place are as promised."""
+        return self.delivered and self.judged is not None and self.judged.kept
+
+    @property
+    def sentence(self) -> str:
+        """Return one line for terminal and recording."""
+        why = f": {self.reason}" if self.reason else ""
+        tries = f" at attempt {len(self.faults) + 1}" if self.outcome == "retried" else ""
+        return f"Press {self.press} {self.outcome}{tries}{why}"

@@ -1,0 +1,248 @@
+"""Watchdogs: what the robot's own readings say must not go on, during a press and after it.
+
+None of them uses what only the simulator knows, but for the warnings of the simulation itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.motion.settings import ScanSettings
+from sim.robot.simulated_arm import SimulatedArm
+from sim.scan.outcome import PressFault
+
+KINDS = (
+    "tare", "touch", "travel", "force", "cross_check", "torque", "speed", "not_a_number",
+    "repeated", "encoders", "jump", "clock", "hold", "simulation", "body", "plan",
+)  # fmt: skip
+
+EVERY = 5
+"""Steps between two checks of the slower watchdogs."""
+
+REPEATED_S = 0.05
+"""A noisy reading never stays the same for so long."""
+
+SLOW_HZ = 10.0
+"""Corner of the filter on the difference of the two measurements of force."""
+
+JOINT_STEP_RAD = 0.02
+"""Largest change of a joint's reading from one sample to the next: 10 rad/s at 2 ms."""
+
+NOISE_STEPS = 7.0
+"""Changes from sample to sample beyond so many standard deviations are no noise: one in 4e11."""
+
+SPREAD = 3.0
+"""Readings at rest may scatter so many times as much as the sensor's data sheet says."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of one press.
+
+    Attributes
+    ----------
+    force_n : of the measured force, and of that which the joints' torques show
+    disagreement_n : of these two from each other
+    travel_m : of the tip beyond the planned surface
+    seek_m : of the tip beyond the planned surface before it has touched
+    speed : of the joints, (n,) rad/s
+    """
+
+    force_n: float
+    disagreement_n: float
+    travel_m: float
+    seek_m: float
+    speed: np.ndarray
+
+
+def limits_of(
+    settings: ScanSettings, set_force_n: float, travel_m: float, speed: np.ndarray
+) -> Limits:
+    """Return the limits for a press with a set force.
+
+    Parameters
+    ----------
+    travel_m : depth that the plan provides for
+    speed : the joints' own limits, (n,) rad/s
+    """
+    force = settings.force_limit_n or 2 * set_force_n + 0.5
+    return Limits(force, 0.1 + 0.25 * set_force_n, travel_m, min(travel_m, 0.02), speed)
+
+
+class Watchdog:
+    """Follows the readings of one press, step by step.
+
+    Parameters
+    ----------
+    rig : the arm
+    settings : noise and limits
+    """
+
+    def __init__(self, rig: SimulatedArm, settings: ScanSettings) -> None:
+        self._rig, self._noise = rig, settings.force_noise_n
+        self._repeats_at = round(REPEATED_S / rig.dt)
+        self._share = 1 - np.exp(-2 * np.pi * SLOW_HZ * EVERY * rig.dt)
+        self._last, self._repeats, self._count, self._apart = np.nan, 0, 0, 0.0
+        self._by_torque = 0.0
+
+    def begin(self, limits: Limits, lever: np.ndarray) -> None:
+        """Begin a press; the arm stands still and nothing is touched.
+
+        Parameters
+        ----------
+        lever : (n,) m, the tip's Jacobian along the press direction
+        """
+        self.limits, self._lever = limits, lever
+        self._repeats, self._apart = 0, 0.0
+        self._rest = self._rig.force_by_torque(lever)
+
+    def refuse_tare(self, readings: np.ndarray) -> np.ndarray:
+        """Check the readings (t, 3) N at rest before an approach; return what is to be tared.
+
+        A mean within its own standard error is left: taring by it would add its noise to every
+        reading of the press.
+        """
+        if self._rig.unstable:
+            raise PressFault("simulation", "the simulation became unstable (MuJoCo's warning)")
+        if not np.isfinite(readings).all():
+            raise PressFault("not_a_number", "the force sensor gives no number at rest")
+        mean, spread = readings.mean(axis=0), readings.std(axis=0)
+        if self._noise and (spread < 0.05 * self._noise).any():
+            raise PressFault(
+                "repeated", "the force sensor repeats one value at rest; check its connection"
+            )
+        if self._noise and (spread > SPREAD * self._noise + 1e-3).any():
+            raise PressFault(
+                "tare",
+                f"the force scatters by {spread.max():.3g} N at rest, {self._noise:.3g} N is "
+                "usual; nothing must touch the tip before a press",
+            )
+        if np.abs(mean).max() > TARE_LIMIT_N:
+            raise PressFault(
+                "tare",
+                f"the force reads {mean[np.abs(mean).argmax()]:.3g} N at rest, at most "
+                f"{TARE_LIMIT_N:g} N is tared; check the payload and that nothing touches the tip",
+            )
+        error = self._noise / np.sqrt(len(readings))
+        return np.where(np.abs(mean) > 4 * error, mean, 0.0)
+
+    def look(self, depth_m: float, touched: bool) -> None:
+        """Check one step; raise the fault that was found."""
+        rig, limits = self._rig, self.limits
+        force = float(rig.wrist_n[2])
+        if not abs(force) <= limits.force_n:
+            if force != force:
+                raise PressFault("not_a_number", "the force sensor gives no number")
+            raise PressFault(
+                "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
+            )
+        if depth_m > (limits.travel_m if touched else limits.seek_m):
+            if not touched:
+                raise PressFault(
+                    "touch",
+                    f"no touch within {1e3 * limits.seek_m:.3g} mm below the planned surface; "
+                    "check the body's place and the force sensor",
+                )
+            raise PressFault(
+                "travel",
+                f"the tip has gone {1e3 * depth_m:.3g} mm deep at {force:.3g} N, the limit is "
+                f"{1e3 * limits.travel_m:.3g} mm; press with less force or set a larger depth_m",
+            )
+        read = float(rig.sensor_n[2])
+        self._repeats = self._repeats + 1 if read == self._last else 0
+        self._last = read
+        if self._repeats >= self._repeats_at and self._noise:
+            raise PressFault(
+                "repeated", f"the force sensor has repeated {read:.4g} N for {REPEATED_S:g} s"
+            )
+        if rig.q_read is not rig.q_seen and not np.isfinite(rig.q_read).all():
+            raise PressFault("encoders", "an encoder gives no number")
+        self._count += 1
+        if self._count % EVERY == 0:
+            self._look_slowly(force)
+
+    def _look_slowly(self, force: float) -> None:
+        rig, limits = self._rig, self.limits
+        if rig.unstable:
+            raise PressFault("simulation", "the simulation became unstable (MuJoCo's warning)")
+        self._by_torque = rig.force_by_torque(self._lever) - self._rest
+        if not abs(self._by_torque) <= limits.force_n:
+            raise PressFault(
+                "force",
+                f"the joints' torques show {self._by_torque:.3g} N, the limit is "
+                f"{limits.force_n:.3g} N; the force sensor reads {force:.3g} N",
+            )
+        self._apart += self._share * (force - self._by_torque - self._apart)
+        if abs(self._apart) > limits.disagreement_n:
+            raise PressFault(
+                "cross_check",
+                f"the force sensor reads {self._apart:+.3g} N beside the force that the joints' "
+                f"torques show, at most {limits.disagreement_n:.3g} N are usual",
+            )
+        if rig.torque_share > 1:
+            raise PressFault("torque", "a joint's torque is at its limit")
+        if (np.abs(rig.v) > limits.speed).any():
+            joint = int((np.abs(rig.v) / limits.speed).argmax())
+            raise PressFault(
+                "speed",
+                f"joint {joint + 1} turns at {abs(rig.v[joint]):.3g} rad/s, its limit is "
+                f"{limits.speed[joint]:.3g}",
+            )
+
+
+TARE_LIMIT_N = 5.0
+"""A larger reading at rest is a wrong payload or a contact."""
+
+
+def check_record(
+    time_s: np.ndarray,
+    force_n: np.ndarray,
+    depth_m: np.ndarray,
+    q: np.ndarray,
+    set_force_n: float,
+    settings: ScanSettings,
+) -> None:
+    """Check the samples of a finished press.
+
+    Parameters
+    ----------
+    time_s, force_n, depth_m : (t,) as written, in contact: time, force and depth along the press
+    q : (t, n) rad, joints as read
+    set_force_n : wanted force
+
+    Raises
+    ------
+    PressFault
+        A clock that does not run evenly, a force or a travel that jumps, joints that repeat or
+        jump, a hold without force.
+    """
+    step = np.diff(time_s)
+    if not ((step > 0.2 * settings.timestep_s) & (step < 5 * settings.timestep_s)).all():
+        raise PressFault(
+            "clock",
+            f"the written times go on by {step.min():.3g} to {step.max():.3g} s from sample to "
+            f"sample, {settings.timestep_s:g} s is the period",
+        )
+    change = np.abs(np.diff(force_n))
+    allowed = NOISE_STEPS * np.sqrt(2) * settings.force_noise_n + 0.05 * set_force_n
+    if change.max() > allowed:
+        raise PressFault(
+            "jump",
+            f"the force jumps by {change.max():.3g} N from one sample to the next, at most "
+            f"{allowed:.3g} N are noise and motion",
+        )
+    turn = np.abs(np.diff(q, axis=0))
+    if turn.max() > JOINT_STEP_RAD:
+        raise PressFault(
+            "encoders", f"joint {int(turn.max(axis=0).argmax()) + 1} jumps by {turn.max():.3g} rad"
+        )
+    jump = np.abs(np.diff(depth_m)).max()
+    allowed_m = NOISE_STEPS * np.sqrt(2) * settings.displacement_noise_m + 2.5e-4
+    if jump > allowed_m:
+        raise PressFault(
+            "encoders",
+            f"the travel jumps by {1e3 * jump:.3g} mm from one sample to the next, at most "
+            f"{1e3 * allowed_m:.3g} mm are noise and motion",
+        )

@@ -9,7 +9,7 @@ from models.scan import Scan
 from models.scan_checks import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
-from models.scan_quality import OUTLYING, Doubt, scan_findings, without_outliers
+from models.scan_quality import OUTLYING, Doubt, scan_findings, touching, without_outliers
 from models.thin import MOST_PRESSES, thinned
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "scan_findings",
     "stack_scans",
     "thinned",
+    "touching",
     "without_outliers",
     "write_scan",
 ]

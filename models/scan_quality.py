@@ -17,6 +17,8 @@ NOISE_LEVELS = 8.0  # robust standard deviations of the scan's differences to th
 RESOLUTION_STEPS = 2.5  # of a sensor's: lines through rounded readings are off by up to two
 LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is worth a stop
 NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
+LITTLE_FORCE = 0.3  # of a typical press's largest: only below it can a rise be none
+NO_RISE = 3.0  # standard deviations of the force's slope over travel
 FREE_TRAVEL = 0.35  # of the largest travel; a sphere's force is below NO_FORCE up to 0.14
 FREE_RISE = 0.015  # of the largest force, from the first to the last third of the free travel
 CLIPPED_ROWS = 3
@@ -56,8 +58,9 @@ def scan_findings(scan: Scan) -> list[Doubt]:
     tests: Sequence[tuple[str, Callable[[Scan], list[int]], str]] = (
         ("clipped", _clipped, "the force stays at one largest value while the tip goes on into "
          "the body: the sensor was at its limit; press less deep or leave these presses out"),
-        ("no_contact", _held_without_contact, "hold without contact: the force is below 5 % of a "
-         "typical press's; check place and depth, or leave these presses out"),
+        ("no_contact", _without_contact, "the force does not rise with the travel, or the hold is "
+         "below 5 % of a typical press's force: the tip met no body; no model is fitted to these "
+         "presses; check place and depth"),
         ("collapsed", _collapsed, "the force falls to a tenth or less while the tip stays in the "
          "body: the tip slipped or the sensor failed; leave these presses out"),
     )  # fmt: skip
@@ -261,13 +264,39 @@ def _clipped(scan: Scan) -> list[int]:
     return found
 
 
-def _held_without_contact(scan: Scan) -> list[int]:
-    peak = np.array([scan.force_n[rows].max() for _, rows in _by_press(scan)])
-    least = NO_FORCE * np.median(peak)
-    held = [
-        (press, scan.force_n[rows][scan.phase[rows] == "hold"]) for press, rows in _by_press(scan)
-    ]
-    return [press for press, force in held if len(force) and force.max() < least]
+def touching(scan: Scan) -> Scan:
+    """Return a Scan without the presses that met no body; all of it where none did.
+
+    Such a press tells no stiffness, and its point lies on no surface. `scan_findings` names them.
+    """
+    missed = _without_contact(scan.used())
+    if not missed or len(missed) == len(scan.press_ids):
+        return scan
+    return scan.rows(~np.isin(scan.press, missed))
+
+
+def _without_contact(scan: Scan) -> list[int]:
+    """Presses held at almost no force, or with a force that noise alone explains.
+
+    Noise is told by the third differences within presses, robustly; the slope of force over travel
+    then has the standard deviation noise / sqrt(sum of squares of the travel).
+    """
+    presses = _by_press(scan)
+    typical = float(np.median([scan.force_n[rows].max() for _, rows in presses]))
+    rough = np.concatenate([np.diff(scan.force_n[rows], 3) for _, rows in presses])
+    noise = 1.4826 * float(np.median(np.abs(rough))) / np.sqrt(20) if len(rough) else 0.0
+    found = []
+    for press, rows in presses:
+        force, travel = scan.force_n[rows], scan.displacement_m[rows]
+        held = force[scan.phase[rows] == "hold"]
+        away = travel - travel.mean()
+        rise, size = float(away @ force), float(np.sqrt(away @ away))
+        none = len(force) > 3 and rise <= NO_RISE * noise * size
+        if none and force.max() < LITTLE_FORCE * typical:
+            found.append(press)
+        elif len(held) and held.max() < NO_FORCE * typical:
+            found.append(press)
+    return found
 
 
 def _collapsed(scan: Scan) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
 
 import numpy as np
@@ -79,6 +79,26 @@ def block_mesh(
             surfaces[f"{letter}{end}"] = faces[(nodes[faces, axis] == value).all(axis=1)]
     mesh = Mesh(nodes, cells, surfaces)
     return promote_to_tet10(mesh) if order == 2 else mesh
+
+
+def under_surface(
+    mesh: Mesh, corner_m: Sequence[float], heights: Callable[[np.ndarray], np.ndarray]
+) -> Mesh:
+    """Return a block with its top moved onto a surface, and the nodes below in proportion.
+
+    Parameters
+    ----------
+    corner_m : (3,) place of the block's lower corner, z that of the base
+    heights : of the surface, (p,) m at places (p, 2) m
+    """
+    nodes = mesh.nodes[: mesh.cells[:, :4].max() + 1] + corner_m  # vertices come first
+    share = mesh.nodes[: len(nodes), 2] / mesh.box_m[1, 2]
+    nodes[:, 2] = corner_m[2] + share * (heights(nodes[:, :2]) - corner_m[2])
+    every = np.empty_like(mesh.nodes)
+    every[: len(nodes)] = nodes
+    if mesh.order == 2:
+        every[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
+    return Mesh(every, mesh.cells, mesh.surfaces)
 
 
 def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:

@@ -40,6 +40,8 @@ def _table(found: "CheckRecord") -> "Table":
 
     body, noise, placed = found.body, found.noise, found.placement
     size = str(body.file)
+    if body.thickness_m is not None:
+        size = f"{body.thickness_m * 1e3:g} mm thick"
     if body.size_m is not None:
         size = " x ".join(f"{length * 1e3:g}" for length in body.size_m) + " mm"
     table = Table(title=found.study, box=box.SIMPLE, show_header=False, title_justify="left")

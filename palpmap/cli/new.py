@@ -40,6 +40,17 @@ def new(
     surface: Annotated[
         Path | None, typer.Option("--surface", metavar="STL", help="Closed surface of the body.")
     ] = None,
+    thickness: Annotated[
+        float | None,
+        typer.Option(
+            "--thickness",
+            metavar="M",
+            help="Mean thickness of a body whose surface the contact points make, m.",
+        ),
+    ] = None,
+    thickness_assumed: Annotated[
+        bool, typer.Option("--thickness-assumed", help="The thickness is a guess.")
+    ] = False,
     poisson: Annotated[
         float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")
     ] = None,
@@ -58,8 +69,13 @@ def new(
         typer.Option("--force-noise", metavar="N", help="Standard deviation of the force, N."),
     ] = None,
     inclusions: Annotated[
-        str, typer.Option("--inclusions", help='Number of inclusions, or "auto".')
-    ] = "1",
+        str | None,
+        typer.Option(
+            "--inclusions",
+            help='Number of inclusions, "auto", or "free" for a map of any shape.',
+            show_default='1; "free" with --thickness',
+        ),
+    ] = None,
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the study.", show_default="the file's")
     ] = None,
@@ -68,10 +84,12 @@ def new(
 ) -> None:
     """Make a commented study for a scan; asks on a terminal for what is not given.
 
-    Example: palpmap new scan.csv --tip flat --size 0.1,0.1,0.05 --poisson 0.49 --out study
+    Example: palpmap new scan.csv --tip sphere --thickness 0.03 --poisson 0.49 --out study
     """
-    if size and surface:
-        raise typer.BadParameter("give --size or --surface, one of the two")
+    if sum(given is not None for given in (size, surface, thickness)) > 1:
+        raise typer.BadParameter("give --thickness, --size or --surface, one of the three")
+    if thickness_assumed and thickness is None:
+        raise typer.BadParameter("--thickness-assumed belongs to --thickness")
     from palpmap.commands.new import run_new
 
     def ask(question: str) -> str:
@@ -83,10 +101,12 @@ def new(
         tip=tip.value if tip else None,
         size_m=_three(size),
         surface=surface,
+        thickness_m=thickness,
+        thickness_assumed=thickness_assumed,
         poisson_ratio=poisson,
         origin_m=_three(origin),
         noise=(displacement_noise, force_noise),
-        inclusions=int(inclusions) if inclusions.isdigit() else inclusions,
+        inclusions=int(inclusions) if inclusions and inclusions.isdigit() else inclusions,
         name=name,
         ask=ask if sys.stdin.isatty() and not (quiet or json) else None,
         three=_three,

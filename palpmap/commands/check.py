@@ -7,11 +7,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainSerializer
 
-from models import PHASES, Doubt, Scan, read_scan, scan_findings
+from models import PHASES, Doubt, Scan, read_scan, scan_findings, touching
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import cell_size_m, try_body_model
 from palpmap.study.checks import refuse_contradictions, too_few
+from palpmap.study.contact_body import surface_notes
 from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Body, Noise, Study, load_study
 
@@ -69,7 +70,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     doubts = scan_findings(scan)
-    placement = place_scan(scan, study)
+    placement = place_scan(touching(scan), study)
     refuse_contradictions(placement, study)
     if study.effects:
         _refuse_effects(study, placement)
@@ -137,10 +138,13 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
             f"{placement.distance_m.max() * 1e3:.2f} mm and directions turned to its normal by up "
             f"to {placement.angle_deg.max():.1f} degrees."
         )
+    if study.body.shape == "from-contacts":
+        notes += surface_notes(study.body, placement.distance_m, placement.angle_deg)
     size = study.body.size_m
-    if size is not None and study.body.thickness_assumed:
+    height_m = study.body.thickness_m if size is None else size[2]
+    if height_m is not None and study.body.thickness_assumed:
         notes.append(
-            f"The thickness of {size[2] * 1e3:g} mm is assumed, not measured: depths "
+            f"The thickness of {height_m * 1e3:g} mm is assumed, not measured: depths "
             "and moduli depend on it."
         )
     if not scan.has_time:
@@ -158,8 +162,8 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
     other = int(np.sum(~np.isclose(scan.contact_radii, study.probe.radius_m, rtol=1e-3)))
     if other:
         notes.append(f"{other} presses were made with another tip radius than probe.radius_m.")
-    if size is not None:
-        share = float(scan.used().displacement_m.max()) / size[2]
+    if height_m is not None:
+        share = float(scan.used().displacement_m.max()) / height_m
         if share > SMALL_STRAIN_SHARE:
             notes.append(
                 f"The tip goes in by {share:.0%} of the body's thickness: beyond about 10 % the "

@@ -18,10 +18,12 @@ def run_new(
     tip: str | None,
     size_m: tuple[float, ...] | None,
     surface: Path | None,
+    thickness_m: float | None = None,
+    thickness_assumed: bool = False,
     poisson_ratio: float | None,
     origin_m: tuple[float, ...] | None,
     noise: tuple[float | None, float | None],
-    inclusions: int | str,
+    inclusions: int | str | None,
     name: str | None,
     ask: Callable[[str], str] | None,
     three: Callable[[str], tuple[float, ...] | None],
@@ -41,7 +43,7 @@ def run_new(
     """
     from rich.markup import escape
 
-    body_known = size_m is not None or surface is not None
+    body_known = (size_m, surface, thickness_m) != (None, None, None)
     asked = missing(tip=tip, body_known=body_known, poisson_ratio=poisson_ratio)
     if asked and ask is None:
         lacking = "; ".join(f"{flag}: {question}" for flag, question in map(FLAGS.get, asked))  # pyright: ignore[reportGeneralTypeIssues]
@@ -53,11 +55,12 @@ def run_new(
             tip = answer
         elif key == "poisson_ratio":
             poisson_ratio = _number(answer, "--poisson")
-        elif Path(answer).suffix:
-            surface = Path(answer) if Path(answer).is_file() else None
-            size_m = None if surface else three(answer)
-        else:
+        elif Path(answer).suffix.lower() in (".stl", ".obj", ".ply"):
+            surface = Path(answer)
+        elif "," in answer or "x" in answer:
             size_m = three(answer)
+        else:
+            thickness_m = _number(answer, "--thickness")
     assert tip is not None
     assert poisson_ratio is not None
     try:
@@ -69,6 +72,7 @@ def run_new(
         ) from error
     study, said = new_study(
         scan, out, tip=tip, poisson_ratio=poisson_ratio, size_m=size_m, surface=surface,
+        thickness_m=thickness_m, thickness_assumed=thickness_assumed,
         origin_m=origin_m, noise=known, inclusions=inclusions, name=name,
     )  # fmt: skip
     output.result(

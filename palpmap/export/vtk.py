@@ -36,7 +36,7 @@ def _sampled(body: ExportedBody) -> tuple[np.ndarray, np.ndarray]:
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
     values = body.modulus(points)
-    if body.run.experiment.study.body.shape == "surface":
+    if body.run.experiment.study.body.shape != "block":
         outside = _mesh(body, np.zeros(3)).find_containing_cell(points) < 0
         values = np.where(outside, np.nan, values)
     return points, values

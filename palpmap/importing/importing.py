@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models import InputError, Scan, read_scan, write_scan
+from models import InputError, Scan, read_scan, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
@@ -197,6 +197,8 @@ def put_on_surface(scan: Scan, body: Body, largest_m: float) -> tuple[Scan, str]
     points = scan.contact_points
     if body.project_points:
         return scan, "The block stands in for the body (project_points): points were not moved."
+    if body.shape == "from-contacts":
+        return scan, "The body's surface goes through the contact points: they were not moved."
     if body.shape == "block":
         assert body.size_m is not None  # the study's own rule for a block
         closest = points.copy()
@@ -260,7 +262,8 @@ def checked_study(study: Study, study_file: Path) -> None:
     """
     try:
         write_study(study, study_file)
-        place_scan(read_scan(study.scan, study.study.units_checked), load_study(study_file))
+        scan = read_scan(study.scan, study.study.units_checked)
+        place_scan(touching(scan), load_study(study_file))
     except ValueError:
         study_file.unlink(missing_ok=True)
         raise

@@ -8,14 +8,20 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from models import InputError, Scan, read_scan, scan_findings
+from models import InputError, Scan, read_scan, scan_findings, touching
 from palpmap.importing.importing import checked_study, commented
 from palpmap.study.body import Body
-from palpmap.study.study import About, Map, Noise, Probe, Study, fault_sentence
+from palpmap.study.contact_body import surface_notes
+from palpmap.study.placement import place_scan
+from palpmap.study.study import About, Map, Noise, Probe, Study, fault_sentence, load_study
 
 FLAGS = {
     "tip": ("--tip", "the tip's shape, flat or sphere"),
-    "size_m": ("--size or --surface", "the body: a block's size x,y,z in m, or a closed surface"),
+    "size_m": (
+        "--thickness, --size or --surface",
+        "the body: its thickness in m under the contact points, which make its surface; a block's "
+        "size x,y,z in m; or a closed surface",
+    ),
     "poisson_ratio": ("--poisson", "the body's Poisson's ratio, such as 0.49 for soft tissue"),
 }
 """What a scan cannot tell: flag and question by name."""
@@ -36,9 +42,11 @@ def new_study(
     poisson_ratio: float,
     size_m: tuple[float, ...] | None = None,
     surface: Path | None = None,
+    thickness_m: float | None = None,
+    thickness_assumed: bool = False,
     origin_m: tuple[float, ...] | None = None,
     noise: Noise | None = None,
-    inclusions: int | str = 1,
+    inclusions: int | str | None = None,
     name: str | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a commented study for a scan, with copies of the scan and of the body's surface.
@@ -49,6 +57,10 @@ def new_study(
     folder : new, or without study.toml
     origin_m : where the body's frame stands in the scan's; a block's is found if its frame is the
         scan's
+    inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from
+        contacts "free"
+    thickness_m : of a body whose surface the contact points make, in place of a size or a surface
+    thickness_assumed : it is a guess
 
     Returns
     -------
@@ -69,17 +81,25 @@ def new_study(
     said = [_told(scan)]
     if origin_m is None:
         origin_m = (0.0, 0.0, 0.0) if size_m is None else _origin(scan, size_m)
-    shape = "surface" if surface else "block"
+    if inclusions is None:
+        inclusions = 1 if thickness_m is None else "free"
+    table: dict[str, object] = {"poisson_ratio": poisson_ratio, "origin_m": list(origin_m)}
+    if surface:
+        table |= {"shape": "surface", "file": surface.resolve()}
+    elif thickness_m is not None:
+        table |= {"shape": "from-contacts", "thickness_m": thickness_m}
+        table |= {"thickness_assumed": thickness_assumed}
+    else:
+        table |= {"shape": "block", "size_m": list(size_m or ())}
     try:
         study = Study(
             study=About(name=name or scan_file.stem, scan=(folder / scan_file.name).resolve()),  # pyright: ignore[reportCallIssue]
-            body=Body.model_validate(
-                {"shape": shape, "poisson_ratio": poisson_ratio, "origin_m": list(origin_m)}
-                | ({"file": surface.resolve()} if surface else {"size_m": list(size_m or ())})
-            ),
+            body=Body.model_validate(table),
             probe=Probe.model_validate({"tip": tip, "radius_m": float(scan.contact_radii[0])}),
             noise=noise or Noise(),
-            map=Map.model_validate({"inclusions": inclusions}),
+            map=Map.model_validate(
+                {"kind": "free"} if inclusions == "free" else {"inclusions": inclusions}
+            ),
         )
     except ValidationError as error:
         raise InputError(fault_sentence(study_file, error, Study)) from error
@@ -103,6 +123,9 @@ def new_study(
         f"# Made by palpmap new from {scan_file.name}; palpmap check looks at each press.",
     )
     study_file.write_text(text, encoding="utf-8")
+    if thickness_m is not None:
+        placed = place_scan(touching(scan), load_study(study_file))
+        said += surface_notes(load_study(study_file).body, placed.distance_m, placed.angle_deg)
     said += [doubt.sentence for doubt in scan_findings(scan)]
     return study_file, said
 

@@ -21,6 +21,7 @@ from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import matched, read_truth
 from palpmap.run_folder import how_made
+from palpmap.study.contact_body import contact_body
 from palpmap.study.frame import frame_shift_m, in_scan_frame
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
@@ -167,6 +168,10 @@ def study_outline(study: Study) -> Outline:
     if study.body.size_m is not None:
         size = np.array(study.body.size_m)
         return Outline(np.zeros(3), size, lambda points: np.ones(len(points), dtype=bool))
+    if study.body.shape == "from-contacts":
+        made = contact_body(study.body)
+        low, high = made.box_m()
+        return Outline(low, high, made.inside)
     import pyvista
 
     surface: Any = pyvista.read(str(study.body.file))

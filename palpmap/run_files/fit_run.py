@@ -11,7 +11,7 @@ from fem import Mesh
 from identify.fit import FitIteration, FitResult, FreeMapIteration, read_fit, write_fit
 from identify.map import FreeMap, GaussianMap
 from identify.residual import compare
-from models import Scan, read_scan, thinned
+from models import Scan, read_scan, thinned, touching
 from palpmap.experiment import Experiment
 from palpmap.figures.curves import near_largest_force
 from palpmap.figures.fit import draw_figures, save_figures
@@ -158,6 +158,7 @@ def finding_of(fit: FitResult, study: Study, scan: Scan, note: str = "") -> Find
     InputError
         The fit belongs to another scan.
     """
+    scan = touching(scan)
     if len(scan.used()) != len(fit.force_n):
         scan = thinned(scan)  # as `palpmap explain` does with a large one
     placement = place_scan(scan, study)

@@ -55,8 +55,12 @@ class Body(Table):
 
     A block's corner stands at `origin_m` in the scan's frame, x and y in [0, size], z up from the
     base. With `project_points` a block stands in for a body with a curved surface: contact points
-    are moved along z onto its top and directions are replaced by the top's normal. `cell_size_m` is
-    the size of the finite elements of the coarser of two meshes (`palpmap.study.body_model`).
+    are moved along z onto its top and directions are replaced by the top's normal. A body "from
+    contacts" has the surface that the contact points and press directions of a scan span
+    (`palpmap.study.contact_body`): of the study's own scan, or of the one named by `file`; its flat
+    base lies `thickness_m` below their mean height, its sides `margin_m` beyond them, by default
+    three quarters of the thickness. `cell_size_m` is the size of the finite elements of the coarser
+    of two meshes (`palpmap.study.body_model`).
 
     Examples
     --------
@@ -65,8 +69,12 @@ class Body(Table):
     'base-bonded'
     """
 
-    shape: Literal["block", "surface"] = Field(description="'block' or 'surface'")
+    shape: Literal["block", "surface", "from-contacts"] = Field(
+        description="'block', 'surface' or 'from-contacts'"
+    )
     size_m: Size | None = None
+    thickness_m: Edge | None = None
+    margin_m: Edge | None = None
     cell_size_m: Positive | None = None
     file: File | None = None
     poisson_ratio: Real = Field(ge=0, le=0.4999, description="Poisson's ratio, 0 to 0.4999")
@@ -84,8 +92,17 @@ class Body(Table):
             raise ValueError('size_m = [x, y, z] in m and no file, as shape is "block"')
         if self.shape == "surface" and (self.file is None or self.size_m is not None):
             raise ValueError('file = "... .stl" and no size_m, as shape is "surface"')
-        if self.shape == "surface" and (self.project_points or self.thickness_assumed):
-            raise ValueError('project_points and thickness_assumed only with shape = "block"')
+        contacts = self.shape == "from-contacts"
+        if contacts and (self.thickness_m is None or self.size_m is not None):
+            raise ValueError('thickness_m in m and no size_m, as shape is "from-contacts"')
+        if not contacts and (self.thickness_m, self.margin_m) != (None, None):
+            raise ValueError('thickness_m and margin_m only with shape = "from-contacts"')
+        if self.project_points and self.shape != "block":
+            raise ValueError('project_points only with shape = "block"')
+        if self.thickness_assumed and self.shape == "surface":
+            raise ValueError(
+                'thickness_assumed only with shape = "block" or shape = "from-contacts"'
+            )
         return self
 
     @model_validator(mode="after")
@@ -101,6 +118,6 @@ class Body(Table):
                 "no base_normal_m_per_pa and base_tangential_m_per_pa, as support is "
                 f'"{self.support}"; they belong to support = "base-elastic"'
             )
-        if self.held_sides and self.shape != "block":
-            raise ValueError('held_sides only with shape = "block"; a surface has no named sides')
+        if self.held_sides and self.shape == "surface":
+            raise ValueError('no held_sides, as shape is "surface", which has no named sides')
         return self

@@ -13,6 +13,7 @@ from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Suppo
 from identify import BodyModel, contacts_of
 from models import InputError, Scan
 from palpmap.study.body import Body
+from palpmap.study.contact_body import contact_body
 from palpmap.study.study import Study
 
 if TYPE_CHECKING:
@@ -56,14 +57,15 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
 def try_body_model(study: Study, scan: Scan) -> None:
     """Try all of a body's models that takes seconds; the errors are those of `build_body_model`."""
     refuse_too_large(study.body, len(scan.press_ids))
-    if study.body.size_m is None:
+    edges = _edges(study.body)
+    if edges is None:
         from fem import check_underside
 
         check_underside(_surface(study.body))
         return
     contacts, _ = contacts_of(scan, study.probe.tip == "sphere")
-    counts = block_divisions(study.body.size_m, cell_size_m(study.body))
-    search = _search_model(study, block_mesh(study.body.size_m, counts), contacts)
+    counts = block_divisions(edges, cell_size_m(study.body))
+    search = _search_model(study, _divided(study.body, counts), contacts)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
 
@@ -116,7 +118,7 @@ def cell_size_m(body: Body) -> float:
         two fit the body's smallest edge.
     """
     if body.cell_size_m is None:
-        cells = COARSE_CELLS if body.size_m is not None else SURFACE_EDGES[0] ** 3
+        cells = COARSE_CELLS if _edges(body) is not None else SURFACE_EDGES[0] ** 3
         chosen = float(np.cbrt(_volume(body) / cells))
         _refuse_too_wide(body, chosen)
         return chosen
@@ -147,9 +149,8 @@ def smallest_cell_m(body: Body) -> float:
 
 def _finer_cells(body: Body, cell_m: float) -> int:
     """Return the number of hexahedra of a block's finer mesh; 0 of a closed surface."""
-    if body.size_m is None:
-        return 0
-    return math.prod(_finer(block_divisions(body.size_m, cell_m)))
+    edges = _edges(body)
+    return 0 if edges is None else math.prod(_finer(block_divisions(edges, cell_m)))
 
 
 def refuse_too_large(body: Body, presses: int) -> None:
@@ -183,22 +184,32 @@ def _refuse_too_wide(body: Body, cell_m: float) -> None:
     """Refuse a block so thin and wide that no cells of the right size fit into the memory."""
     cells = _finer_cells(body, cell_m)
     if cells > MOST_FINER_CELLS:
-        size = " x ".join(f"{edge:g}" for edge in body.size_m or ())
+        size = " x ".join(f"{edge:.3g}" for edge in _edges(body) or ())
+        key = "size_m" if body.size_m is not None else "thickness_m"
         raise InputError(
-            f"study, key body.size_m: found {size} m, so thin that a mesh with three cells over "
+            f"study, key body.{key}: found {size} m, so thin that a mesh with three cells over "
             f"its height would have {cells:,} cells, expected at most {MOST_FINER_CELLS:,}, as "
             "many as fit into 4 GB of memory; state a smaller part of the body around the presses"
         )
 
 
+def _edges(body: Body) -> tuple[float, float, float] | None:
+    """Return the edges of a body that is meshed as a block is, m; None of a closed surface."""
+    if body.shape == "from-contacts":
+        x, y, z = contact_body(body).size_m.tolist()
+        return x, y, z
+    return body.size_m
+
+
 def _volume(body: Body) -> float:
-    return float(np.prod(body.size_m)) if body.size_m is not None else _surface(body).volume
+    edges = _edges(body)
+    return float(np.prod(edges)) if edges is not None else _surface(body).volume
 
 
 def _shortest_edge(body: Body) -> float:
     """Return the smallest edge of the body's bounding box, m."""
-    edges = np.ptp(_surface(body).vertices, axis=0) if body.size_m is None else body.size_m
-    return float(np.min(edges))
+    edges = _edges(body)
+    return float(np.min(np.ptp(_surface(body).vertices, axis=0) if edges is None else edges))
 
 
 def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
@@ -216,18 +227,31 @@ def _finer(divisions: Sequence[int]) -> list[int]:
 
 def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
     """Return the mesh on which starts are tried; of a closed surface another would cost more."""
-    if study.body.size_m is None:
+    edges = _edges(study.body)
+    if edges is None:
         return coarse
-    counts = block_divisions(study.body.size_m, cell_size_m(study.body))
-    return block_mesh(study.body.size_m, [max(round(SEARCH * count), 3) for count in counts])
+    counts = block_divisions(edges, cell_size_m(study.body))
+    return _divided(study.body, [max(round(SEARCH * count), 3) for count in counts])
+
+
+def _divided(body: Body, counts: Sequence[int]) -> Mesh:
+    """Mesh a block, or the body under the surface through contact points as a bent block."""
+    if body.size_m is not None:
+        return block_mesh(body.size_m, counts)
+    from fem.mesh import under_surface
+
+    made = contact_body(body)
+    x, y, z = made.size_m.tolist()
+    block = block_mesh((x, y, z), counts)
+    return under_surface(block, made.corner_m.tolist(), made.surface.heights)
 
 
 def _meshes(study: Study) -> tuple[Mesh, Mesh]:
     """Mesh the body twice, both quadratic, the second finer."""
-    cell_m = cell_size_m(study.body)
-    if study.body.size_m is not None:
-        coarse = block_divisions(study.body.size_m, cell_m)
-        return block_mesh(study.body.size_m, coarse), block_mesh(study.body.size_m, _finer(coarse))
+    cell_m, edges = cell_size_m(study.body), _edges(study.body)
+    if edges is not None:
+        coarse = block_divisions(edges, cell_m)
+        return _divided(study.body, coarse), _divided(study.body, _finer(coarse))
     from fem import tetrahedralize_surface
 
     surface = _surface(study.body)

@@ -28,14 +28,15 @@ def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
     about = study.study.model_copy(update={"scan": (run / "scan.csv").resolve()})
     body = study.body
     if body.file is not None:
-        copy = (run / body.file.name).resolve()
+        contacts = body.shape == "from-contacts"  # kept beside a scan that may have lost presses
+        name = f"contacts{body.file.suffix}" if contacts else body.file.name
+        copy = (run / name).resolve()
         if copy != body.file.resolve():
             try:
                 shutil.copyfile(body.file, copy)
             except OSError as error:
                 raise InputError(
-                    f"{body.file}, key body.file: cannot be read ({error.strerror}), expected a "
-                    "surface; check the path"
+                    f"{body.file}, key body.file: cannot be read ({error.strerror}); check the path"
                 ) from error
         body = body.model_copy(update={"file": copy})
     kept = study.model_copy(update={"study": about, "body": body})

@@ -9,7 +9,7 @@ from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
 from identify.measurement import scan_noise
 from identify.select import StartFit
-from models import Catalogue, Scan, thinned
+from models import Catalogue, Scan, thinned, touching
 from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
 from palpmap.study.frame import frame_shift_m
@@ -33,6 +33,8 @@ def open_study(
 ) -> Experiment:
     """Place the scan on the study's body, mesh the body, estimate the noise.
 
+    Presses that met no body (`models.touching`) are left out.
+
     Parameters
     ----------
     measured : the study's scan, in its own frame
@@ -44,6 +46,7 @@ def open_study(
     InputError
         Scan and study do not fit together.
     """
+    measured = touching(measured)
     part = thinned(measured) if thin else measured
     whole = place_scan(measured, study)
     placement = whole if part is measured else whole.of_presses(part.press_ids)

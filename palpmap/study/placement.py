@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from models import InputError, Scan
+from palpmap.study.contact_body import contact_body
 from palpmap.study.study import Study
 
 BLOCK_TOLERANCE_M = 5.0e-4
@@ -74,6 +75,10 @@ def place_scan(scan: Scan, study: Study) -> Placement:
         distance = points[:, 2] - size[2]
         normals = np.broadcast_to([0.0, 0.0, -1.0], points.shape)
         _check_outline(moved, study, size)
+    elif study.body.shape == "from-contacts":
+        surface = contact_body(study.body).surface
+        heights = surface.heights(points[:, :2])
+        distance, normals = points[:, 2] - heights, surface.inward_normals(points[:, :2])
     else:
         distance, normals = _distance_to_surface(points, study)
     cosine = np.clip(np.einsum("jc,jc->j", directions, normals), -1, 1)
@@ -86,6 +91,9 @@ def place_scan(scan: Scan, study: Study) -> Placement:
         moved = moved.replace(point_m=flat, direction=inward)
     else:
         _check_distance(moved, study, distance)
+    if study.body.shape == "from-contacts":
+        above = np.column_stack([np.zeros((len(points), 2)), distance])
+        moved = moved.replace(point_m=moved.point_m - above[moved.press_index])
     return Placement(moved, origin, study.body.project_points, np.abs(distance), angle)
 
 
@@ -136,6 +144,8 @@ def _check_direction(scan: Scan, study: Study, angle: np.ndarray) -> None:
 def _check_distance(scan: Scan, study: Study, distance: np.ndarray) -> None:
     block = study.body.shape == "block"
     tolerance = BLOCK_TOLERANCE_M if block else SURFACE_TOLERANCE_M
+    if study.body.shape == "from-contacts":
+        tolerance = max(tolerance, float(scan.contact_radii.min()))
     bad = np.flatnonzero(np.abs(distance) > tolerance)
     if len(bad):
         j = bad[0]

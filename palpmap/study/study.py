@@ -287,6 +287,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     body = study.body
     if body.file is not None:
         body = body.model_copy(update={"file": folder / body.file})
+    elif body.shape == "from-contacts":
+        body = body.model_copy(update={"file": folder / study.study.scan})
     about = study.study.model_copy(update={"scan": folder / study.study.scan})
     effects = tuple(
         entry if entry.file is None else entry.model_copy(update={"file": folder / entry.file})
@@ -310,6 +312,8 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
     tables["body"]["support"] = study.body.support
     if study.body.file is not None:
         tables["body"]["file"] = relative(study.body.file)
+        if study.body.shape == "from-contacts" and study.body.file == study.scan:
+            del tables["body"]["file"]
     for table, entry in zip(tables.get("effects", ()), study.effects, strict=False):
         if entry.file is not None:
             table["file"] = relative(entry.file)
@@ -322,7 +326,8 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
 def _check_units(path: Path, study: Study) -> None:
     """Refuse sizes that only make sense in millimetres or grams."""
     lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
-    lengths += [("body.cell_size_m", study.body.cell_size_m or 0.0, LARGEST_BODY_M)]
+    for key in ("cell_size_m", "thickness_m", "margin_m"):
+        lengths.append((f"body.{key}", getattr(study.body, key) or 0.0, LARGEST_BODY_M))
     lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
     lengths += [("map.length_m", study.map.length_m or 0.0, LARGEST_BODY_M)]
     lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]

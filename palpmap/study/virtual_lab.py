@@ -198,8 +198,8 @@ def block_of(study: Study) -> tuple[float, float, float]:
     """Edges of a study's block, if it is one that the laboratory has, with a tip that it has."""
     if study.body.size_m is None:
         raise InputError(
-            'the laboratory presses on blocks; the study has body.shape = "surface": give a study '
-            "of a block to scan"
+            f'the laboratory presses on blocks; the study has body.shape = "{study.body.shape}": '
+            "give a study of a block to scan"
         )
     if study.body.support != "base-bonded" or study.body.held_sides:
         raise InputError(

@@ -19,6 +19,7 @@ from models.scan_quality import (
     bad_readings,
     identical_presses,
     scan_findings,
+    touching,
     without_outliers,
 )
 from palpmap.__main__ import app
@@ -270,8 +271,28 @@ def test_presses_that_went_wrong_are_left_out_as_a_whole():
     force[scan.press == 5] = np.random.default_rng(0).normal(0, 1e-3, np.sum(scan.press == 5))
     left, sentences = without_outliers(scan.replace(force_n=force))
     assert set(scan.press_ids) - set(left.press_ids) == {5}
-    assert sentences == ("Left out: Press 5 (1 of 81): hold without contact: the force is below "
-                         "5 % of a typical press's.",)  # fmt: skip
+    assert sentences == (
+        "Left out: Press 5 (1 of 81): the force does not rise with the travel, or "
+        "the hold is below 5 % of a typical press's force: the tip met no body.",
+    )
+
+
+def test_presses_in_the_air_are_told_from_soft_places_beside_them():
+    """A robot that takes a jerk for its touch: noise over the whole travel, without a hold."""
+    rng = np.random.default_rng(4)
+    travel = np.tile(np.linspace(0, 2e-3, 10), 12)
+    press = np.repeat(np.arange(12), 10)
+    stiffness = np.where(press < 6, 80.0, 15.0)  # N/m; the soft ones rise by 4 deviations
+    stiffness[press % 6 == 5] = 0.0
+    points = np.column_stack([0.01 * (press % 4), 0.01 * (press // 4), np.zeros(120)])
+    scan = Scan(
+        press=press, time_s=np.full(120, np.nan), phase=["load"] * 120, point_m=points,
+        direction=np.tile([0.0, 0, -1], (120, 1)), displacement_m=travel,
+        force_n=stiffness * travel + rng.normal(0, 0.007, 120),
+        probe_radius_m=np.full(120, 0.004), tip_pose=None,
+    )  # fmt: skip
+    assert kinds(scan)["no_contact"] == (5, 11)
+    assert set(scan.press_ids) - set(touching(scan).press_ids) == {5, 11}
 
 
 @pytest.mark.parametrize("seed", [4, 19, 179, 184])

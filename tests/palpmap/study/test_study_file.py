@@ -110,7 +110,7 @@ BAD = {
     "sides of a surface": (
         'shape = "block"\nsize_m = [0.096, 0.096, 0.048]',
         'shape = "surface"\nfile = "a.stl"\nheld_sides = ["x0"]',
-        r"key body: expected held_sides only with shape",
+        r"key body: expected no held_sides, as shape is",
     ),
     "a block in millimetres": (
         "[0.096, 0.096, 0.048]",

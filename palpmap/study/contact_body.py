@@ -1,0 +1,140 @@
+"""The body of a study whose surface is that of a scan's contact points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fem import MeshError
+from models import InputError, read_scan, touching
+from palpmap.study.body import Body
+
+if TYPE_CHECKING:
+    from fem.mesh import ContactSurface
+
+MARGIN = 0.75  # of the thickness: free sides there change a press at the edge by up to 1 to 2 %
+THINNEST = 0.2  # least height over the base, of the thickness
+DIFFERENT_DEG = 10.0  # from the surface's normal: said
+STEEPEST_DEG = 75.0  # a press further off the vertical is on no surface of heights
+
+
+@dataclass(frozen=True, eq=False)
+class ContactBody:
+    """A body under the surface through contact points, on a flat base.
+
+    Attributes
+    ----------
+    surface : heights in the frame of the scan of the contacts
+    corner_m : (3,) least x and y, and the base's z
+    size_m : (3,) along x and y; along z the mean thickness under the contact points
+    """
+
+    surface: ContactSurface
+    corner_m: np.ndarray
+    size_m: np.ndarray
+
+    def box_m(self) -> np.ndarray:
+        """Least and greatest coordinates of the body, (2, 3)."""
+        axes = [np.linspace(0, edge, 41) for edge in self.size_m[:2]]
+        places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2) + self.corner_m[:2]
+        top = self.surface.heights(places).max()
+        return np.array([self.corner_m, [*(self.corner_m + self.size_m)[:2], top]])
+
+    def inside(self, points_m: np.ndarray) -> np.ndarray:
+        """Whether points (p, 3) of the body's box lie below the surface, (p,) bool."""
+        points = np.asarray(points_m, float)
+        return points[:, 2] <= self.surface.heights(points[:, :2])
+
+
+def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> tuple[str, ...]:
+    """Say what the surface rests on, and how far contacts and directions are from it.
+
+    Parameters
+    ----------
+    distance_m, angle_deg : (j,) of a placed scan, see `palpmap.study.placement.Placement`
+    """
+    made = contact_body(body)
+    far = int(np.sum(angle_deg > DIFFERENT_DEG))
+    directions = (
+        f"Press directions differ from its normal by {np.median(angle_deg):.2g} degrees (median), "
+        f"at most {angle_deg.max():.2g}"
+    )
+    notes = [
+        f"The body's surface goes through {len(made.surface.points_m)} contact points; it "
+        f"predicts points left out to {1e3 * made.surface.error_m:.2g} mm. Contacts were moved "
+        f"onto it by at most {1e3 * np.round(distance_m.max(), 6):g} mm. {directions}"
+        + (f"; by more than {DIFFERENT_DEG:g} in {far} of {len(angle_deg)}." if far else "."),
+    ]
+    if body.margin_m is None:
+        notes.append(
+            f"Beyond the probed area the body goes on for {1e3 * MARGIN * made.size_m[2]:.3g} mm "
+            "(body.margin_m); its real sides are not known to the scan."
+        )
+    return tuple(notes)
+
+
+def contact_body(body: Body) -> ContactBody:
+    """Return the body that a study's table [body] and its scan of contacts make.
+
+    Raises
+    ------
+    InputError
+        The scan cannot be read, or its contact points make no surface over a base.
+    """
+    file = body.file
+    if file is None:
+        raise InputError(
+            "body.file: the scan whose contact points make the surface is missing; name it"
+        )
+    try:
+        stamp = file.stat().st_mtime_ns
+    except OSError as error:
+        raise InputError(
+            f"{file}: cannot be read ({error.strerror}), expected the scan whose contact points "
+            "make the body's surface; check body.file"
+        ) from error
+    assert body.thickness_m is not None  # the study's own rule for this shape
+    margin_m = MARGIN * body.thickness_m if body.margin_m is None else body.margin_m
+    return _made(file, stamp, body.thickness_m, margin_m)
+
+
+@lru_cache(maxsize=8)
+def _made(file: Path, stamp: int, thickness_m: float, margin_m: float) -> ContactBody:
+    from fem.mesh import ContactSurface
+
+    scan = touching(read_scan(file, units_checked=True))
+    points, directions = scan.contact_points, scan.contact_directions
+    tilt = np.degrees(np.arccos(np.clip(-directions[:, 2], -1, 1)))
+    if tilt.max() >= STEEPEST_DEG:
+        j = int(tilt.argmax())
+        raise InputError(
+            f"{file}, press {scan.press_ids[j]}, columns nx, ny, nz: found a direction "
+            f"{tilt[j]:.0f} degrees off straight down (-z), expected at most {STEEPEST_DEG:g} "
+            "for a body from contacts; turn the scan's frame so that z "
+            'points up, or give a closed surface (shape = "surface")'
+        )
+    try:
+        surface = ContactSurface.through(points, directions)
+    except MeshError as error:
+        raise InputError(f"{file}: {error}") from error
+    low, high = points[:, :2].min(axis=0) - margin_m, points[:, :2].max(axis=0) + margin_m
+    base = float(surface.points_m[:, 2].mean()) - thickness_m
+    made = ContactBody(
+        surface,
+        np.array([*low, base]),
+        np.array([*(high - low), thickness_m]),
+    )
+    axes = [np.linspace(a, b, 41) for a, b in zip(low, high, strict=True)]
+    lowest = float(surface.heights(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)).min())
+    if lowest - base < THINNEST * thickness_m:
+        needed = (float(surface.points_m[:, 2].mean()) - lowest) / (1 - THINNEST)
+        raise InputError(
+            f"study, key body.thickness_m: found {thickness_m:g} m, but the surface through the "
+            f"contact points comes down to {1e3 * (lowest - base):.3g} mm above the base, which "
+            f"lies so far below their mean height; expected at least {needed:.2g} m"
+        )
+    return made

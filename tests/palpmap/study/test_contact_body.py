@@ -1,0 +1,128 @@
+"""A body from a scan's contacts: its place, its moduli, its copy in a run folder, refusals."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fem import Contacts, PalpationModel, block_mesh
+from fem.mesh import under_surface
+from models import InputError, read_scan, write_scan
+from models.scan import Scan
+from palpmap.__main__ import app
+from palpmap.api import fit
+from palpmap.experiment import read_study
+from palpmap.result.finding import study_outline
+from palpmap.study.contact_body import contact_body
+from palpmap.study.kept_inputs import keep_inputs
+from palpmap.study.placement import place_scan
+from palpmap.study.study import load_study
+from tests.fem.mesh.test_contact_surface import HEIGHT, dome, grid, touched
+
+MODULUS, NU, TIP, THICK = 8000.0, 0.45, 0.004, 0.026
+NOISE = ("--displacement-noise", "2e-5", "--force-noise", "2e-3")
+ALOFT = np.array([0.3, -0.2, -0.1])  # of the robot's frame
+
+
+@cache
+def dome_scan(in_the_air: bool = False, force_n: float = 0.2) -> Scan:
+    """Two readings a press on a homogeneous dome; the truth is meshed by its own formula."""
+    points, inward = touched(grid(4))
+    size = 0.04 + 1.5 * THICK, 0.036 + 1.5 * THICK, HEIGHT
+    block = block_mesh(size, (8, 8, 4))
+    corner = (-size[0] / 2, -size[1] / 2, float(points[:, 2].mean()) - THICK)
+    far = 0.028  # beyond, the true dome would end
+
+    def surface(xy: np.ndarray) -> np.ndarray:
+        r = np.linalg.norm(xy, axis=1)
+        return dome(xy * np.minimum(1, far / np.maximum(r, 1e-9))[:, None])
+
+    model = PalpationModel(under_surface(block, corner, surface), NU, Contacts(points, inward, TIP))
+    force = np.tile([0.5 * force_n, force_n], len(points))
+    travel = force * np.repeat(model.evaluate(MODULUS).compliance, 2)
+    points = np.repeat(points, 2, axis=0) + ALOFT
+    if in_the_air:
+        force[10:12], points[10:12, 2] = [0.0, 1e-5], points[10:12, 2] + 0.008
+    m = len(force)
+    return Scan(
+        press=np.repeat(np.arange(m // 2), 2), time_s=np.arange(m), phase=["load", "hold"] * 16,
+        point_m=points, direction=np.repeat(inward, 2, axis=0), force_n=force,
+        displacement_m=travel, probe_radius_m=np.full(m, TIP), tip_pose=None,
+    )  # fmt: skip
+
+
+def new(folder: Path, scan: Scan, *words: str, code: int = 0) -> str:
+    write_scan(scan, folder / "scan.csv")
+    given = ["new", str(folder / "scan.csv"), "--tip", "flat", "--poisson", str(NU), *NOISE, *words]
+    done = CliRunner().invoke(app, [*given, "--out", str(folder / "s"), "--json"])
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def test_a_homogeneous_dome_has_its_modulus(tmp_path):
+    said = json.loads(new(tmp_path, dome_scan(), "--thickness", str(THICK), "--inclusions", "0"))
+    assert "surface goes through 16 contact points" in " ".join(said["said"])
+    study = Path(said["study"])
+    study.write_text(study.read_text().replace("[body]", "[body]\ncell_size_m = 0.011"))
+    found = fit(read_study(study))
+    # Beyond the contacts the true dome falls further
+    assert found.parameters["background_pa"].value == pytest.approx(MODULUS, rel=0.02)
+
+
+def test_a_press_in_the_air_bends_no_surface_and_is_fitted_by_nobody(tmp_path):
+    said = json.loads(new(tmp_path, dome_scan(in_the_air=True), "--thickness", str(THICK)))
+    assert "Press 5 (1 of 16): the force does not rise" in " ".join(said["said"])
+    experiment = read_study(said["study"])
+    points, _ = touched(grid(4))
+    heights = contact_body(experiment.study.body).surface.heights(points[:, :2] + ALOFT[:2])
+    assert np.abs(heights - points[:, 2] - ALOFT[2]).max() < 1e-3
+    assert 5 not in experiment.opened(thin=False).scan.press_ids
+    assert experiment.study.map.kind == "free"
+
+
+def test_the_bodys_frame_is_the_scans_and_its_outline_follows_the_surface(tmp_path):
+    study = load_study(json.loads(new(tmp_path, dome_scan(), "--thickness", str(THICK)))["study"])
+    placed = place_scan(read_scan(study.scan), study)
+    points = touched(grid(4))[0] + ALOFT
+    np.testing.assert_allclose(placed.scan.contact_points, points, atol=1e-6)
+    assert placed.angle_deg.max() < 0.6
+    outline = study_outline(study)
+    middle = points.mean(axis=0)
+    assert outline.inside(middle + np.outer([0, 0.01], [0, 0, 1])).tolist() == [True, False]
+    assert outline.lower_m[2] == pytest.approx(points[:, 2].mean() - THICK)
+
+
+def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
+    study = load_study(json.loads(new(tmp_path, dome_scan(), "--thickness", str(THICK)))["study"])
+    scan = read_scan(study.scan)
+    run = tmp_path / "run"
+    run.mkdir()
+    keep_inputs(study, scan.rows(scan.press != 3), run)
+    kept = load_study(run / "study.toml")
+    assert (len(read_scan(kept.scan).press_ids), kept.body.file) == (15, run / "contacts.csv")
+    assert len(contact_body(kept.body).surface.points_m) == 16
+
+
+def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):
+    scan = dome_scan()
+    assert "expected at least 0.0" in new(tmp_path, scan, "--thickness", "0.004", code=2)
+    aside = scan.replace(direction=np.tile([1.0, 0, 0], (len(scan), 1)))
+    assert "degrees off straight down" in new(tmp_path, aside, "--thickness", "0.02", code=2)
+    few = scan.rows(scan.press < 8)
+    assert "needs at least 10 different places, found 8" in new(
+        tmp_path, few, "--thickness", "0.02", code=2
+    )
+    for table, said in (
+        ('shape = "from-contacts"', "thickness_m in m and no size_m"),
+        ('shape = "block"\nsize_m = [1, 1, 1]\nthickness_m = 0.1', "only with shape"),
+    ):
+        file = tmp_path / "study.toml"
+        file.write_text(
+            f'[study]\nname = "a"\nscan = "scan.csv"\n[body]\n{table}\npoisson_ratio = 0.4\n'
+            '[probe]\ntip = "flat"\nradius_m = 0.004\n'
+        )
+        with pytest.raises(InputError, match=said):
+            load_study(file)

@@ -18,6 +18,7 @@ from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
+from identify.select.form_average import Form, averaged, forms_of
 from identify.select.forward_selection import Explanation
 from identify.select.outlying_presses import WithoutSuspects, suspects_left
 from identify.select.verdicts import effect_verdict
@@ -32,7 +33,9 @@ class Assessment:
 
     Attributes
     ----------
-    parameters : estimates of the last step, with intervals that follow the misfit's valley
+    parameters : estimates of the last step, with intervals that follow the misfit's valley, those
+        of the map averaged over the forms
+    forms : the last model and those that the scan does not separate from it
     confounders : lengths of the study whose error would look like an effect that is offered
     redundant_inclusions : numbers, from one, of inclusions without evidence in the readings
     limits : detection limits of the first step
@@ -47,6 +50,7 @@ class Assessment:
     """
 
     parameters: Mapping[str, Estimate]
+    forms: tuple[Form, ...]
     confounders: tuple[GeometryConfounder, ...]
     redundant_inclusions: tuple[int, ...]
     limits: tuple[Limit, ...]
@@ -85,9 +89,11 @@ def assess(
     unseen: tuple[Limit, ...] = ()
     if known:
         unseen = limits if last is first else detection_limits(last, catalogue)
+    forms = forms_of(explained)
     say("looking for confounders of the effects found")
     return Assessment(
-        parameters=last.parameters,
+        parameters=averaged(explained, forms),
+        forms=forms,
         confounders=tuple(c for c in geometry_confounders(explained) if c.effect in offered),
         redundant_inclusions=redundant_inclusions(last) if known else (),
         limits=limits,

@@ -14,6 +14,7 @@ from scipy import special
 from identify.fit.result import FitResult
 from identify.residual.binned_means import residual_levels
 from identify.residual.comparison import Comparison, Reading, ResidualTest
+from identify.residual.courses import smooth_course
 from identify.residual.hypothesis_tests import (
     TestOutcome,
     holm,
@@ -100,6 +101,7 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
         presses=press_residuals(w, view.absorbed, view.bad),
         largest=_largest(w),
         law=matching_law(view) if fires else None,
+        course=smooth_course(view) if fires else None,
     )
     return replace(draft, statement=sentence(draft, settings))
 

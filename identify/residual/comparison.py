@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from identify.json_record import read_json_record
+from identify.residual.courses import Course
 from identify.residual.per_press import PressResidual
 from identify.residual.simple_laws import LawMatch
 from models import replaced
@@ -89,6 +90,8 @@ class Comparison:
         the largest single readings.
     law : LawMatch or None
         A simple law for nearly all of the excess chi-square.
+    course : Course or None
+        A smooth course for most of it.
     """
 
     is_noise: bool
@@ -114,6 +117,7 @@ class Comparison:
     presses: tuple[PressResidual, ...]
     largest: tuple[Reading, ...]
     law: LawMatch | None = None
+    course: Course | None = None
 
     @property
     def chi2_per_dof(self) -> float:
@@ -173,4 +177,6 @@ def _from_dict(data: dict[str, Any]) -> Comparison:
     )
     if fields.get("law") is not None:
         fields["law"] = LawMatch(**fields["law"])
+    if course := fields.get("course"):
+        fields["course"] = Course(**{**course, "as_good": tuple(course["as_good"])})
     return Comparison(**fields)

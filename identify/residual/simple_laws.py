@@ -64,9 +64,9 @@ def matching_law(view: ResidualView) -> LawMatch | None:
 
 def travel(w: Whitened) -> np.ndarray:
     """Travel (m,) of each reading by its press's mean compliance, m: free of the force's noise."""
-    modelled = w.scan.displacement_m - w.residual_m
-    along = np.bincount(w.press_index, modelled * w.force_n, w.presses)
-    square = np.bincount(w.press_index, w.force_n**2, w.presses)
+    modelled = w.scan.displacement_m - w.residual_m  # at the measured force
+    along = np.bincount(w.press_index, modelled * w.scan.force_n, w.presses)
+    square = np.bincount(w.press_index, w.scan.force_n**2, w.presses)
     return (along / np.maximum(square, 1e-300))[w.press_index] * w.force_n
 
 

@@ -60,8 +60,9 @@ def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
 
 
 def law_sentence(c: Comparison, what: str = "the residual") -> str:
-    """Return the simple law that takes nearly all of the residual; empty if there is none."""
-    return f"{100 * c.law.share:.0f} % of {what} goes with {c.law.words}." if c.law else ""
+    """Return the simple law, or else the course, of most of the residual; empty without one."""
+    found = c.law or c.course
+    return f"{100 * found.share:.0f} % of {what} goes with {found.words}." if found else ""
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -13,6 +13,7 @@ from palpmap.result.records import (
     CandidateRecord,
     DiagnosisRecord,
     ExplainRecord,
+    FormRecord,
     LimitRecord,
     LimitsRecord,
     ParameterRecord,
@@ -40,6 +41,10 @@ def explain_record(
         ladder=tuple(step_record(step) for step in explained.ladder),
         candidates=tuple(candidate_record(found, problem, final) for found in assessment.verdicts),
         parameters=parameters_of(final, problem, assessment.parameters),
+        forms=tuple(
+            FormRecord(in_place_of=form.effect, effect=form.name, weight=form.weight)
+            for form in assessment.forms
+        ),
         residual=final.comparison.statement,
         suspect_presses=explained.ladder[0].comparison.bad_presses,
         suspects_left=assessment.outlying,

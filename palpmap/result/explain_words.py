@@ -17,6 +17,7 @@ from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
 from palpmap.study.open_study import Problem
 
 _NAMED = 3  # effects with the largest unseen shifts
+_FORM_COUNTS = 1.2  # times the interval by one form, from which on its growth is told
 
 VERDICTS = {  # but see `headline`
     "nothing_missing": ("No missing effect is detected.", "green"),
@@ -63,7 +64,7 @@ def verdict_detail(explained: Explanation) -> str:
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         return text + (f" In addition: {sure}." if sure else "")
     residual = explained.final.comparison
-    look = sentence(replace(residual, law=None))
+    look = sentence(replace(residual, law=None, course=None))
     return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
 
 
@@ -210,7 +211,11 @@ def _way_out(explained: Explanation) -> str:
 
 def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
     """Return the reservations about the verdict."""
-    notes = [*explained.final.comparison.notes, *bound_notes(record)]
+    notes = [
+        *explained.final.comparison.notes,
+        *bound_notes(record),
+        *form_notes(record, explained),
+    ]
     if unseen := unseen_inclusions(record):
         notes.append(unseen)
     notes.extend(stated_lengths(record))
@@ -230,6 +235,35 @@ def bound_notes(record: ExplainRecord) -> list[str]:
     """Return a sentence on the parameters at a bound, if there are any."""
     held = [name for name, p in record.parameters.items() if p.at_bound]
     return [f"At a bound, so not found: {', '.join(held)}."] if held else []
+
+
+def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
+    """Return a sentence on the part of the map's intervals that rests on the form of an effect."""
+    last, *others = record.forms or (None,)
+    if last is None or not others:
+        return []
+    beside = listed(
+        [f"{form.effect} for {form.in_place_of} ({percent(form.weight)})" for form in others]
+    )
+    alone = explained.final.fit.parameters
+
+    def wider(name: str) -> float:
+        counted, own = record.parameters[name], alone[name]
+        return (counted.upper95 - counted.lower95) / max(own.upper95 - own.lower95, 1e-300)
+
+    free = [name for name in explained.final.fit.map.names if alone[name].free]
+    text = (
+        f"The form is open: {percent(last.weight)} of the evidence is for the last model, the rest "
+        f"for {beside}. The map's intervals count that."
+    )
+    if not free or wider(most := max(free, key=wider)) < _FORM_COUNTS:
+        return [text]
+    own, counted = alone[most], record.parameters[most]
+    return [
+        f"{text} With this form alone, the {units.plain_name(most)} would be "
+        f"{units.interval(own.lower95, own.upper95, own.unit)}; counted it is "
+        f"{units.interval(counted.lower95, counted.upper95, counted.unit)}."
+    ]
 
 
 def outlier_notes(record: ExplainRecord) -> list[str]:

@@ -153,6 +153,14 @@ class PressesAloneRecord(Record):
     map_error: float = Field(description="relative error of the map's compliances, 0 if noise")
 
 
+class FormRecord(Record):
+    """A model as good as the last one, with a candidate in place of an accepted effect."""
+
+    in_place_of: str = Field(description="the accepted effect; empty for the last model itself")
+    effect: str = Field(description="the candidate; empty for the last model itself")
+    weight: float = Field(description="share of the evidence of all these models, 0 to 1")
+
+
 class WithoutSuspectsRecord(Record):
     """The result without the outlying presses."""
 
@@ -182,7 +190,13 @@ class ExplainRecord(CountRecord, FileRecord):
     candidates: tuple[CandidateRecord, ...] = Field(
         default=(), description="effects of the catalogue"
     )
-    parameters: Mapping[str, ParameterRecord] = Field(default={}, description="of the last model")
+    parameters: Mapping[str, ParameterRecord] = Field(
+        default={},
+        description="of the last model; the map's intervals are averaged over the forms",
+    )
+    forms: tuple[FormRecord, ...] = Field(
+        default=(), description="models that the scan does not separate, the last one first"
+    )
     residual: str = Field(default="", description="the last model's residual in one sentence")
     suspect_presses: tuple[int, ...] = Field(
         default=(), description="outliers for the map alone, ids"

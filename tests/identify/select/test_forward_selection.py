@@ -14,6 +14,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.forward_selection import forward_selection
 from identify.select.verdicts import refit_numbers
+from models import Scan
 from sim.body.true_map import Inclusion, TruthMap
 from tests.identify.select.loop_problem import (
     NOISE,
@@ -32,7 +33,7 @@ QUICK = [CATALOGUE[n] for n in (
 )]  # fmt: skip
 
 
-def planted(seed: int, change) -> object:
+def planted(seed: int, change) -> Scan:
     """A scan on the true body; `change(d, F, t, phase, press)` returns displacement and force."""
     press, time, phase, force = timing(seed)
     travel = true_compliance()[press] * force

@@ -1,0 +1,162 @@
+"""Intervals of a map averaged over the models that a scan does not separate.
+
+A map is estimated beside one form of a cause. Another form that fits as well may want another map:
+creep that is over before the first reading is elastic for one law and creep for the next. So the
+models with a candidate in place of an accepted effect are weighed by their evidence, in Laplace's
+approximation,
+
+    ln Z = -chi2/2 - sum_i ((u_i - c_i)/s_i)^2/2 - sum_i ln s_i - ln det(H)/2,
+
+H the inverse covariance of all unknowns and of the prior, N(c_i, s_i^2) of the effect's scaled
+parameters: amplitudes about their null, shapes over their bounds. A parameter that the scan does
+not show then costs nothing, unlike in the BIC, and does not hide behind a simpler law. The interval
+is the central 95 % of the mixture.
+Source: J. A. Hoeting et al., Bayesian model averaging, Statist. Sci. 14 (1999) 382-417.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from identify.fit.profile_intervals import NORMAL_95
+from identify.fit.result import Estimate, FitResult
+from identify.select.candidates import Candidate
+from identify.select.forward_selection import Explanation
+
+_AMPLITUDE = 5.0  # typical sizes: one standard deviation of an amplitude's prior
+_LEAST = 0.01  # share of the evidence below which a model does not count
+
+
+@dataclass(frozen=True)
+class Form:
+    """A model with a candidate in place of an accepted effect.
+
+    Attributes
+    ----------
+    effect : the accepted one; empty for the last model itself
+    name : the candidate
+    weight : share of the evidence of all models
+    mean, variance : (k,) of the map's scaled unknowns
+    """
+
+    effect: str
+    name: str
+    weight: float
+    mean: np.ndarray
+    variance: np.ndarray
+
+
+def forms_of(explained: Explanation) -> tuple[Form, ...]:
+    """Return the last model and those that the scan does not separate from it, by weight.
+
+    Empty beside a structured residual, whose cause is in none of them. A candidate was fitted less
+    far than the last model: it is compared with the accepted effect as it was fitted then, and its
+    map moves with that one's to the last model.
+    """
+    final = explained.final.fit
+    if explained.verdict == "unexplained" or not explained.accepted or explained.map_error:
+        return ()
+    own, free = set(final.effect_names), len(final.model.space.free)
+    forms = [Form("", "", 1.0, *(values[:free] for values in _posterior(final)))]
+    for accepted in explained.accepted:
+        beside = own - {accepted.name}
+        near: list[Candidate] = [
+            c for c in accepted.candidates
+            if set(c.fit.effect_names) == beside | {c.name} and c.name not in beside
+        ]  # fmt: skip
+        winner = next((c for c in near if c.name == accepted.name), None)
+        if winner is None:
+            continue
+        moved = (final.u - winner.fit.u)[:free]
+        for c in near:
+            if c is winner or c.fit.at_bound:
+                continue
+            weight = float(np.exp(min(log_evidence(c.fit) - log_evidence(winner.fit), 50.0)))
+            mean, variance = (values[:free] for values in _posterior(c.fit))
+            forms.append(Form(accepted.name, c.name, weight, mean + moved, variance))
+    total = sum(form.weight for form in forms)
+    shares = [replace(form, weight=form.weight / total) for form in forms]
+    kept = [form for form in shares if form.weight >= _LEAST or not form.effect]
+    return tuple(sorted(kept, key=lambda form: (form.effect != "", -form.weight)))
+
+
+def log_evidence(fit: FitResult) -> float:
+    """Return the logarithm of a fit's evidence, but for a constant of scan and map."""
+    centre, width, first = _prior(fit)
+    pull = (fit.u[first:] - centre) / width
+    logdet = np.linalg.slogdet(_information(fit))[1]
+    return float(-0.5 * (fit.chi2 + pull @ pull + logdet) - np.log(width).sum())
+
+
+def _information(fit: FitResult) -> np.ndarray:
+    """Inverse covariance (k, k) of a fit's scaled unknowns, from noise and prior."""
+    _, width, first = _prior(fit)
+    found = fit.at.jacobian.T @ fit.at.jacobian
+    found[np.diag_indices(len(found))] += 1e-12 * found.diagonal().max()
+    found[first:, first:] += np.diag(1 / width**2)
+    return found
+
+
+def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
+    """Centre and width of the prior of the effects' scaled parameters, and the first one's place."""
+    first = len(fit.model.space.free)
+    centre, width = [], []
+    for part in fit.model.effects:
+        for p in part.parameters:
+            low, high = p.to_scaled(p.lower), p.to_scaled(p.upper)
+            if p.null is None:
+                centre.append((low + high) / 2)
+                width.append((high - low) / np.sqrt(12))
+            else:
+                centre.append(p.to_scaled(p.null))
+                width.append(_AMPLITUDE)
+    return np.array(centre), np.array(width), first
+
+
+def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimate]:
+    """Return the estimates of the last model, the map's intervals averaged over the forms."""
+    last = explained.final.fit
+    found = dict(last.parameters)
+    if len(forms) < 2 or last.solution is None:
+        return found
+    weights = np.array([form.weight for form in forms])
+    of_meshes = np.diag(last.solution.covariance - last.solution.noise_covariance)
+    for i, index in enumerate(last.model.space.free):
+        p = last.model.space.parameters[index]
+        own = found[p.name]
+        mean = np.array([form.mean[i] for form in forms])
+        below = np.sqrt([form.variance[i] + max(of_meshes[i], 0.0) for form in forms])
+        above = below.copy()
+        # the last model's own interval follows the bend of the misfit's valley
+        mean[0], low, high = (p.to_scaled(v) for v in (own.value, own.lower95, own.upper95))
+        below[0], above[0] = (mean[0] - low) / NORMAL_95, (high - mean[0]) / NORMAL_95
+        below, above = np.maximum(below, 1e-12), np.maximum(above, 1e-12)
+        ends = [p.to_value(_quantile(q, weights, mean, below, above)) for q in (0.025, 0.975)]
+        found[p.name] = replace(own, lower95=max(ends[0], p.lower), upper95=min(ends[1], p.upper))
+    return found
+
+
+def _posterior(fit: FitResult) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance (k,) of a fit's scaled unknowns, from noise and prior."""
+    centre, width, first = _prior(fit)
+    covariance = np.linalg.inv(_information(fit))
+    pull = np.zeros(len(fit.u))
+    pull[first:] = (fit.u[first:] - centre) / width**2
+    return fit.u - covariance @ pull, np.diag(covariance)
+
+
+def _quantile(
+    share: float, weights: np.ndarray, mean: np.ndarray, below: np.ndarray, above: np.ndarray
+) -> float:
+    """Quantile of a mixture of normal distributions, each with a deviation to either side."""
+
+    def excess(x: float) -> float:
+        away = x - mean
+        return float(weights @ ndtr(away / np.where(away < 0, below, above))) - share
+
+    reach = 10 * (below + above)
+    low, high = float((mean - reach).min()), float((mean + reach).max())
+    return float(np.asarray(brentq(excess, low, high)))

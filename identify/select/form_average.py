@@ -101,7 +101,7 @@ def _information(fit: FitResult) -> np.ndarray:
 
 
 def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
-    """Centre and width of the prior of the effects' scaled parameters, and the first one's place."""
+    """Prior of the effects' scaled parameters: centre, width, place of the first one."""
     first = len(fit.model.space.free)
     centre, width = [], []
     for part in fit.model.effects:

@@ -37,7 +37,8 @@ def planted(seed: int, change) -> Scan:
     """A scan on the true body; `change(d, F, t, phase, press)` returns displacement and force."""
     press, time, phase, force = timing(seed)
     travel = true_compliance()[press] * force
-    return scan(*change(travel, force, time, phase, press), seed)
+    displacement, read = change(travel, force, time, phase, press)
+    return scan(displacement, read, seed)
 
 
 def test_nothing_is_missing_from_a_linear_body():

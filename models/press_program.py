@@ -4,12 +4,14 @@ As a file (CSV, header row, SI units), one row a press:
 
 | column | unit | meaning |
 |---|---|---|
-| `x_m`, `y_m` | m | contact point on the top of the block |
+| `x_m`, `y_m` | m | contact point on the body's surface |
 | `radius_m` | m | radius of the tip |
 | `force_n` | N | peak force |
 | `ramp_s`, `hold_s` | s | duration of loading and of holding |
 | `unload_s` | s | optional: duration of unloading, 1 s where the column is missing |
 | `pause_s` | s | optional: rest before the press; drawn at random where the column is missing |
+| `z_m` | m | optional: height of the contact point; an empty cell is the upper surface at x, y |
+| `nx`, `ny`, `nz` | 1 | optional: unit direction into the body; empty is the surface's normal |
 
 Lines that begin with `#` are comments. `palpmap scan --program FILE` and the bench read it.
 """
@@ -28,8 +30,11 @@ from models.errors import InputError
 from models.replaced import replaced
 
 NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
-OPTIONAL = ("unload_s", "pause_s")
+OPTIONAL = ("unload_s", "pause_s", "z_m", "nx", "ny", "nz")
 PLACE = ("x_m", "y_m")
+ON_SURFACE = ("z_m", "nx", "ny", "nz")
+"""Columns that say where on the body and in which direction; NaN leaves it to the surface."""
+UNIT_TOLERANCE = 1e-3
 UNLOAD_S = 1.0
 USUAL_RADIUS_M = 0.005
 PAUSE_S = (0.05, 0.95)
@@ -39,7 +44,7 @@ no frequency is locked to the rhythm of the presses."""
 
 @dataclass(frozen=True)
 class PressProgram:
-    """Presses on the top of a block, in their order; all arrays (j,), SI units.
+    """Presses on a body, in their order; all arrays (j,), SI units.
 
     Attributes
     ----------
@@ -48,6 +53,8 @@ class PressProgram:
     force_n : peak force
     ramp_s, hold_s, unload_s : duration of the parts of a press
     pause_s : rest before each press
+    z_m : height of the contact point; NaN is the upper surface at x, y
+    nx, ny, nz : unit direction into the body; NaN is against the surface's normal
 
     Examples
     --------
@@ -65,18 +72,24 @@ class PressProgram:
     hold_s: np.ndarray
     unload_s: np.ndarray
     pause_s: np.ndarray
+    z_m: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+    nx: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+    ny: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+    nz: np.ndarray = None  # pyright: ignore[reportAssignmentType]
 
     def __post_init__(self) -> None:
+        shape = (len(np.atleast_1d(self.x_m)),)
         for field in fields(self):
-            array = np.atleast_1d(np.array(getattr(self, field.name), float))
-            shape = (len(np.atleast_1d(self.x_m)),)
-            if array.shape != shape or not np.isfinite(array).all():
+            given = getattr(self, field.name)
+            array = np.full(shape, np.nan) if given is None else np.atleast_1d(given).astype(float)
+            free = np.isnan(array) if field.name in ON_SURFACE else False
+            if array.shape != shape or not (np.isfinite(array) | free).all():
                 raise InputError(
                     f"The press program's {field.name} has shape {array.shape}; expected "
                     f"{shape[0]} finite numbers, one a press."
                 )
             low = 0.0 if field.name == "pause_s" else np.nextafter(0, 1)
-            if field.name not in PLACE and (array < low).any():
+            if field.name not in (*PLACE, *ON_SURFACE) and (array < low).any():
                 j = int((array < low).argmax())
                 raise InputError(
                     f"Press {j} of the program: {field.name} is {array[j]:g}; it has to be "
@@ -86,6 +99,20 @@ class PressProgram:
             object.__setattr__(self, field.name, array)
         if len(self.x_m) == 0:
             raise InputError("The press program is empty; give at least one press.")
+        length = np.linalg.norm(self.direction, axis=1)
+        bad = np.isnan(self.direction).any(axis=1) & ~np.isnan(self.direction).all(axis=1)
+        bad |= np.abs(length - 1) > UNIT_TOLERANCE
+        if bad.any():
+            j = int(bad.argmax())
+            raise InputError(
+                f"Press {j} of the program: nx, ny, nz is {self.direction[j].tolist()}; give a "
+                "unit vector into the body, or leave all three out for the surface's normal."
+            )
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit directions into the body, (j, 3); NaN is the surface's normal."""
+        return np.column_stack([self.nx, self.ny, self.nz])
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -95,6 +122,10 @@ class PressProgram:
         """Start of each press, (j,) s."""
         duration = self.ramp_s + self.hold_s + self.unload_s
         return np.cumsum(self.pause_s) + np.concatenate([[0.0], np.cumsum(duration)[:-1]])
+
+    def only(self, presses: np.ndarray) -> PressProgram:
+        """Return some of the presses (their numbers), in that order."""
+        return PressProgram(**{f.name: getattr(self, f.name)[presses] for f in fields(self)})
 
     def then(self, further: PressProgram, rest_s: float) -> PressProgram:
         """Return the program that makes these presses, rests, and makes further ones."""
@@ -168,9 +199,10 @@ def grid_program(
 
 def write_program(program: PressProgram, path: str | os.PathLike[str]) -> None:
     """Write a press program as CSV."""
-    names = [field.name for field in fields(program)]
+    names = [f.name for f in fields(program) if not np.isnan(getattr(program, f.name)).all()]
     rows = np.column_stack([getattr(program, name) for name in names])
-    text = "\n".join([",".join(names), *(",".join(f"{v:.9g}" for v in row) for row in rows)])
+    cells = ([f"{v:.9g}" if v == v else "" for v in row] for row in rows)
+    text = "\n".join([",".join(names), *(",".join(row) for row in cells)])
     with replaced(path) as beside:
         beside.write_text(text + "\n", encoding="utf-8")
 
@@ -230,13 +262,16 @@ def _check_header(path: Path, header: list[str]) -> None:
 
 
 def _number(path: Path, row: int, name: str, cell: str) -> float:
+    place = name in (*PLACE, *ON_SURFACE)
+    if name in ON_SURFACE and not cell.strip():
+        return float("nan")
     try:
         value = float(cell)
     except ValueError:
         value = float("nan")
-    positive = name not in (*PLACE, "pause_s")
-    if not np.isfinite(value) or (name not in PLACE and value < 0) or (positive and value == 0):
-        kind = "positive " if positive else "" if name in PLACE else "not negative "
+    positive = not place and name != "pause_s"
+    if not np.isfinite(value) or (not place and value < 0) or (positive and value == 0):
+        kind = "positive " if positive else "" if place else "not negative "
         raise InputError(
             f"{path}, row {row}, column {name}: found '{cell.strip()}', expected a "
             f"{kind}number in SI units"

@@ -14,7 +14,7 @@ OURS = ("models", "fem", "sim", "identify", "palpmap")
 ALLOWED = {
     "models": {"numpy", "pyarrow"},
     "fem": {"numpy", "scipy", "numba", "pypardiso", "pytetwild", "pyvista"},
-    "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio"},
+    "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio", "coal"},
     "identify": {"models", "fem", "numpy", "scipy"},
 }
 FEM_DOORS_OF_SIM = ("sim.body.soft_body",)

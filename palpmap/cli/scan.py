@@ -54,14 +54,25 @@ def scan(
             show_default="9",
         ),
     ] = None,
+    presses: Annotated[
+        int | None,
+        typer.Option(
+            "--presses",
+            min=1,
+            max=2500,
+            help="Number of presses that cover the upper surface of any body evenly, in place of "
+            "a grid.",
+            show_default="a grid",
+        ),
+    ] = None,
     program: Annotated[
         Path | None,
         typer.Option(
             "--program",
             metavar="FILE",
             help="CSV of presses in place of the grid, in the study's frame: x_m, y_m, radius_m, "
-            "force_n, ramp_s, hold_s and optionally unload_s, pause_s; one radius, as the arm "
-            "carries one tip.",
+            "force_n, ramp_s, hold_s and optionally unload_s, pause_s, z_m, nx, ny, nz (direction "
+            "into the body); one radius, as the arm carries one tip.",
             show_default="a grid",
         ),
     ] = None,
@@ -83,6 +94,21 @@ def scan(
             "scan.",
         ),
     ] = OnFault.skip,
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            "--truth",
+            metavar="FILE|random",
+            help="True map of the body (TOML), or 'random' for one that the seed draws.",
+            show_default="the phantom's in a block, else random",
+        ),
+    ] = None,
+    skip_unreachable: Annotated[
+        bool,
+        typer.Option(
+            "--skip-unreachable", help="Go on without the presses that the arm cannot make."
+        ),
+    ] = False,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -96,7 +122,9 @@ def scan(
     """
     if program is not None and (force is not None or paper_force):
         raise typer.BadParameter("a program has its own forces: give --program or a force")
-    if program is not None and presses_per_side is not None:
+    if presses is not None and presses_per_side is not None:
+        raise typer.BadParameter("give --presses or --presses-per-side, not both")
+    if program is not None and (presses_per_side is not None or presses is not None):
         raise typer.BadParameter("a program has its own places: give --program or a grid")
     if force is not None and paper_force:
         raise typer.BadParameter("give --force or --paper-force, not both")
@@ -107,6 +135,9 @@ def scan(
         force=force,
         paper_force=paper_force,
         presses_per_side=presses_per_side,
+        presses=presses,
+        truth=truth,
+        skip_unreachable=skip_unreachable,
         program=program,
         plant=[_planted(text) for text in plant or []],
         on_fault=on_fault.value,

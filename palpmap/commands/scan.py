@@ -22,22 +22,27 @@ from palpmap.study.virtual_lab import (
     PRESSES_PER_SIDE,
     Laboratory,
     build_laboratory,
+    cover_plan_of,
     default_study,
+    default_truth,
     grid_plan_of,
     known_of,
     program_plan_of,
+    reachable,
 )
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from sim.motion import ScanPlan
+    from sim.body import TruthMap
+    from sim.motion import Motion, Refusal, ScanPlan, ScanSettings
     from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun
 
 OnFault = Literal["skip", "retry", "stop"]
 
 PAPER_FORCE_N = 3.0
 LISTED = 10
+RANDOM = "random"
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
 
 PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
@@ -56,12 +61,19 @@ def run_scan_command(
     program: Path | None = None,
     plant: Sequence[tuple[str, float]] = (),
     on_fault: OnFault = "skip",
+    presses: int | None = None,
+    truth: str | None = None,
+    skip_unreachable: bool = False,
 ) -> bool:
-    """Scan the built-in phantom, or a study's block with the phantom's map scaled into it.
+    """Scan the built-in phantom, or a study's body.
 
     Parameters
     ----------
     presses_per_side : of the grid, None for `PRESSES_PER_SIDE`
+    presses : number of presses that cover the upper surface evenly, in place of a grid
+    truth : file of the true map, or "random" for one drawn by the seed; None is the phantom's,
+        scaled into a block, and a random one in other bodies
+    skip_unreachable : make the presses that can be made, where some cannot
     program : file of presses (`models.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
     on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
@@ -80,14 +92,28 @@ def run_scan_command(
     settings: dict[str, JsonValue] = {}
     if program is None:
         force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
-        per_side = presses_per_side or PRESSES_PER_SIDE
-        plan = grid_plan_of(known, force_n, per_side)
-        settings |= {"force_n": force_n, "presses_per_side": per_side}
+        settings |= {"force_n": force_n}
+        if presses is not None:
+            plan = cover_plan_of(known, force_n, presses, seed=seed)
+            settings |= {"presses": presses}
+        else:
+            per_side = presses_per_side or PRESSES_PER_SIDE
+            plan = grid_plan_of(known, force_n, per_side)
+            settings |= {"presses_per_side": per_side}
     else:
         plan = program_plan_of(known, read_program(program, seed))
     if plant:
         settings["plant"] = [list(one) for one in plant]
+    if truth:
+        settings["truth"] = truth
+    true_map = _true_map(truth, known, plan, seed)
     inputs = [path for path in (study, program) if path is not None]
+    if truth and truth != RANDOM:
+        inputs.append(Path(truth))
+    share = PAPER_DEEPEST_SHARE if paper_force else None
+    plan, motion, refused = reachable(plan, scan_settings(seed, share), skip_unreachable)
+    if refused:
+        output.say(refused_table(refused))
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
         output.progress() as progress,
@@ -101,7 +127,7 @@ def run_scan_command(
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
         laboratory, _ = planned_laboratory(
-            run.path, known, plan, seed, plant, paper_force, on_fault
+            run.path, known, plan, settings_now, plant, true_map, motion
         )
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
@@ -125,7 +151,8 @@ def planned_laboratory(
     seed: int,
     plant: Sequence[tuple[str, float]] = (),
     paper_force: bool = False,
-    on_fault: OnFault = "skip",
+    truth: "TruthMap | None" = None,
+    motion: "Motion | None" = None,
 ) -> tuple[Laboratory, Study]:
     """Solve the body of a planned scan; write study.toml and truth.json into the run folder.
 
@@ -133,20 +160,33 @@ def planned_laboratory(
     ----------
     plant : see `run_scan_command`
     paper_force : the presses may go as deep as the body is high
+    truth, motion : where they are known already
 
     Returns
     -------
     the laboratory, and the study of what is known beforehand
     """
-    from sim.motion import ScanSettings
-
-    share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
-    settings = ScanSettings(seed=seed, deepest_share=share, on_fault=on_fault)
-    laboratory = build_laboratory(study, plan, settings, plant)
+    laboratory = build_laboratory(study, plan, settings, plant, truth, motion)
     known = known_of(study, run / "scan.csv", laboratory)
     write_study(known, run / "study.toml")
     write_truth(run, laboratory.hidden.body, laboratory.hidden.records)
     return laboratory, known
+
+
+def scan_settings(seed: int, deepest_share: float | None = None) -> "ScanSettings":
+    """Return the settings of a scan."""
+    from sim.motion import ScanSettings
+
+    return ScanSettings(seed=seed, deepest_share=deepest_share or ScanSettings.deepest_share)
+
+
+def _true_map(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> "TruthMap":
+    from palpmap.study.truth_file import read_truth
+    from sim.body import drawn_truth
+
+    if truth is None:
+        return default_truth(plan.body, seed)
+    return drawn_truth(plan.body, seed) if truth == RANDOM else read_truth(truth, study)
 
 
 def make_scan(
@@ -167,7 +207,7 @@ def make_scan(
     def on_press(result: "PressResult", reported: Scan) -> None:
         statistics[result.statistics.press] = result.statistics
         write_scan(reported, run / "scan.csv")
-        told = reported.rows(reported.press == result.statistics.press)
+        told = reported.rows(reported.press == laboratory.plan.ids[result.statistics.press])
         used = told.used()
         recording.press_done(
             result.statistics.press,
@@ -271,4 +311,23 @@ def scan_table(record: ScanRecord) -> "RenderableType":
         f"{record.simulated_s:.0f} s, {record.wall_s:.1f} s "
         f"({record.real_time_factor:.0f} times real time)",
     )
+    return table
+
+
+def refused_table(refused: "Sequence[Refusal]") -> "RenderableType":
+    """Return the presses that cannot be made, and why, as a table."""
+    from rich import box
+    from rich.table import Column, Table
+
+    table = Table(
+        "press",
+        "place, mm",
+        Column("why it is left out", overflow="fold"),
+        box=box.SIMPLE,
+        title=f"{len(refused)} presses cannot be made",
+        title_justify="left",
+    )
+    for one in refused:
+        place = ", ".join(f"{1e3 * value:.1f}" for value in one.point_m)
+        table.add_row(str(one.press), place, one.reason)
     return table

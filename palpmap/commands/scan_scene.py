@@ -32,7 +32,7 @@ def draw_scene(
     drawn = link_names(shapes)
     order = [LINKS.index(name) for name in drawn]
     modulus = laboratory.hidden.body.modulus  # with what is hidden in it
-    views = map_views(modulus, np.zeros(3), np.array(plan.body_size_m))
+    views = map_views(modulus, plan.body.lowest_m, plan.body.lowest_m + plan.body.extent_m)
     recording.truth(views, parameters)
     recording.scene(
         body.surface_nodes_m,

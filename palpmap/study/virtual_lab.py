@@ -11,16 +11,19 @@ import numpy as np
 
 from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
+from palpmap.study.body_model import support_of
 from palpmap.study.study import About, Map, Noise, Probe, Study
 
 if TYPE_CHECKING:
     from models import PressProgram
     from sim.body import SoftBody, TruthMap
-    from sim.motion import ScanPlan, ScanSettings
+    from sim.motion import BodySurface, Motion, Refusal, ScanPlan, ScanSettings
+    from sim.robot import Placement
     from sim.scan import Frame, PressOutcome, PressResult, RobotPlant, ScanRun
 
 DEFAULT_FORCE_N = 0.3
 PRESSES_PER_SIDE = 9
+MIDDLE_M = np.array([0.45, 0.0])  # of the body, before the arm
 MARGIN_SHARE = 1 / 8  # of the body's edges, from the rim to the first presses: 12 of 96 mm
 
 
@@ -34,6 +37,7 @@ class Laboratory:
     body : with the true map and the hidden effects in it
     hidden : hidden effects
     inclusions : of the true map without what is hidden
+    motion : of the arm, None is planned when the scan is made
     """
 
     plan: ScanPlan
@@ -41,6 +45,7 @@ class Laboratory:
     body: SoftBody
     hidden: RobotPlant
     inclusions: int
+    motion: Motion | None = None
 
     @property
     def truth(self) -> TruthMap:
@@ -76,7 +81,15 @@ class Laboratory:
             if on_press:
                 on_press(result, stack_scans(done))
 
-        made = run_scan(self.plan, self.body, self.settings, on_frame, reported, on_outcome)
+        made = run_scan(
+            self.plan,
+            self.body,
+            self.settings,
+            on_frame,
+            reported,
+            on_outcome,
+            motion=self.motion,
+        )
         if not done:
             first = made.outcomes[0]
             raise InputError(
@@ -91,31 +104,40 @@ def build_laboratory(
     settings: ScanSettings,
     plant: Sequence[tuple[str, float]] = (),
     truth: TruthMap | None = None,
+    motion: Motion | None = None,
 ) -> Laboratory:
     """Solve the body of a planned scan.
 
     Parameters
     ----------
     plant : effects to hide, with their sizes
-    truth : map in the body's frame; None scales the phantom's into the body
+    truth : map in the body's frame; None is `default_truth`
+    motion : of the plan, where it is known already
     """
     from sim.body import HiddenBody, SoftBody
     from sim.scan import plant_on_robot
 
-    size = block_of(study)
-    truth = truth or scaled_truth(size)
+    truth = truth or default_truth(plan.body, settings.seed)
+    block = study.body.size_m
+    if plant and block is None:
+        raise InputError(
+            'effects can be planted in blocks; the study has body.shape = "surface": leave out '
+            "--plant"
+        )
+    size = block or tuple(plan.body.extent_m)
     hidden = plant_on_robot(
         plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth)
     )
     body = SoftBody(
-        size,
+        block or (plan.body.vertices_m, plan.body.triangles),
         hidden.body.modulus if plant else truth,
         hidden.body.poisson_ratio,
         plan.tip_radius_m,
         plan.points_m,
         plan.directions,
+        support=support_of(study.body),
     )
-    return Laboratory(plan, settings, body, hidden, len(truth.inclusions))
+    return Laboratory(plan, settings, body, hidden, len(truth.inclusions), motion)
 
 
 def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
@@ -142,77 +164,166 @@ def default_study() -> Study:
     )
 
 
-def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:
-    """Plan a grid of presses on a study's block, row by row.
+def surface_of(study: Study) -> BodySurface:
+    """Return the surface of a study's body, body frame.
 
     Raises
     ------
     InputError
-        A study whose body or tip the laboratory does not have.
+        A tip that the laboratory does not have.
+    fem.errors.MeshError
+        A surface that cannot be used.
     """
-    from sim.motion import ScanPlan
+    from sim.motion import BodySurface
 
-    size = block_of(study)
-    points = _grid(size, per_side)
-    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
-    return ScanPlan(
-        points, down, force_n=force_n, tip_radius_m=study.probe.radius_m, body_size_m=size
-    )
-
-
-def program_plan_of(study: Study, program: PressProgram, **settings: object) -> ScanPlan:
-    """Plan the presses of a program, which is in the study's frame, on the study's block.
-
-    Raises
-    ------
-    InputError
-        A study whose body or tip the laboratory does not have, presses beside the block, or tips
-        of several radii.
-    """
-    from sim.motion import program_plan
-
-    size = block_of(study)
-    x, y, _ = study.body.origin_m
-    moved = replace(program, x_m=program.x_m - x, y_m=program.y_m - y)
-    return program_plan(moved, size, **settings)
-
-
-def scaled_truth(size: tuple[float, float, float]) -> TruthMap:
-    """Return the phantom's true map, its inclusion moved and scaled with the body."""
-    from sim.body import Inclusion, TruthMap
-
-    default, paper = TruthMap(), (0.096, 0.096, 0.048)
-    share = [s / p for s, p in zip(size, paper, strict=True)]
-    inclusions = tuple(
-        Inclusion(
-            inclusion.weight_pa,
-            tuple(c * s for c, s in zip(inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
-            inclusion.radius_m * min(share),
-        )
-        for inclusion in default.inclusions
-    )
-    return TruthMap(default.background_pa, inclusions)
-
-
-def block_of(study: Study) -> tuple[float, float, float]:
-    """Edges of a study's block, if it is one that the laboratory has, with a tip that it has."""
-    if study.body.size_m is None:
-        raise InputError(
-            f'the laboratory presses on blocks; the study has body.shape = "{study.body.shape}": '
-            "give a study of a block to scan"
-        )
-    if study.body.support != "base-bonded" or study.body.held_sides:
-        raise InputError(
-            "the laboratory's body is bonded at its base and free elsewhere; the study has "
-            f'body.support = "{study.body.support}" and held_sides = '
-            f'{list(study.body.held_sides)}: give support = "base-bonded" and no held_sides to scan'
-        )
     if study.probe.tip != "flat":
         raise InputError(
             'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '
             'probe.tip = "flat" to scan'
         )
-    return study.body.size_m
+    if study.body.size_m is not None:
+        return BodySurface.block(study.body.size_m)
+    from fem import check_underside, read_surface
+
+    surface = read_surface(str(study.body.file))
+    check_underside(surface)
+    return BodySurface(surface.vertices, surface.triangles)
+
+
+def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:
+    """Plan a grid of presses on a study's body: level rows on a block, else spread evenly."""
+    if study.body.size_m is None:
+        return cover_plan_of(study, force_n, per_side**2)
+    surface_of(study)
+    points = _grid(study.body.size_m, per_side)
+    down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    return _plan(study, points, down, force_n)
+
+
+def cover_plan_of(
+    study: Study,
+    force_n: float,
+    presses: int,
+    steepest_deg: float | None = None,
+    seed: int = 0,
+) -> ScanPlan:
+    """Plan presses that cover the upper surface of a study's body evenly, along its normals.
+
+    Raises
+    ------
+    InputError
+        A tip that the laboratory does not have, or a body without room for the presses.
+    """
+    from sim.motion import STEEPEST_DEG
+
+    steepest = STEEPEST_DEG if steepest_deg is None else steepest_deg
+    footing = surface_of(study).cover(presses, study.probe.radius_m, steepest, seed)
+    return _plan(study, footing.points_m, -footing.normals, force_n)
+
+
+def _plan(study: Study, points: np.ndarray, directions: np.ndarray, force_n: float) -> ScanPlan:
+    from sim.motion import ScanPlan
+
+    surface = surface_of(study)
+    block = study.body.size_m
+    return ScanPlan(
+        points,
+        directions,
+        force_n=force_n,
+        tip_radius_m=study.probe.radius_m,
+        body_size_m=block or tuple(surface.extent_m),
+        body_in_world=stand_of(surface),
+        surface=None if block else surface,
+    )
+
+
+def stand_of(surface: BodySurface) -> Placement:
+    """Return where a body stands: on the table, its middle before the arm."""
+    from sim.robot import Placement
+
+    low = surface.lowest_m
+    x, y = MIDDLE_M - low[:2] - surface.extent_m[:2] / 2
+    return Placement((float(x), float(y), float(-low[2])))
+
+
+def reachable(
+    plan: ScanPlan, settings: ScanSettings, skip: bool = False
+) -> tuple[ScanPlan, Motion, tuple[Refusal, ...]]:
+    """Plan the motion of all presses, before any body is solved.
+
+    Parameters
+    ----------
+    skip : leave out presses that cannot be made
+
+    Returns
+    -------
+    the plan and the motion of the presses that can be made, and those that cannot
+
+    Raises
+    ------
+    InputError
+        No press can be made, or, without `skip`, some cannot.
+    """
+    from sim.motion import Motion, plan_motion
+    from sim.robot import build_laboratory as build_arm
+
+    arm = build_arm(plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s)
+    motion = plan_motion(plan, arm, settings)
+    if not motion.refused:
+        return plan, motion, ()
+    if not motion.presses or not skip:
+        count = len(motion.refused)
+        more = f" ({count} of {len(plan)} presses cannot be made)" if count > 1 else ""
+        hint = "" if not motion.presses else "; --skip-unreachable makes the others"
+        raise InputError(f"{motion.refused[0]}{more}{hint}")
+    kept = np.delete(np.arange(len(plan)), [refusal.press for refusal in motion.refused])
+    return plan.only(kept), Motion(motion.presses), motion.refused
+
+
+def program_plan_of(study: Study, program: PressProgram, **settings: object) -> ScanPlan:
+    """Plan the presses of a program, which is in the study's frame, on the study's body.
+
+    Raises
+    ------
+    InputError
+        A tip that the laboratory does not have, presses beside the body, or tips of several radii.
+    """
+    from sim.motion import program_plan
+
+    surface = surface_of(study)
+    x, y, z = study.body.origin_m
+    moved = replace(program, x_m=program.x_m - x, y_m=program.y_m - y, z_m=program.z_m - z)
+    return program_plan(
+        moved, study.body.size_m or surface, body_in_world=stand_of(surface), **settings
+    )
+
+
+def default_truth(surface: BodySurface, seed: int = 0) -> TruthMap:
+    """Return the phantom's map scaled into a body, or one drawn by seed where it does not fit."""
+    from sim.body import drawn_truth
+
+    scaled = scaled_truth(tuple(surface.extent_m), surface.lowest_m)
+    centres = np.array([inclusion.centre_m for inclusion in scaled.inclusions])
+    block = len(surface.triangles) == 12
+    return scaled if block and surface.contains(centres).all() else drawn_truth(surface, seed)
+
+
+def scaled_truth(size: tuple[float, ...], low: np.ndarray | None = None) -> TruthMap:
+    """Return the phantom's true map, its inclusion moved and scaled with the body."""
+    from sim.body import Inclusion, TruthMap
+
+    default, paper = TruthMap(), (0.096, 0.096, 0.048)
+    share = [s / p for s, p in zip(size, paper, strict=True)]
+    start = np.zeros(3) if low is None else low
+    inclusions = tuple(
+        Inclusion(
+            inclusion.weight_pa,
+            tuple(o + c * s for o, c, s in zip(start, inclusion.centre_m, share, strict=True)),  # pyright: ignore[reportArgumentType]
+            inclusion.radius_m * min(share),
+        )
+        for inclusion in default.inclusions
+    )
+    return TruthMap(default.background_pa, inclusions)
 
 
 def _grid(size: tuple[float, float, float], per_side: int) -> np.ndarray:

@@ -138,7 +138,11 @@ def _pressed_record(bench: Bench, planted: tuple[Planted, ...]) -> dict[str, Any
     program = bench.program
     return {
         "radii_m": sorted(set(program.radius_m.tolist())),
-        "program": {f.name: getattr(program, f.name).tolist() for f in fields(program)},
+        "program": {
+            f.name: column.tolist()
+            for f in fields(program)
+            if not np.isnan(column := getattr(program, f.name)).all()
+        },
         "compliance_m_per_n": bench.compliance(body=body).tolist(),
     }
 

@@ -2,6 +2,14 @@
 
 from sim.body.soft_body import SoftBody, forget_models
 from sim.body.true_body import PAPER_SIZE_M, HiddenBody
-from sim.body.true_map import Inclusion, TruthMap
+from sim.body.true_map import Inclusion, TruthMap, drawn_truth
 
-__all__ = ["PAPER_SIZE_M", "HiddenBody", "Inclusion", "SoftBody", "TruthMap", "forget_models"]
+__all__ = [
+    "PAPER_SIZE_M",
+    "HiddenBody",
+    "Inclusion",
+    "SoftBody",
+    "TruthMap",
+    "drawn_truth",
+    "forget_models",
+]

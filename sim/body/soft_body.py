@@ -1,11 +1,11 @@
 """The soft body of the virtual laboratory: the finite element model of all planned presses.
 
-All contacts are solved at once, with one factorisation. The body is linear, so that under a force
-F at press j the whole body moves by F times the solution for 1 N there: the contact gets that
-column of the tetrahedral solution at each exchange, not a law fitted to it. The tip's travel is
-that of two meshes extrapolated (`fem.palpation.richardson`), the surface that of the finer one. The
-meshes are the laboratory's own (finer than the identifier's and cut differently), and so is its
-stiffness map.
+A block is meshed regularly, any other shape from its surface. All contacts are solved at once, with
+one factorisation. The body is linear, so that under a force F at press j the whole body moves by F
+times the solution for 1 N there: the contact gets that column of the tetrahedral solution at each
+exchange, not a law fitted to it. The tip's travel on a block is that of two meshes extrapolated
+(`fem.palpation.richardson`), the surface that of the finer one. The meshes are the laboratory's own
+(finer than the identifier's and cut differently), and so is its stiffness map.
 
 `block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps its solutions.
 """
@@ -19,7 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
+from fem import (
+    Contacts,
+    Mesh,
+    PalpationModel,
+    RefinedModel,
+    Support,
+    Surface,
+    block_mesh,
+    tetrahedralize_surface,
+)
 from fem.contact import half_space_matrix, patch_grid
 from fem.palpation import RefinedResponse, Response, travel_under
 from sim.body.true_body import HiddenBody
@@ -30,20 +39,25 @@ SKINNED = 10 / 7  # times as many cells a side: a skin's effect reaches about a 
 PATCHES = 12  # across a tip, where its pressure is solved for
 UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
+CELLS = float(np.prod(DIVISIONS))
+SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
 Divisions = tuple[int, int, int]
 
 
 class SoftBody:
-    """A block bonded to its base, pressed by a flat tip.
+    """A body on its support, pressed by a flat tip.
 
     Parameters
     ----------
-    size_m : edges of the block, from the body frame's origin
+    shape : edges of a block from the body frame's origin, m; or vertices (n, 3) m and triangles
+        (t, 3) of a closed surface
     modulus : Young's modulus (p,) Pa at points (p, 3) m
     poisson_ratio : of the whole body
-    tip_radius_m : of the flat tip
+    tip_radius_m : of the flat tip, one or (j,)
     points_m, directions : (j, 3) contacts, body frame, in the order of the presses
-    divisions : of the finer mesh, see `fem.block_mesh`
+    divisions : of a block's finer mesh, see `fem.block_mesh`; another shape gets as many cells
+    support : of the base, None is bonded
+    profile : of the pressure, see `fem.Contacts`
 
     Attributes
     ----------
@@ -55,27 +69,32 @@ class SoftBody:
 
     def __init__(
         self,
-        size_m: tuple[float, float, float],
+        shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray],
         modulus: Callable[[np.ndarray], np.ndarray],
         poisson_ratio: float,
-        tip_radius_m: float,
+        tip_radius_m: float | np.ndarray,
         points_m: np.ndarray,
         directions: np.ndarray,
         divisions: tuple[int, int, int] = DIVISIONS,
+        support: Support | None = None,
+        profile: str = "flat",
     ) -> None:
-        coarser = [max(round(COARSENING * count), 1) for count in divisions]
-        mesh, other = (block_mesh(size_m, counts, split=SPLIT) for counts in (divisions, coarser))
-        radius = np.full(len(points_m), tip_radius_m)
-        contacts = Contacts(points_m, directions, radius, "flat")
-        fine = PalpationModel(mesh, poisson_ratio, contacts)
-        model = RefinedModel(PalpationModel(other, poisson_ratio, contacts), fine)
+        radius = np.broadcast_to(tip_radius_m, len(points_m))
+        contacts = Contacts(points_m, directions, radius, profile)
+        meshes = true_meshes(shape, divisions)
+        models = [PalpationModel(m, poisson_ratio, contacts, support=support) for m in meshes]
+        model = RefinedModel(*models) if len(models) == 2 else models[0]
         self.modulus = modulus
         solved = model.evaluate(modulus(model.points_m))
-        self._response = solved.fine
+        self._response = solved.fine if isinstance(solved, RefinedResponse) else solved
         self.compliance_m_per_n = np.asarray(solved.compliance)
+        mesh = meshes[-1]
         self.nodes, self.cells = len(mesh.nodes), len(mesh.cells)
-        quadratic = np.vstack([mesh.surface(name) for name in ("top", "sides")])
-        self._surface, local = np.unique(_split(quadratic), return_inverse=True)
+        free = np.vstack([mesh.surface(s) for s in ("top", "sides") if s in mesh.surfaces])
+        block = len(meshes) == 2
+        self._surface, local = np.unique(
+            _split(free) if block else free[:, :3], return_inverse=True
+        )
         self.surface_triangles = local.reshape(-1, 3)
         self.surface_nodes_m = mesh.nodes[self._surface]
         self._unit_displacement = lru_cache(maxsize=4)(self._solve_surface)
@@ -99,6 +118,18 @@ class SoftBody:
 
     def _solve_surface(self, press: int) -> np.ndarray:
         return self._response.displacement(press)[self._surface]
+
+
+def true_meshes(
+    shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray], divisions: Divisions
+) -> list[Mesh]:
+    """Return the laboratory's own meshes of a shape: two of a block, the second finer, else one."""
+    if len(shape) == 3:
+        coarser = [max(round(COARSENING * count), 1) for count in divisions]
+        return [block_mesh(shape, counts, split=SPLIT) for counts in (coarser, divisions)]
+    surface = Surface(*shape)
+    edge = float(np.cbrt(surface.volume) / (SURFACE_EDGES * np.cbrt(np.prod(divisions) / CELLS)))
+    return [tetrahedralize_surface(*surface, edge)]
 
 
 def block_compliance(

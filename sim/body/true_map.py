@@ -9,6 +9,10 @@ import numpy as np
 from scipy.special import erf
 
 from models import InputError
+from sim.motion import BodySurface
+
+TRIES = 200
+"""Places drawn for inclusions, of which most are too near to the surface or to each other."""
 
 
 def _spot(distance: np.ndarray, share: float) -> np.ndarray:
@@ -117,3 +121,38 @@ class TruthMap:
                 for i in self.inclusions
             ],
         }
+
+
+def drawn_truth(surface: BodySurface, seed: int, inclusions: int = 1) -> TruthMap:
+    """Draw a map at random: stiff inclusions under the upper surface of a body.
+
+    Each lies as deep as its radius to three times that, where the body is thick enough for it.
+
+    Parameters
+    ----------
+    surface : of the body, in whose frame the map is
+    seed : of the draw
+    inclusions : their number
+    """
+    rng = np.random.default_rng([seed, 6])
+    background = float(np.exp(rng.uniform(np.log(4e3), np.log(1e4))))
+    spots: list[Inclusion] = []
+    low, extent = surface.lowest_m, surface.extent_m
+    for _ in range(TRIES):
+        if len(spots) == inclusions:
+            break
+        place = low[:2] + extent[:2] * rng.uniform(0.2, 0.8, 2)
+        top = surface.top(place[None])[0]
+        if np.isnan(top[2]):
+            continue
+        thick = surface.thickness_m(top, np.array([0.0, 0.0, -1.0]))
+        radius = float(rng.uniform(0.15, 0.25) * thick)
+        centre = top - [0.0, 0.0, min(float(rng.uniform(1.0, 2.0)) * radius + radius, 0.6 * thick)]
+        apart = all(
+            np.linalg.norm(centre - spot.centre_m) > 2 * (radius + spot.radius_m) for spot in spots
+        )
+        room = np.abs(surface.closest(centre[None])[0][0] - centre).max() > radius
+        if apart and room:
+            weight = background * float(rng.uniform(1.5, 4.0))
+            spots.append(Inclusion(weight, tuple(centre.tolist()), radius))
+    return TruthMap(background, tuple(spots))

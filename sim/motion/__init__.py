@@ -1,6 +1,17 @@
-"""Motion of the arm: planner, clearance, paths, scripted motions."""
+"""Motion of the arm: planner, clearance, paths, scripted motions; the surface it moves over."""
 
+from sim.motion.body_surface import STEEPEST_DEG, BodySurface
+from sim.motion.planner import Motion, Refusal, plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
 
-__all__ = ["ScanPlan", "ScanSettings", "program_plan"]
+__all__ = [
+    "STEEPEST_DEG",
+    "BodySurface",
+    "Motion",
+    "Refusal",
+    "ScanPlan",
+    "ScanSettings",
+    "plan_motion",
+    "program_plan",
+]

@@ -1,7 +1,12 @@
-"""Plan the whole scan before the arm moves: reach, limits, speed, clearance, one elbow."""
+"""Plan the whole scan before the arm moves: reach, limits, speed, clearance.
+
+A press is tried from several configurations of the arm, the one of the press before first, and the
+way to it straight or by poses drawn back. What cannot be pressed is said for all presses at once.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +19,7 @@ from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
+from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S
 from sim.robot.inverse_kinematics import Reached, TipKinematics
 from sim.robot.laboratory import Laboratory
 
@@ -22,8 +28,53 @@ LIMIT_FRACTION = 0.5
 
 CLEARANCE_M = 0.003
 TRANSIT_CLEARANCE_M = 0.001
+NEAR_M = 0.01  # distances on the way that are of interest
+SAME_RAD = 1e-3  # configurations that differ by less are one
 DRAW_BACK_M = 0.06
-LARGEST_ELBOW_STEP_RAD = 0.6
+RESTARTS = 25  # random starts of the inverse kinematics, where the usual ones do not do
+DRAWN_ITERATIONS = 40
+MOST_POSTURES = 6  # configurations that are tried for one press
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A press that cannot be made.
+
+    Attributes
+    ----------
+    press : its number in the plan
+    point_m, direction : (3,) m and unit, body frame
+    reason : what stops it, and what to do
+    """
+
+    press: int
+    point_m: np.ndarray
+    direction: np.ndarray
+    reason: str
+
+    def __str__(self) -> str:
+        direction = np.round(self.direction, 3).tolist()
+        return f"Press {self.press} at {_mm(self.point_m)} mm, direction {direction}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Planned motion of a scan.
+
+    Attributes
+    ----------
+    presses : ready to be made, in order
+    refused : presses of the plan that cannot be made; `presses` are the others
+    """
+
+    presses: tuple[PlannedPress, ...]
+    refused: tuple[Refusal, ...] = ()
+
+    def require_all(self) -> tuple[PlannedPress, ...]:
+        """Return the presses, or raise `InputError` for the first that cannot be made."""
+        if self.refused:
+            raise InputError(str(self.refused[0]))
+        return self.presses
 
 
 @dataclass(frozen=True)
@@ -53,33 +104,31 @@ class PlannedPress:
 def plan_motion(
     plan: ScanPlan,
     laboratory: Laboratory,
-    lift_m: float = 0.005,
-    depth_m: float = 0.02,
-    fastest_m_per_s: float = 0.1,
-    hardest_m_per_s2: float = 0.5,
-) -> tuple[PlannedPress, ...]:
-    """Find configurations and paths for all presses.
+    settings: ScanSettings | None = None,
+    fastest_m_per_s: float = FASTEST_M_PER_S,
+    hardest_m_per_s2: float = ACCELERATION_M_PER_S2,
+) -> Motion:
+    """Find configurations and paths for all presses; no body is needed for that.
 
     Parameters
     ----------
-    lift_m : height above the surface at which a press starts and ends
-    depth_m : largest depth to be reached
+    plan : where, in which direction and how hard to press
+    laboratory : with the arm
+    settings : lift, largest depth and friction
     fastest_m_per_s, hardest_m_per_s2 : largest speed and acceleration of the tip along the press
         direction
-
-    Raises
-    ------
-    InputError
-        A press that is out of reach, against a joint limit, in collision or too fast; it names
-        press and pose.
     """
-    planner = _Planner(laboratory, lift_m, depth_m, fastest_m_per_s, hardest_m_per_s2)
-    points = plan.body_in_world.points_to_world(plan.points_m)
-    directions = plan.body_in_world.vectors_to_world(plan.directions)
-    presses: list[PlannedPress] = []
-    for point, direction in zip(points, directions, strict=True):
-        presses.append(planner.press(len(presses), point, direction, presses))
-    return tuple(presses)
+    settings = settings or ScanSettings()
+    planner = _Planner(plan, laboratory, settings, fastest_m_per_s, hardest_m_per_s2)
+    refused: list[Refusal] = []
+    made: list[PlannedPress] = []
+    for number in range(len(plan)):
+        try:
+            made.append(planner.press(number, made))
+        except _CannotPress as reason:
+            point, direction = plan.points_m[number], plan.directions[number]
+            refused.append(Refusal(number, point, direction, str(reason)))
+    return Motion(tuple(made), tuple(refused))
 
 
 def refuse_too_deep(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
@@ -121,76 +170,120 @@ def transit_duration(laboratory: Laboratory, start: np.ndarray, end: np.ndarray)
     return max(0.3, float(by_speed.max()), float(by_acceleration.max()))
 
 
+class _CannotPress(Exception):
+    """Why a press cannot be made."""
+
+
 class _Planner:
     def __init__(
         self,
+        plan: ScanPlan,
         laboratory: Laboratory,
-        lift_m: float,
-        depth_m: float,
+        settings: ScanSettings,
         fastest: float,
         hardest: float,
     ) -> None:
-        self.laboratory = laboratory
+        self.plan, self.laboratory, self.settings = plan, laboratory, settings
+        self.points = plan.body_in_world.points_to_world(plan.points_m)
+        self.directions = plan.body_in_world.vectors_to_world(plan.directions)
         self.kinematics = TipKinematics(laboratory.arm)
-        self.clearance = Clearance(laboratory.model)
-        self.lift_m, self.depth_m = lift_m, depth_m
+        self.clearance = Clearance(laboratory, plan.body, plan.body_in_world)
+        self.tilts = plan.tilts_rad()
         # Largest turn of each joint for a metre of depth
         self.most_turn = LIMIT_FRACTION * np.minimum(
             laboratory.speed_limit / fastest, laboratory.acceleration_limit / hardest
         )
 
-    def press(
-        self, number: int, point: np.ndarray, direction: np.ndarray, before: list[PlannedPress]
+    def press(self, number: int, before: list[PlannedPress]) -> PlannedPress:
+        """Plan a press after those before, or raise `_CannotPress`."""
+        point, direction = self.points[number], self.directions[number]
+        self._check_friction(number)
+        force, settings = self.plan.force_of(number), self.settings
+        depth = min(settings.largest_depth(force), self.plan.thickness_m(number))
+        first: _CannotPress | None = None
+        for touch in self._touches(point, direction, before[-1].touch if before else None):
+            try:
+                return self._from(touch, point, direction, depth, before)
+            except _CannotPress as reason:
+                first = first or reason
+        assert first is not None  # no configuration at all raises itself
+        raise first
+
+    def _from(
+        self,
+        touch: np.ndarray,
+        point: np.ndarray,
+        direction: np.ndarray,
+        depth: float,
+        before: list[PlannedPress],
     ) -> PlannedPress:
-        home = self.laboratory.home
-        where = (
-            f"Press {number} at {_mm(point)} mm, direction {np.round(direction, 3).tolist()} "
-            "(world frame)"
-        )
-        last_touch = before[-1].touch if before else home
-        touch = self._touch(where, point, direction, last_touch)
-        path, failed = press_path(
-            self.kinematics, point, direction, touch, -self.lift_m, self.depth_m
-        )
+        """Plan a press that touches in a given configuration."""
+        lift = self.settings.lift_m
+        path, failed = press_path(self.kinematics, point, direction, touch, -lift, depth)
         if path is None:
             reached = self.kinematics.reach(point + failed * direction, direction, touch)
-            raise InputError(
-                f"{where}: {self._why(point + failed * direction, direction, reached)} at depth "
+            raise _CannotPress(
+                f"{self._why(point + failed * direction, direction, reached)} at depth "
                 f"{failed * 1e3:.0f} mm. Move the body nearer to the middle of the arm's range "
                 "or press less deep."
             )
-        approach = path.at(-self.lift_m)[0]
-        distance = self._check_clearance(where, approach, touch)
-        self._check_speed(where, path)
-        last = before[-1].approach if before else home
-        if before and np.abs(touch - last_touch).max() > LARGEST_ELBOW_STEP_RAD:
-            raise InputError(
-                f"{where}: the elbow would swing by {np.abs(touch - last_touch).max():.2f} rad "
-                f"from the press before (at most {LARGEST_ELBOW_STEP_RAD} rad). Order the presses "
-                "so that neighbours follow each other, or move the body away from the edge of the "
-                "arm's range."
-            )
-        waypoints = self._transit(where, last, approach, point, direction)
+        approach = path.at(-lift)[0]
+        distance = self._check_clearance(approach, touch)
+        self._check_speed(path)
+        last = before[-1].approach if before else self.laboratory.home
+        waypoints = self._transit(last, approach, point, direction)
         return PlannedPress(point, direction, path, approach, touch, waypoints, distance)
 
-    def _touch(
-        self, where: str, point: np.ndarray, direction: np.ndarray, last: np.ndarray
-    ) -> np.ndarray:
+    def _check_friction(self, number: int) -> None:
+        tilt, friction = self.tilts[number], self.settings.friction
+        if np.tan(tilt) > friction or tilt >= np.pi / 2:
+            raise _CannotPress(
+                f"the push leaves the friction cone: it is {np.degrees(tilt):.0f} degrees from the "
+                f"surface's normal, and with a friction of {friction:g} the tip slips beyond "
+                f"{np.degrees(np.arctan(friction)):.0f}. Press along the normal."
+            )
+
+    def _touches(
+        self, point: np.ndarray, direction: np.ndarray, last: np.ndarray | None
+    ) -> Iterator[np.ndarray]:
+        """Yield configurations that touch, the nearest to the press before first.
+
+        Random starts follow only where all of these are refused.
+        """
         home = self.laboratory.home
         turned = home.copy()
         turned[0] = np.arctan2(point[1], point[0])
+        rng = np.random.default_rng(0)
+        low, high = self.kinematics.low, self.kinematics.high
+        starts = [start for start in (last, home, turned) if start is not None]
         best: Reached | None = None
-        for seed in (last, home, turned):
-            reached = self.kinematics.reach(point, direction, seed, posture=home)
-            if reached.converged:
-                return reached.q
+        found: list[np.ndarray] = []
+        far = np.linalg.norm(point - PROBE_LENGTH_M * direction - SHOULDER_M) > REACH_M
+        for i in range(len(starts) + (0 if far else RESTARTS)):
+            start = starts[i] if i < len(starts) else rng.uniform(low, high)
+            drawn = self.kinematics.reach(
+                point, direction, start, posture=home, iterations=DRAWN_ITERATIONS
+            )
+            # The pull of the posture dies away slowly; without it Newton ends in a few steps
+            reached = (
+                drawn
+                if drawn.converged
+                else self.kinematics.reach(point, direction, drawn.q, iterations=DRAWN_ITERATIONS)
+            )
             if best is None or reached.error < best.error:
                 best = reached
-        assert best is not None  # three seeds were tried
-        raise InputError(
-            f"{where}: {self._why(point, direction, best)}. Move the body, turn it, or leave "
-            "this press out."
-        )
+            known = any(np.abs(reached.q - q).max() < SAME_RAD for q in found)
+            if reached.converged and not known:
+                found.append(reached.q)
+                yield reached.q
+                if len(found) == MOST_POSTURES:
+                    return
+        if not found:
+            assert best is not None  # some starts were tried
+            raise _CannotPress(
+                f"{self._why(point, direction, best)}. Move the body, turn it, or leave this press "
+                "out."
+            )
 
     def _why(self, point: np.ndarray, direction: np.ndarray, reached: Reached) -> str:
         """Return the reason for which a pose was not reached."""
@@ -209,52 +302,48 @@ class _Planner:
             f"out of reach: the tip stays {reached.error * 1e3:.1f} mm or mrad away from the pose"
         )
 
-    def _check_clearance(self, where: str, approach: np.ndarray, touch: np.ndarray) -> float:
+    def _check_clearance(self, approach: np.ndarray, touch: np.ndarray) -> float:
         distance, part, obstacle = self.clearance.nearest(approach)
         if distance >= CLEARANCE_M:
             at_touch = self.clearance.nearest(touch, tip_may_touch=True)
             if at_touch[0] >= CLEARANCE_M:
                 return distance
             distance, part, obstacle = at_touch
-        raise InputError(
-            f"{where}: collision: {part} would come within {distance * 1e3:.1f} mm of {obstacle} "
+        raise _CannotPress(
+            f"collision: {part} would come within {distance * 1e3:.1f} mm of {obstacle} "
             f"(at least {CLEARANCE_M * 1e3:.0f} mm wanted). Move the body, tilt the press away, or "
             "leave this press out."
         )
 
-    def _check_speed(self, where: str, path: PressPath) -> None:
+    def _check_speed(self, path: PressPath) -> None:
         for depth in np.linspace(path.start_m, path.end_m, 5):
             turn = np.abs(path.at(depth)[1])
             worst = int((turn / self.most_turn).argmax())
             if turn[worst] > self.most_turn[worst]:
-                raise InputError(
-                    f"{where}: joint{worst + 1} would turn by {turn[worst]:.2f} rad for each metre "
+                raise _CannotPress(
+                    f"joint{worst + 1} would turn by {turn[worst]:.2f} rad for each metre "
                     f"of depth; half of its limits of speed and acceleration allow "
                     f"{self.most_turn[worst]:.2f}. Approach more slowly or move the body away from "
                     "the edge of the arm's range."
                 )
 
     def _transit(
-        self,
-        where: str,
-        start: np.ndarray,
-        end: np.ndarray,
-        point: np.ndarray,
-        direction: np.ndarray,
+        self, start: np.ndarray, end: np.ndarray, point: np.ndarray, direction: np.ndarray
     ) -> tuple[tuple[np.ndarray, float], ...]:
-        """Straight to the approach pose, or by way of poses drawn back from it and from start."""
+        """Straight to the approach pose, or by poses drawn back from it and from start, or home."""
         tip, turn = self.kinematics.pose(start)
-        back_start = self.kinematics.reach(tip - DRAW_BACK_M * turn[:, 2], turn[:, 2], start)
-        back_end = self.kinematics.reach(point - DRAW_BACK_M * direction, direction, end)
-        nearest = (np.inf, "", "")
-        for via in ([], [back_end.q], [back_start.q, back_end.q]):
-            stations = [start, *via, end]
-            legs = list(pairwise(stations))
-            nearest = min(self._nearest_on_way(a, b) for a, b in legs)
-            if nearest[0] >= TRANSIT_CLEARANCE_M:
+        back_start = self.kinematics.reach(tip - DRAW_BACK_M * turn[:, 2], turn[:, 2], start).q
+        back_end = self.kinematics.reach(point - DRAW_BACK_M * direction, direction, end).q
+        nearest = (-np.inf, "", "")
+        home = self.laboratory.home
+        for via in ([], [back_end], [back_start, back_end], [back_start, home, back_end]):
+            legs = list(pairwise([start, *via, end]))
+            found = min(self._nearest_on_way(a, b) for a, b in legs)
+            if found[0] >= TRANSIT_CLEARANCE_M:
                 return tuple((b, transit_duration(self.laboratory, a, b)) for a, b in legs)
-        raise InputError(
-            f"{where}: collision on the way there: {nearest[1]} would come within "
+            nearest = max(nearest, found)
+        raise _CannotPress(
+            f"collision on the way there: {nearest[1]} would come within "
             f"{nearest[0] * 1e3:.1f} mm of {nearest[2]}. Order the presses so that neighbours "
             "follow each other, or raise the lift height."
         )
@@ -262,7 +351,8 @@ class _Planner:
     def _nearest_on_way(self, start: np.ndarray, end: np.ndarray) -> tuple[float, str, str]:
         count = 3 + int(np.abs(end - start).max() / 0.05)
         return min(
-            self.clearance.nearest(start + s * (end - start)) for s in np.linspace(0, 1, count)
+            self.clearance.nearest(start + s * (end - start), within_m=NEAR_M)
+            for s in np.linspace(0, 1, count)
         )
 
 

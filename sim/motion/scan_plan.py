@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from models import InputError, PressProgram
+from sim.motion.body_surface import BodySurface
 from sim.robot.laboratory import Placement
 
 UNIT_TOLERANCE = 1e-6
+OFF_SURFACE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -22,9 +25,11 @@ class ScanPlan:
     directions : (j, 3) unit, into the body, body frame
     force_n : N, set force of every press; of a program, the largest
     tip_radius_m : m, of the flat tip
-    body_size_m : edges of the box that bounds the body, from the body frame's origin
+    body_size_m : edges of the block, from the body frame's origin
+    surface : of the body, where it is no block
     body_in_world : where the body stands
     program : force, durations and rest of each press, where they differ; see `program_plan`
+    press_ids : (j,) numbers of the presses in the scan; None counts from 0
     """
 
     points_m: np.ndarray
@@ -34,6 +39,8 @@ class ScanPlan:
     body_size_m: tuple[float, float, float] = (0.096, 0.096, 0.048)
     body_in_world: Placement = field(default_factory=Placement)
     program: PressProgram | None = None
+    surface: BodySurface | None = None
+    press_ids: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         for name in ("points_m", "directions"):
@@ -68,29 +75,57 @@ class ScanPlan:
         """Set force of a press, N."""
         return self.force_n if self.program is None else float(self.program.force_n[press])
 
+    @property
+    def ids(self) -> np.ndarray:
+        """Numbers of the presses in the scan, (j,)."""
+        return np.arange(len(self)) if self.press_ids is None else self.press_ids
+
+    @cached_property
+    def body(self) -> BodySurface:
+        """Surface of the body, undeformed."""
+        return self.surface or BodySurface.block(self.body_size_m)
+
     def thickness_m(self, press: int) -> float:
-        """Length of a press's line inside the body's box, m."""
-        point, along = self.points_m[press], self.directions[press]
-        end = np.where(along > 0, self.body_size_m, 0.0)
-        moving = np.abs(along) > UNIT_TOLERANCE
-        return float(((end - point)[moving] / along[moving]).min())
+        """Length of a press's line inside the body, m."""
+        return self.body.thickness_m(self.points_m[press], self.directions[press])
+
+    def tilts_rad(self) -> np.ndarray:
+        """Angles between the presses and the surface's inward normals, (j,) rad."""
+        radii = np.full(len(self), self.tip_radius_m)
+        cosine = -np.einsum(
+            "ji,ji->j", self.body.footing(self.points_m, radii).normals, self.directions
+        )
+        return np.arccos(np.clip(cosine, -1, 1))
+
+    def only(self, presses: np.ndarray) -> ScanPlan:
+        """Return the plan of some of the presses (their numbers), in that order."""
+        program = self.program and self.program.only(presses)
+        return replace(
+            self,
+            points_m=self.points_m[presses],
+            directions=self.directions[presses],
+            program=program,
+            press_ids=self.ids[presses],
+        )
 
 
 def program_plan(
-    program: PressProgram, body_size_m: tuple[float, float, float], **settings: object
+    program: PressProgram,
+    body: tuple[float, float, float] | BodySurface,
+    **settings: object,
 ) -> ScanPlan:
-    """Plan the presses of a program on the top of a block.
+    """Plan the presses of a program on a body.
 
     Parameters
     ----------
-    program : the presses
-    body_size_m : edges of the block
+    program : the presses, in the body's frame
+    body : edges of a block, or a surface
     **settings : further fields of `ScanPlan`
 
     Raises
     ------
     InputError
-        Tips of several radii: the arm carries one; or a tip that hangs over the block's edge.
+        Tips of several radii: the arm carries one; or a tip that does not lie on the body.
     """
     radii = np.unique(program.radius_m)
     if len(radii) > 1:
@@ -98,26 +133,56 @@ def program_plan(
             f"The program has tips of {len(radii)} radii ({radii[0]:g} to {radii[-1]:g} m) and the "
             "robot carries one: split the program by radius_m and make one scan of each."
         )
-    points = np.column_stack(
-        [program.x_m, program.y_m, np.full(len(program), float(body_size_m[2]))]
-    )
-    room = np.minimum(points[:, :2], np.array(body_size_m[:2]) - points[:, :2]).min(axis=1)
-    if room.min() < radii[0]:
-        j = int(room.argmin())
+    surface = body if isinstance(body, BodySurface) else None
+    size: tuple[float, ...] = tuple(body.extent_m) if isinstance(body, BodySurface) else body
+    shape = surface or BodySurface.block(size)  # pyright: ignore[reportArgumentType]
+    points = np.column_stack([program.x_m, program.y_m, program.z_m])
+    above = np.isnan(program.z_m)
+    points[above] = shape.top(points[above, :2])
+    _refuse_beside(points, shape)
+    footing = shape.footing(points, program.radius_m)
+    points = np.where(above[:, None], points, footing.points_m)
+    given = program.direction / np.linalg.norm(program.direction, axis=1, keepdims=True)
+    directions = np.where(np.isnan(given), -footing.normals, given)
+    borne = shape.bears(points, -directions, program.radius_m)
+    if not borne.all():
+        j = int(np.flatnonzero(~borne)[0])
         raise InputError(
             f"Press {j} of the program at x_m {points[j, 0]:g}, y_m {points[j, 1]:g}: its tip of "
-            f"{radii[0]:g} m radius hangs over the edge of the block of {body_size_m[0]:g} x "
-            f"{body_size_m[1]:g} m."
+            f"{program.radius_m[j]:g} m radius hangs over the edge of the body of "
+            f"{size[0]:.3g} x {size[1]:.3g} m."
         )
     return ScanPlan(
         points,
-        np.tile([0.0, 0.0, -1.0], (len(program), 1)),
+        directions,
         force_n=float(program.force_n.max()),
         tip_radius_m=float(radii[0]),
-        body_size_m=body_size_m,
+        body_size_m=size,  # pyright: ignore[reportArgumentType]
         program=program,
+        surface=surface,
         **settings,  # pyright: ignore[reportArgumentType]
     )
+
+
+def _refuse_beside(points: np.ndarray, body: BodySurface) -> None:
+    """Refuse presses beside the body or off its surface."""
+    beside = np.flatnonzero(np.isnan(points[:, 2]))
+    if len(beside):
+        low, high = body.vertices_m.min(axis=0), body.vertices_m.max(axis=0)
+        j = int(beside[0])
+        raise InputError(
+            f"Press {j} of the program at x_m {points[j, 0]:g}, y_m {points[j, 1]:g}: there is no "
+            f"body, and its tip hangs over the edge; the body reaches from {low[0]:.4g} to "
+            f"{high[0]:.4g} m in x and from {low[1]:.4g} to {high[1]:.4g} m in y."
+        )
+    off = np.linalg.norm(body.closest(points)[0] - points, axis=1)
+    if off.max() > OFF_SURFACE_M:
+        j = int(off.argmax())
+        raise InputError(
+            f"Press {j} of the program at {np.round(1e3 * points[j], 2).tolist()} mm is "
+            f"{1e3 * off[j]:.3g} mm off the body's surface, expected at most "
+            f"{1e3 * OFF_SURFACE_M:g} mm; correct z_m, or leave it out for the upper surface."
+        )
 
 
 def grid_plan(

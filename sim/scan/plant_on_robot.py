@@ -187,7 +187,7 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
     laboratory = build_laboratory(
         plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
     )
-    moved = plan_motion(plan, laboratory, settings.lift_m)
+    moved = plan_motion(plan, laboratory, settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])
     fast, slow = settings.approach_m_per_s, settings.touch_m_per_s
     speeding = fast / ACCELERATION_M_PER_S2

@@ -188,7 +188,7 @@ def _scan(
     turned = [pin.Quaternion(rotation.T @ turn).coeffs() for turn in turns]  # x, y, z, w
     force = vectors @ rotation
     return Scan(
-        press=np.full(count, log.press),
+        press=np.full(count, plan.ids[log.press]),
         time_s=log.clock_s[picked],
         phase=np.array(PHASES)[log.phase[picked]],
         point_m=np.tile(plan.points_m[log.press], (count, 1)),

@@ -9,13 +9,13 @@ from collections.abc import Callable
 import numpy as np
 
 from models import LINKS, InputError
-from sim.motion.planner import PlannedPress, plan_motion, refuse_too_deep
+from sim.motion.planner import Motion, PlannedPress, plan_motion, refuse_too_deep
 from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
-from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
+from sim.robot.force_control import ACCELERATION_M_PER_S2, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
 from sim.robot.mechanism import Mechanisms
@@ -53,6 +53,7 @@ def run_scan(
     on_press: Callable[[PressResult], None] | None = None,
     on_outcome: Callable[[PressOutcome], None] | None = None,
     mechanisms: Mechanisms | None = None,
+    motion: Motion | None = None,
 ) -> ScanRun:
     """Plan and make all presses of a scan; a press that fails does not end it.
 
@@ -66,6 +67,7 @@ def run_scan(
         KeyboardInterrupt, which is passed on) has delivered all presses finished so far.
     on_outcome : called for every planned press with what became of it
     mechanisms : that act in the loop, unknown to the robot
+    motion : of the plan, where it is known already
 
     Raises
     ------
@@ -75,7 +77,7 @@ def run_scan(
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
-    program = _Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms())
+    program = _Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms(), motion)
     results, outcomes = [], []
     for number, planned in enumerate(program.presses):
         outcome, result = program.press(number, planned)
@@ -113,6 +115,7 @@ class _Program:
         settings: ScanSettings,
         on_frame: Callable[[Frame], None] | None,
         mechanisms: Mechanisms,
+        motion: Motion | None,
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
         weakest = min(plan.force_of(press) for press in range(len(plan)))
@@ -125,17 +128,8 @@ class _Program:
         laboratory = build_laboratory(
             plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
         )
-        # Never through the body, whatever the controller does
-        thickest = max(plan.thickness_m(press) for press in range(len(plan)))
-        self.depth_limit = min(settings.largest_depth(plan.force_n), thickest)
-        self.presses = plan_motion(
-            plan,
-            laboratory,
-            settings.lift_m,
-            self.depth_limit,
-            FASTEST_M_PER_S,
-            ACCELERATION_M_PER_S2,
-        )
+        motion = motion or plan_motion(plan, laboratory, settings)
+        self.presses = motion.require_all()
         wrist_seed, encoder_seed, _ = settings.streams()
         self.encoder_rng = np.random.default_rng(encoder_seed)
         self.pauses_s = settings.pauses(len(plan))
@@ -299,7 +293,7 @@ class _Program:
         planned = self.planned
         lever = planned.direction @ self.kinematics.jacobian(planned.touch)
         self.watchdog.begin(
-            limits_of(self.settings, self.plan.force_of(self.number), self.depth_limit,
+            limits_of(self.settings, self.plan.force_of(self.number), self.planned.path.end_m,
                       self.speed_limit),
             lever,
         )  # fmt: skip

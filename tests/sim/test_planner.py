@@ -20,7 +20,7 @@ def turned(angle_deg, position=(0.40, -0.048, 0.1)):
 
 def planned(plan):
     laboratory = build_laboratory(plan.tip_radius_m, plan.body_size_m, plan.body_in_world)
-    return laboratory, plan_motion(plan, laboratory)
+    return laboratory, plan_motion(plan, laboratory).require_all()
 
 
 @pytest.fixture(scope="module", params=["flat", "tilted by 20 degrees"])
@@ -81,7 +81,7 @@ def test_transits_keep_to_half_of_the_limits_of_speed_and_acceleration(default_s
 def test_a_press_that_would_turn_a_joint_too_fast_is_refused_by_joint():
     laboratory = build_laboratory()
     with pytest.raises(InputError, match=r"Press 0 .*joint\d would turn by .* rad for each metre"):
-        plan_motion(grid_plan(), laboratory, hardest_m_per_s2=2.0)
+        plan_motion(grid_plan(), laboratory, hardest_m_per_s2=2.0).require_all()
 
 
 def test_the_elbow_stays_continuous_from_press_to_press(default_scan):
@@ -99,12 +99,12 @@ def test_the_arm_keeps_clear_of_body_and_table(default_scan):
 )
 def test_a_body_in_the_wrong_place_is_refused_with_the_reason(position, reason):
     with pytest.raises(InputError, match=f"Press 0 at .* mm, direction .*{reason}.*Move the body"):
-        planned(grid_plan(body_in_world=Placement(position)))
+        planned(grid_plan(per_side=2, body_in_world=Placement(position)))
 
 
 def test_a_press_that_would_drive_the_arm_into_the_table_is_refused():
     with pytest.raises(InputError, match=r"collision: .* of (table|soft_body)"):
-        planned(grid_plan(body_in_world=turned(110)))
+        planned(grid_plan(per_side=2, body_in_world=turned(110)))
 
 
 def test_a_press_out_of_order_is_named_by_its_number():

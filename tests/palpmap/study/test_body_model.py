@@ -12,7 +12,6 @@ from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.study.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
 from palpmap.study.study import Study, load_study, write_study
-from palpmap.study.virtual_lab import grid_plan_of
 from tests.paths import LAB
 
 CASE_A = LAB / "case_a"
@@ -92,12 +91,6 @@ def test_a_slanted_press_on_a_sliding_base_is_refused_with_what_to_do(three_pres
         build_body_model(study_with(support="base-sliding"), scan)
     held = study_with(support="base-sliding", held_sides=["x0"])
     assert np.isfinite(build_body_model(held, scan).search.evaluate(6e3).compliance).all()
-
-
-@pytest.mark.parametrize("body", [ELASTIC, {"support": "base-sliding"}, {"held_sides": ["x0"]}])
-def test_the_laboratory_refuses_a_support_that_it_does_not_have(body):
-    with pytest.raises(InputError, match="bonded at its base and free elsewhere"):
-        grid_plan_of(study_with(**body), 0.3, 2)
 
 
 def test_finer_cells_come_closer_to_what_a_fine_mesh_answers(three_presses):

@@ -14,6 +14,7 @@ from palpmap.commands.scan import (
     make_scan,
     planned_laboratory,
     scan_record,
+    scan_settings,
     scan_table,
 )
 from palpmap.console import Output, to_type
@@ -72,7 +73,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             known = default_study()
             plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
             laboratory, study = planned_laboratory(
-                run.path, known, plan, seed, paper_force=paper_force
+                run.path, known, plan, scan_settings(seed, paper_force)
             )
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)

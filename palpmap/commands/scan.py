@@ -110,8 +110,8 @@ def run_scan_command(
     inputs = [path for path in (study, program) if path is not None]
     if truth and truth != RANDOM:
         inputs.append(Path(truth))
-    share = PAPER_DEEPEST_SHARE if paper_force else None
-    plan, motion, refused = reachable(plan, scan_settings(seed, share), skip_unreachable)
+    robot = scan_settings(seed, paper_force, on_fault)
+    plan, motion, refused = reachable(plan, robot, skip_unreachable)
     if refused:
         output.say(refused_table(refused))
     with (
@@ -126,9 +126,7 @@ def run_scan_command(
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
-        laboratory, _ = planned_laboratory(
-            run.path, known, plan, settings_now, plant, true_map, motion
-        )
+        laboratory, _ = planned_laboratory(run.path, known, plan, robot, plant, true_map, motion)
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -148,9 +146,8 @@ def planned_laboratory(
     run: Path,
     study: Study,
     plan: "ScanPlan",
-    seed: int,
+    settings: "ScanSettings",
     plant: Sequence[tuple[str, float]] = (),
-    paper_force: bool = False,
     truth: "TruthMap | None" = None,
     motion: "Motion | None" = None,
 ) -> tuple[Laboratory, Study]:
@@ -159,7 +156,6 @@ def planned_laboratory(
     Parameters
     ----------
     plant : see `run_scan_command`
-    paper_force : the presses may go as deep as the body is high
     truth, motion : where they are known already
 
     Returns
@@ -173,11 +169,14 @@ def planned_laboratory(
     return laboratory, known
 
 
-def scan_settings(seed: int, deepest_share: float | None = None) -> "ScanSettings":
-    """Return the settings of a scan."""
+def scan_settings(
+    seed: int, paper_force: bool = False, on_fault: OnFault = "skip"
+) -> "ScanSettings":
+    """Return the settings of a scan; with `paper_force` presses may go as deep as the body is."""
     from sim.motion import ScanSettings
 
-    return ScanSettings(seed=seed, deepest_share=deepest_share or ScanSettings.deepest_share)
+    share = PAPER_DEEPEST_SHARE if paper_force else ScanSettings.deepest_share
+    return ScanSettings(seed=seed, deepest_share=share, on_fault=on_fault)
 
 
 def _true_map(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> "TruthMap":

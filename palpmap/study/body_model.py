@@ -25,6 +25,7 @@ MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter mor
 BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
 REFINEMENT = 1.5
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
+OUTSIDE = 32  # cells a side of the surface through contact points, where it is drawn or pressed
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
@@ -232,6 +233,24 @@ def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
         return coarse
     counts = block_divisions(edges, cell_size_m(study.body))
     return _divided(study.body, [max(round(SEARCH * count), 3) for count in counts])
+
+
+def outside_of(body: Body) -> Surface:
+    """Return the closed surface of a study's body that is no block, body frame.
+
+    Raises
+    ------
+    fem.errors.MeshError
+        A surface that cannot be used.
+    """
+    from fem import check_surface, check_underside
+
+    if body.shape == "from-contacts":
+        mesh = _divided(body, [OUTSIDE, OUTSIDE, 4])
+        return check_surface(mesh.nodes, mesh.boundary[:, :3])
+    surface = _surface(body)
+    check_underside(surface)
+    return surface
 
 
 def _divided(body: Body, counts: Sequence[int]) -> Mesh:

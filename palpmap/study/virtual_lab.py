@@ -11,7 +11,7 @@ import numpy as np
 
 from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
-from palpmap.study.body_model import support_of
+from palpmap.study.body_model import outside_of, support_of
 from palpmap.study.study import About, Map, Noise, Probe, Study
 
 if TYPE_CHECKING:
@@ -183,11 +183,7 @@ def surface_of(study: Study) -> BodySurface:
         )
     if study.body.size_m is not None:
         return BodySurface.block(study.body.size_m)
-    from fem import check_underside, read_surface
-
-    surface = read_surface(str(study.body.file))
-    check_underside(surface)
-    return BodySurface(surface.vertices, surface.triangles)
+    return BodySurface(*outside_of(study.body))
 
 
 def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:

@@ -203,7 +203,9 @@ def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
 def test_the_recordings_truth_is_the_body_that_is_pressed(tmp_path):
     plant = [("extra_inclusion", 0.05), ("stiffness_gradient", 0.05)]
     known = default_study()
-    laboratory, _ = planned_laboratory(tmp_path, known, grid_plan_of(known, 0.2, 2), 0, plant)
+    laboratory, _ = planned_laboratory(
+        tmp_path, known, grid_plan_of(known, 0.2, 2), ScanSettings(), plant
+    )
     recording = MagicMock()
     draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     views, parameters = recording.truth.call_args.args

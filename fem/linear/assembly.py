@@ -235,8 +235,10 @@ class Stiffness:
         by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
         out = np.empty((len(cells), len(CLOSE_RULE[1]), len(displacement)))
         weights = self.volumes[cells, None] * CLOSE_RULE[1]
-        kernels.energies(out, by_node, self.mesh.cells[cells], self.gradients[cells],
-                         self._close_derivatives, weights, *self._lame)  # fmt: skip
+        nodes = self.mesh.cells[cells]
+        nodes.setflags(write=False)  # as the mesh's own, so that one kernel is compiled
+        kernels.energies(out, by_node, nodes, self.gradients[cells], self._close_derivatives,
+                         weights, *self._lame)  # fmt: skip
         return by_sample(out.transpose(2, 0, 1))
 
     def places(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:

@@ -190,7 +190,8 @@ def _bump(s):
 def _integrate_points(points, weights, owner, barycentric, strain, products, shape, radius, nu,
                       profile, lam, mu, projection):  # fmt: skip
     """Add points that are sorted by their cells."""
-    batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
+    batch = batch_of_points(products.shape[1], products.shape[2], strain.shape[1])
+    count = np.int64(0)  # no literal 0, for which all kernels would be compiled a second time
     for p in range(len(points)):
         put_point(batch, count, points[p], weights[p], barycentric[p])
         count += 1
@@ -203,7 +204,8 @@ def _integrate_points(points, weights, owner, barycentric, strain, products, sha
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _integrate_cells(vertices, volumes, rule_points, rule_weights, leaf, tube, strain, products,
                      shape, radius, nu, profile, lam, mu, projection):  # fmt: skip
-    batch, count = batch_of_points(products.shape[1], products.shape[2], strain.shape[1]), 0
+    batch = batch_of_points(products.shape[1], products.shape[2], strain.shape[1])
+    count = np.int64(0)
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
     piece, places = np.empty((4, 4)), np.empty((4, 3))
     corners = np.empty((10, 4))

@@ -47,7 +47,9 @@ class CellIntegrals(NamedTuple):
         `numbers` (e, nodes) are the mesh's nodes among the free ones, -1 where held; `modulus` is
         the table (rows, q).
         """
-        _couple(by_function, energy, first, numbers, modulus, *self)
+        table = modulus.view()
+        table.setflags(write=False)  # always, so that one kernel is compiled
+        _couple(by_function, energy, first, numbers, table, *self)
 
     def add_energies(
         self, samples: np.ndarray, nodes: np.ndarray, fields: np.ndarray, amplitude: np.ndarray

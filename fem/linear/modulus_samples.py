@@ -94,6 +94,11 @@ class QuadraticModulus:
         )
         return result
 
+    @property
+    def steep(self) -> bool:
+        """Whether any cell's samples are not those asked for."""
+        return len(self._steep) > 0
+
     @cached_property
     def _steep(self) -> np.ndarray:
         """Cells (r,) whose quadratic falls too low."""

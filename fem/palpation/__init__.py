@@ -2,7 +2,14 @@
 
 from fem.palpation.fibres import fibre_weights
 from fem.palpation.response import Response
-from fem.palpation.richardson import RefinedResponse
+from fem.palpation.richardson import RefinedResponse, remaining_error
 from fem.palpation.rigid_punch import shape_gain, travel_under
 
-__all__ = ["RefinedResponse", "Response", "fibre_weights", "shape_gain", "travel_under"]
+__all__ = [
+    "RefinedResponse",
+    "Response",
+    "fibre_weights",
+    "remaining_error",
+    "shape_gain",
+    "travel_under",
+]

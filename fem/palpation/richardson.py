@@ -54,9 +54,13 @@ class RefinedResponse:
     @property
     def error(self) -> np.ndarray:
         """Scale of the remaining relative error, (j,), with the sign of the added part."""
-        added = LEFT * np.abs(self.extrapolated)
-        scale = np.maximum(np.maximum(added, BETWEEN * self.fine.unevenness), LEAST)
-        return np.copysign(scale, self.extrapolated)
+        return remaining_error(self.extrapolated, self.fine.unevenness)
+
+
+def remaining_error(extrapolated: np.ndarray, unevenness: np.ndarray) -> np.ndarray:
+    """Return `RefinedResponse.error` (j,) from the added part and the finer mesh's unevenness."""
+    scale = np.maximum(np.maximum(LEFT * np.abs(extrapolated), BETWEEN * unevenness), LEAST)
+    return np.copysign(scale, extrapolated)
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,9 @@ class RefinedModel:
         if coarse is None:
             coarse = self.coarse.evaluate(modulus[:split], *rest[0]).compliance
         response = self.fine.evaluate(modulus[split:], *rest[1])
-        fine = response.compliance
+        return RefinedResponse(*self.extrapolated(coarse, response.compliance), response)
+
+    def extrapolated(self, coarse: np.ndarray, fine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the limit of the meshes' compliances (j,), and the added part over the finer's."""
         added = (fine - coarse) / (self._ratio**RATE - 1)
-        return RefinedResponse(fine + added, added / fine, response)
+        return fine + added, added / fine

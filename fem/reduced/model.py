@@ -1,228 +1,307 @@
-"""Compliance of every press in a reduced basis of its own.
+"""Compliance of every press, with bounds, in a reduced basis of its own.
 
-The field of press j is sought among the full solutions at a few modulus fields, the snapshots:
-u = V_j y, near fields included. The stiffness is linear in the modulus samples, K = sum_p E_p K_p;
-with the modulus in few modes, E = sum_q c_q phi_q (`fem.reduced.modulus_modes`),
+The field of press j is sought among full solutions at a few modulus fields E_a, the snapshots:
+u = sum_a y_a u_a, near fields included. With the energies e_ab of pairs of them at the modulus
+samples p (for E = 1), and the snapshots' compliances C_a = B'u_a, the Galerkin solution is
 
-    G_j = V_j' K V_j = sum_q c_q G_jq,    G_j y = V_j' B,    C_j = B' V_j y,
-    dC_j/dc_q = -y' G_jq y,
+    G_ab = sum_p e_ab,p E_p,    G y = (C_a),    C_low = sum_a y_a C_a,    dC/dE_p = -y'e_p y.
 
-so that an evaluation with all derivatives needs no mesh. C_j is an energy: for a modulus within the
-modes it is never above the full one, and its error is of second order in that of the field.
+The stresses E_a e(u_a) of the snapshots balance the load, and so does any sum of them with weights
+g_a that add up to one. The theorem of least complementary energy then gives the other side,
 
-The full compliance lies between two bounds from the residual r = B - K V_j y of the true modulus,
+    H_ab = sum_p e_ab,p E_a,p E_b,p / E_p,    C_high = min g'H g = 1 / (1'H^-1 1),
 
-    C_low = 2 B'u - u'K u,    C_high = C_low + r' K0^-1 r / min(E / E0),
+so that the full model's compliance lies between both without any factorisation, and the difference
+is the energy of both errors together: of second order in the distance from the snapshots. It is
+strict where the samples carry positive energies (all but the quadratic courses of the modulus in
+the cells around a tip and the near field's own part beyond, whose share is small).
 
-for K >= min(E / E0) K0 with a reference body E0. The error over its bound lies between
-min(E / E0) / max(E / E0) and 1.
+Both matrices are linear in a field, E or 1/E, and these fields lie in the span of few: each new
+one that does not joins the span (`_Modes`), for one pass over the energies. From then on its
+evaluation needs no energies, and next to no time.
 
-Source: Rozza, Huynh, Patera, Arch. Comput. Methods Eng. 15 (2008) 229.
+Sources: Rozza, Huynh, Patera, Arch. Comput. Methods Eng. 15 (2008) 229 (reduced basis); Ladeveze,
+Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from fem.errors import SolverError
-from fem.palpation.model import PalpationModel
-from fem.reduced.energies import (
-    Fields,
-    by_sample,
-    dual_norm_squared,
-    forces,
-    loads,
-    positive_samples,
-    samples,
-)
-from fem.reduced.modulus_modes import ModulusModes
+from fem.palpation.model import Material, PalpationModel, Response
+from fem.reduced.energies import Fields, by_sample, summed
 
-SNAPSHOTS = 12
-_MODES = 1e-5  # part of the training fields that their modes may leave out
+FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
+_BASES = 3  # the last ones that served
+_BYTES = 100e6  # of a basis's energies
+_MOST = 10  # snapshots of a basis: more are not worth their growth
+SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
+_SPANNED_SLOPE = 1e-3  # ... of a derivative, relative to itself
+_RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and the solves stable
 
 
-class ReducedModel:
-    """A palpation model in a basis for each press, for modulus fields like those of a training set.
+class _Snapshot(NamedTuple):
+    """Full solution at modulus samples (p,), in units of the first one's."""
 
-    Without fibres, skin and elastic supports.
+    fields: Fields
+    modulus: np.ndarray
+    compliance: np.ndarray
+
+
+class _Modes:
+    """Span of the fields asked for so far, with the sums of each pair's energies over its modes.
 
     Parameters
     ----------
-    full : the model, on a bonded support
-    training_pa : (n, p) Young's modulus at the full model's `points_m`, Pa; the first is the
-        reference of the error bound, and the first ones are the snapshots
-    snapshots : number of full solutions that span each basis
+    root : (p,) root of each sample's weight
+    factor : of two snapshots, on the fields (p,)
     """
 
     def __init__(
-        self, full: PalpationModel, training_pa: np.ndarray, snapshots: int = SNAPSHOTS
+        self, root: np.ndarray, factor: Callable[[_Snapshot, _Snapshot], np.ndarray | float]
     ) -> None:
-        training = np.atleast_2d(np.asarray(training_pa, float))
+        self._root, self._factor = root, factor
+        self._modes = np.zeros((0, len(root)))  # (q, p), orthonormal, of fields times root
+        self.sums: dict[tuple[int, int], np.ndarray] = {}  # (j, q) of each pair of snapshots
+
+    def __len__(self) -> int:
+        return len(self._modes)
+
+    def coefficients(self, fields: np.ndarray, tolerance: np.ndarray, pairs: _Pairs) -> np.ndarray:
+        """Coefficients (k, q) of fields (k, p); those beyond the span by more than (k,) join it."""
+        scaled = fields * self._root
+        found = scaled @ self._modes.T
+        left = np.sum(scaled**2, axis=1) - np.sum(found**2, axis=1)
+        new = []
+        for field, beyond, most in zip(scaled, left, tolerance, strict=True):
+            if beyond <= most**2:
+                continue
+            for _ in range(2):  # twice is enough
+                for others in (self._modes, *(mode[None] for mode in new)):
+                    field = field - (others @ field) @ others
+            length = float(np.linalg.norm(field))
+            if length > most:
+                new.append(field / length)
+        if not new:
+            return found
+        joined = np.array(new)
+        self._modes = np.vstack([self._modes, joined])
+        for key, (first, second, energies) in pairs.items():
+            columns = joined / self._root * self._factor(first, second)
+            self.sums[key] = np.hstack([self.sums[key], summed(energies, columns)])
+        return scaled @ self._modes.T
+
+    def add(self, key: tuple[int, int], first: _Snapshot, second: _Snapshot, exact) -> None:
+        """Sum the energies (j, p) of a new pair over the modes."""
+        self.sums[key] = exact @ (self._modes / self._root * self._factor(first, second)).T
+
+
+_Pairs = dict[tuple[int, int], tuple[_Snapshot, _Snapshot, np.ndarray]]
+
+
+class ReducedModel:
+    """A palpation model in a basis for each press, from full solutions as they come.
+
+    Of bodies on a bonded support, without fibres and skin.
+
+    Parameters
+    ----------
+    full : the model
+    most : largest number of snapshots; the one that has gone unused for longest makes place
+    """
+
+    def __init__(self, full: PalpationModel, most: int = _MOST) -> None:
         if not full.support.bonded:
             raise SolverError("a reduced model needs a bonded support; take the full model")
-        if not 1 <= snapshots <= len(training):
-            raise SolverError(
-                f"snapshots must be between 1 and the {len(training)} training fields, "
-                f"not {snapshots}"
-            )
-        self.full, self.contacts = full, full.contacts
-        self._training = training
-        self._materials = [full.material(modulus) for modulus in training]
-        self._fields = [Fields.of(full.evaluate(modulus)) for modulus in training[:snapshots]]
-        self._build()
+        self.full, self._most = full, most
+        self._snapshots: dict[int, _Snapshot] = {}  # by number
+        self._used: dict[int, int] = {}  # evaluation in which each one last counted
+        self._pairs: _Pairs = {}
+        self._next = self._evaluations = 0
+        self.served = False  # any search
 
-    def _build(self) -> None:
-        """Modes, reduced matrices and loads from the training set and the fields."""
-        full, count = self.full, len(self._fields)
-        modulus = np.array([samples(material) for material in self._materials])
-        alone = [by_sample(full, field) for field in self._fields]
-        weight = np.abs(alone[0]).sum(axis=0)
-        weight = np.maximum(weight, 1e-3 * weight.mean())
-        asked = self._training[:, : modulus.shape[1]]
-        usable = np.flatnonzero((np.abs(modulus - asked) <= 1e-9 * asked).all(axis=0))
-        self.modes = ModulusModes.of(modulus, weight, usable, _MODES)
-        #: where the modulus is asked for, (r, 3) m
-        self.points_m = full.points_m[self.modes.points]
-        columns = np.column_stack([self.modes.modes, modulus[0]])
-        matrix = np.empty((len(self.contacts), count, count, columns.shape[1]))
-        for a, first in enumerate(self._fields):
-            matrix[:, a, a] = alone[a] @ columns
-            for b in range(a):
-                both = by_sample(full, first.plus(self._fields[b])) @ columns
-                mixed = 0.5 * (both - matrix[:, a, a] - matrix[:, b, b])
-                matrix[:, a, b] = matrix[:, b, a] = mixed
-        # orthonormal in the energy of the reference body
-        scale = np.linalg.inv(np.linalg.cholesky(matrix[..., -1]))  # (j, m, m)
-        matrix = np.einsum("jab,jbcq->jacq", scale, matrix[..., :-1], optimize=True)
-        matrix = np.einsum("jacq,jdc->jadq", matrix, scale, optimize=True)
-        rows, columns = np.tril_indices(count)  # each pair once
-        self._pairs = np.ascontiguousarray(matrix[:, rows, columns])  # (j, pairs, q)
-        self._place = np.zeros((count, count), int)
-        self._place[rows, columns] = self._place[columns, rows] = np.arange(len(rows))
-        self._scale = scale
-        load = loads(full)
-        work = [
-            np.einsum("dj,dj->j", load.free, field.free)
-            + np.einsum("jm,jm->j", load.amplitude, field.amplitude)
-            for field in self._fields
-        ]
-        self._load = np.einsum("jab,bj->ja", scale, np.array(work))
+    def __len__(self) -> int:
+        return len(self._snapshots)
 
-    @property
-    def snapshots(self) -> int:
-        """Number of full solutions in each basis."""
-        return len(self._fields)
+    def add(self, response: Response) -> None:
+        """Add a full solution to every basis."""
+        modulus = _samples(response._material)
+        if modulus is None:
+            return
+        field = Fields.of(response)
+        alone = -response.sensitivity[:, : len(modulus)]
+        if not self._snapshots:
+            self._unit = modulus
+            weight = (alone / response.compliance[:, None]).sum(axis=0) * modulus
+            root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
+            self._primal = _Modes(root, lambda a, b: self._unit)
+            self._dual = _Modes(root, lambda a, b: self._unit * a.modulus * b.modulus)
+        while len(self._snapshots) >= self._most:
+            self._drop(min(self._used, key=lambda number: self._used[number]))
+        new = _Snapshot(field, modulus / self._unit, np.array(response.compliance))
+        number, self._next = self._next, self._next + 1
+        energies = {number: alone}
+        for other, known in self._snapshots.items():
+            both = by_sample(self.full, field.plus(known.fields))
+            own = self._pairs[other, other][2]
+            energies[other] = 0.5 * (both - alone - own)
+        self._snapshots[number] = new
+        self._used[number] = self._evaluations
+        for other, mixed in energies.items():
+            key = (other, number)
+            first = self._snapshots[other]
+            self._pairs[key] = (first, new, mixed.astype(np.float32))
+            for modes in (self._primal, self._dual):
+                modes.add(key, first, new, mixed)
 
-    def evaluate(self, modulus_pa: np.ndarray) -> ReducedResponse:
-        """Solve for all presses and a modulus (r,) at `points_m`, Pa.
+    def _drop(self, number: int) -> None:
+        """Forget a snapshot."""
+        del self._snapshots[number], self._used[number]
+        for key in [key for key in self._pairs if number in key]:
+            del self._pairs[key], self._primal.sums[key], self._dual.sums[key]
 
-        Raises
-        ------
-        SolverError
-            A modulus that is not positive and finite, or so far from the training set that its
-            modes have no positive energy.
+    def evaluate(self, modulus_pa: np.ndarray) -> ReducedResponse | None:
+        """Solve for all presses and a modulus (p,) at the full model's `points_m`, Pa.
+
+        None before the first snapshot, and where the modulus is too steep for a cell around a tip.
         """
-        modulus = np.asarray(modulus_pa, float)
-        if modulus.shape != (len(self.points_m),):
-            raise SolverError(
-                f"Young's modulus must be ({len(self.points_m)},), one at each of the reduced "
-                f"model's points_m, but is {modulus.shape}"
-            )
-        if not (np.isfinite(modulus).all() and modulus.min() > 0):
-            raise SolverError("Young's modulus must be positive and finite everywhere")
-        pairs = self._pairs.reshape(-1, self._pairs.shape[-1]) @ (self.modes.by_point @ modulus)
-        matrix = pairs.reshape(len(self.contacts), -1)[:, self._place]
-        try:
-            np.linalg.cholesky(matrix)
-        except np.linalg.LinAlgError as error:
-            raise SolverError(
-                "the modulus is too far from the reduced model's training set; let it grow there"
-            ) from error
-        weights = np.linalg.solve(matrix, self._load[..., None])[..., 0]
-        compliance = np.einsum("ja,ja->j", self._load, weights)
-        compliance.setflags(write=False)
-        return ReducedResponse(compliance, self, weights)
+        if not self._snapshots:
+            return None
+        modulus = _samples(self.full.material(modulus_pa))
+        if modulus is None:
+            return None
+        relative = modulus / self._unit
+        spanned = np.array([SPANNED])
+        primal = self._primal.coefficients(relative[None], spanned, self._pairs)[0]
+        dual = self._dual.coefficients(1 / relative[None], spanned, self._pairs)[0]
+        stiffness = self._matrix(self._primal, primal)
+        load = np.array([s.compliance for s in self._snapshots.values()]).T
+        weights = _solved(stiffness, load)
+        low = np.einsum("ja,ja->j", weights, load)
+        flexibility = self._matrix(self._dual, dual)
+        high = 1 / _solved(flexibility, np.ones_like(load)).sum(axis=1)
+        self._evaluations += 1
+        nearest = max(zip(np.abs(weights).max(axis=0), self._snapshots, strict=True))[1]
+        self._used[nearest] = self._evaluations
+        low.setflags(write=False)
+        return ReducedResponse(low, high, self, weights, tuple(self._snapshots))
 
-    def bounds(self, modulus_pa: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds (j,) of the full compliance for the modulus (p,) at the full `points_m`.
-
-        They cost one factorisation of the reference body; see the head of this file.
-        """
-        modulus = np.asarray(modulus_pa, float)
-        material, reference = self.full.material(modulus), self._materials[0]
-        weights = self.evaluate(modulus[self.modes.points]).weights
-        weights = np.einsum("ja,jab->jb", weights, self._scale)
-        field = self._fields[0].times(weights[:, 0])
-        for weight, snapshot in zip(weights.T[1:], self._fields[1:], strict=True):
-            field = field.plus(snapshot.times(weight))
-        load, force = loads(self.full), forces(self.full, material, field)
-        rest = Fields(load.free - force.free, load.amplitude - force.amplitude)
-        low = np.einsum("dj,dj->j", load.free + rest.free, field.free)
-        low += np.einsum("jm,jm->j", load.amplitude + rest.amplitude, field.amplitude)
-        least = float((positive_samples(material) / positive_samples(reference)).min())
-        return low, low + dual_norm_squared(self.full, reference, rest) / least
-
-    def trusted(self, modulus_pa: np.ndarray, tolerance: float) -> bool:
-        """Say if compliances at a modulus (p,) are certain to lie within a relative tolerance."""
-        try:
-            value = self.evaluate(np.asarray(modulus_pa)[self.modes.points]).compliance
-        except SolverError:
-            return False
-        low, high = self.bounds(modulus_pa)
-        return bool(
-            np.maximum(np.abs(high / value - 1), np.abs(low / value - 1)).max() <= tolerance
-        )
-
-    def grow(self, modulus_pa: np.ndarray, tolerance: float) -> bool:
-        """Add the full solution at a modulus (p,) where it is not trusted, and say if it did.
-
-        The modulus joins the training set. Modes, points and reduced matrices are new afterwards.
-        """
-        modulus = np.array(modulus_pa, float)
-        if self.trusted(modulus, tolerance):
-            return False
-        self._fields.append(Fields.of(self.full.evaluate(modulus)))
-        self._training = np.vstack([self._training, modulus])
-        self._materials.append(self.full.material(modulus))
-        self._build()
-        return True
+    def _matrix(self, modes: _Modes, coefficients: np.ndarray) -> np.ndarray:
+        """Matrix (j, m, m) of all snapshots for coefficients (q,) of the field."""
+        place = {number: index for index, number in enumerate(self._snapshots)}
+        size = len(place)
+        result = np.empty((len(self.full.contacts), size, size))
+        for (a, b), sums in modes.sums.items():
+            result[:, place[a], place[b]] = result[:, place[b], place[a]] = sums @ coefficients
+        diagonal = np.arange(size)
+        result[:, diagonal, diagonal] *= 1 + _RIDGE
+        return result
 
 
 @dataclass(frozen=True)
 class ReducedResponse:
-    """Compliances (j,) m/N of a reduced model, with their derivatives.
+    """Compliances (j,) m/N of a reduced model, with bounds and derivatives.
 
     Attributes
     ----------
-    weights : (j, m) of each press's orthonormal basis, y
+    compliance : (j,) never above the full model's
+    high : (j,) never below it
+    weights : (j, m) of the snapshots, y
     """
 
     compliance: np.ndarray
+    high: np.ndarray
     model: ReducedModel
     weights: np.ndarray
+    _numbers: tuple[int, ...]
 
-    @cached_property
-    def by_mode(self) -> np.ndarray:
-        """Derivative of each compliance by the coefficients of the modulus modes, (j, q)."""
-        rows, columns = np.tril_indices(self.model.snapshots)
-        products = (
-            self.weights[:, rows] * self.weights[:, columns] * np.where(rows == columns, 1, 2)
-        )
-        return -(products[:, None] @ self.model._pairs)[:, 0]
-
-    @cached_property
-    def sensitivity(self) -> np.ndarray:
-        """Derivative of each compliance by the modulus at the model's `points_m`, (j, r)."""
-        return self.by_mode @ self.model.modes.by_point
+    @property
+    def error(self) -> float:
+        """Bound of the relative error of all compliances."""
+        return float(np.max(self.high / self.compliance - 1))
 
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).
 
         Parameters
         ----------
-        modulus_gradient : (r, k) dE/dtheta at the model's `points_m`
+        modulus_gradient : (p, k) dE/dtheta at the full model's `points_m`, or (p,) of one
         """
-        return self.by_mode @ (self.model.modes.by_point @ modulus_gradient)
+        own, modes = self.model, self.model._primal
+        columns = np.atleast_2d(np.asarray(modulus_gradient).T)[:, : len(own._unit)] / own._unit
+        length = np.linalg.norm(columns * modes._root, axis=1)
+        by_mode = modes.coefficients(columns, _SPANNED_SLOPE * length, own._pairs)
+        place = {number: index for index, number in enumerate(self._numbers)}
+        result = np.zeros((len(self.compliance), len(columns)))
+        for (a, b), sums in modes.sums.items():
+            product = self.weights[:, place[a]] * self.weights[:, place[b]]
+            result -= (1 if a == b else 2) * product[:, None] * (sums @ by_mode.T)
+        return result if np.ndim(modulus_gradient) == 2 else result[:, 0]
+
+
+class ReducedBases:
+    """Reduced models of one palpation model around the maps of a search, grown as it goes.
+
+    A solution joins the basis that came nearest to it, or begins one of its own.
+    """
+
+    def __init__(self, full: PalpationModel) -> None:
+        self._full = full
+        by_pair = 4.0 * len(full.contacts) * len(full.points_m)
+        self._most = min(int((np.sqrt(1 + 8 * _BYTES / by_pair) - 1) / 2), _MOST)
+        self._bases: list[ReducedModel] = []  # the last one that served is last
+        self._nearest: tuple[float, ReducedModel] | None = None
+
+    def evaluate(self, modulus_pa: np.ndarray, tolerance: float) -> ReducedResponse | None:
+        """Return the compliances for a modulus (p,) at `points_m`, Pa; None if none is certain.
+
+        Parameters
+        ----------
+        tolerance : of the bound of their relative error
+        """
+        self._nearest = None
+        for basis in reversed(self._bases):
+            response = basis.evaluate(modulus_pa)
+            if response is None:
+                return None
+            if response.error <= tolerance:
+                self._bases.remove(basis)
+                self._bases.append(basis)
+                basis.served = True
+                return response
+            if self._nearest is None or response.error < self._nearest[0]:
+                self._nearest = response.error, basis
+        return None
+
+    def add(self, response: Response) -> None:
+        """Take the full solution for the modulus that was evaluated last."""
+        if self._most < 2 or _samples(response._material) is None:
+            return
+        if self._nearest is not None and self._nearest[0] <= FAR:
+            self._nearest[1].add(response)
+            return
+        if len(self._bases) == _BASES:
+            idle = [basis for basis in self._bases if not basis.served]
+            self._bases.remove((idle or self._bases)[0])
+        basis = ReducedModel(self._full, self._most)
+        basis.add(response)
+        self._bases.append(basis)
+
+
+def _samples(material: Material) -> np.ndarray | None:
+    """Modulus samples (p,); None where those of a steep cell are not as they are asked for."""
+    if material.close.steep:
+        return None
+    return np.concatenate([material.modulus, material.close.asked.ravel()])
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions (j, m) of positive definite matrices (j, m, m), scaled to a diagonal of one."""
+    scale = 1 / np.sqrt(np.einsum("jaa->ja", matrix))
+    scaled = matrix * scale[:, :, None] * scale[:, None, :]
+    return scale * np.linalg.solve(scaled, (right * scale)[..., None])[..., 0]

@@ -12,9 +12,11 @@ import numpy as np
 
 from fem import PalpationModel, RefinedModel
 from fem.linear import POINTWISE
-from fem.palpation import Response
+from fem.palpation import Response, remaining_error
 from identify.body.compliance import ModulusField, positive_modulus
+from identify.body.linear_ratio import LinearRatio
 from identify.body.settings import BODY, BodySettings
+from identify.body.state import ChangedMap
 
 FineModel = PalpationModel | RefinedModel
 MODEL_ERROR = "mesh_error"  # the effect by which this error becomes an unknown of a joint fit
@@ -29,6 +31,44 @@ class FineSolution(NamedTuple):
     compliance: np.ndarray
     error: np.ndarray
     response: Response
+
+
+class CarriedFine(NamedTuple):
+    """The finer mesh's solution for one map, to be carried to maps nearby.
+
+    Attributes
+    ----------
+    ratio : its compliances over the coarse model's
+    unevenness : (j,) of its modulus, see `fem.palpation.Response.unevenness`
+    tip_gain : (j,) see `BodyMechanics`
+    """
+
+    ratio: LinearRatio
+    unevenness: np.ndarray
+    tip_gain: np.ndarray | float
+
+    def at(
+        self,
+        fine: FineModel,
+        there: ChangedMap,
+        coarse: PalpationModel,
+        coarse_compliance: np.ndarray,
+        settings: BodySettings = BODY,
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the finer model's compliance (j,) m/N and error (j,), as `fine_solution` does.
+
+        None where the compliance might be off by more than `ratio_error`. Unevenness and tip gain
+        are those of the map that is carried: they change by a tenth where the compliance is sure.
+        """
+        tolerance = settings.ratio_error / settings.fine_bend
+        log_ratio = self.ratio.log_at(there, coarse_compliance, tolerance)
+        if log_ratio is None:
+            return None
+        own = coarse_compliance * np.exp(log_ratio)
+        if isinstance(fine, RefinedModel):
+            compliance, added = fine.extrapolated(coarse_compliance, own)
+            return compliance, remaining_error(added, self.unevenness)
+        return own, _mesh_error(fine, coarse, own / coarse_compliance, settings)
 
 
 def fine_solution(
@@ -51,10 +91,18 @@ def fine_solution(
         return FineSolution(response.compliance, response.error, response.fine)
     response = fine.evaluate(modulus)
     compliance = response.compliance
+    error = _mesh_error(fine, coarse, compliance / coarse_compliance, settings)
+    return FineSolution(compliance, error, response)
+
+
+def _mesh_error(
+    fine: PalpationModel, coarse: PalpationModel, ratio: np.ndarray, settings: BodySettings
+) -> np.ndarray:
+    """Relative error (j,) of the finer of two meshes that are not extrapolated."""
     # Cells of order p resolve like p^3 linear ones.
     cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
     gain = max((cells[1] / cells[0]) ** (settings.mesh_rate / 3) - 1, 0.5)
-    return FineSolution(compliance, (compliance / coarse_compliance - 1) / gain, response)
+    return (ratio - 1) / gain
 
 
 def mesh_error_growth(

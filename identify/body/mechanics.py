@@ -15,8 +15,14 @@ import numpy as np
 
 from fem import PalpationModel, SolverError
 from fem.palpation import Response, shape_gain
+from fem.reduced import ReducedBases, ReducedResponse
 from identify.body.compliance import positive_modulus
-from identify.body.discretization_error import FineModel, fine_solution, mesh_error_growth
+from identify.body.discretization_error import (
+    CarriedFine,
+    FineModel,
+    fine_solution,
+    mesh_error_growth,
+)
 from identify.body.linear_ratio import LinearRatio
 from identify.body.response import BodyResponse
 from identify.body.settings import BODY, BodySettings
@@ -27,6 +33,7 @@ from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
 _KEPT_LINEAR = 12  # linear ratios of other models, of 7 MB each
+_KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
 _KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
@@ -45,6 +52,7 @@ class BodyMechanics:
     tip_gain : (j,) relative reduction of the compliance by the pressure of a rigid, upright flat
         tip at this estimate (`fem.palpation.rigid_punch`); 0 for other contacts
     settings : of the models
+    carried : the correction to the finer model is carried from that of a map nearby
     """
 
     coarse: PalpationModel
@@ -54,11 +62,14 @@ class BodyMechanics:
     model_error: np.ndarray | float = 0.0
     tip_gain: np.ndarray | float = 0.0
     settings: BodySettings = BODY
+    carried: bool = False
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _shifted: ShiftedBlock | None = None
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _linear: dict[tuple, LinearRatio] = field(default_factory=dict)
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
+    _fine: dict[tuple, CarriedFine] = field(default_factory=dict)
+    _bases: list[ReducedBases] = field(default_factory=list)  # one, once a search needs it
 
     @classmethod
     def of(
@@ -88,15 +99,22 @@ class BodyMechanics:
         low, high = self.coarse.mesh.box_m.tolist()
         return BodyState((tuple(low), tuple(high)), self.poisson_ratio)
 
-    def evaluate(self, stiffness: GaussianMap, state: BodyState) -> BodyResponse:
+    def evaluate(
+        self, stiffness: GaussianMap, state: BodyState, reduced: bool = False
+    ) -> BodyResponse:
         """Solve for a map and a state.
+
+        Parameters
+        ----------
+        reduced : a reduced basis will do, where its error is below `reduced_error`
 
         Raises
         ------
         InadmissibleError
             The modulus is not positive everywhere.
         """
-        response = self._solved(stiffness, state)
+        find = self._found if reduced else self._solved
+        response = find(stiffness, state)
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
         factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
         factor = factor * np.ones(len(self.coarse.contacts))
@@ -118,32 +136,61 @@ class BodyMechanics:
             _scale=factor,
         )
 
-    def corrected(self, stiffness: GaussianMap, state: BodyState) -> BodyMechanics:
+    def corrected(
+        self, stiffness: GaussianMap, state: BodyState, carried: bool = False
+    ) -> BodyMechanics:
         """Return the mechanics with the coarse model carried to the finer one at this estimate.
 
         Fibres, support and skin are left out: their effect differs little between the meshes.
+
+        Parameters
+        ----------
+        carried : the correction of a map nearby will do, where its error is below `ratio_error`
         """
         plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
-        coarse = self._solved(stiffness, plain)
         changed = ChangedMap(stiffness, plain)
         if self.fine is None:
+            coarse = self._solved(stiffness, plain)
             return replace(self, tip_gain=_tip_gain(coarse, changed))
         shift = self.shifted.near(state.shift_m)
         if any(shift):
+            coarse = self._solved(stiffness, plain)
             there, finer = self.shifted.fine_at(shift)
             known = self._solve(there, stiffness, plain).compliance
             fine = fine_solution(finer, changed, there, known, self.settings)
             log_factor = self.log_shift_factor(stiffness, plain, shift, coarse.compliance)
             ratio = fine.compliance / (coarse.compliance * np.exp(log_factor))
-        else:
-            fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)
-            ratio = fine.compliance / coarse.compliance
+            return self._with_ratio(ratio, fine.error, _tip_gain(fine.response, changed))
+        if carried and self._fine:
+            compliance = self._found(stiffness, plain).compliance
+            for known in reversed(self._fine.values()):
+                at = known.at(self.fine, changed, self.coarse, compliance, self.settings)
+                if at is not None:
+                    return self._with_ratio(at[0] / compliance, at[1], known.tip_gain, True)
+        coarse = self._solved(stiffness, plain)
+        fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)
+        gain = _tip_gain(fine.response, changed)
+        if isinstance(stiffness, GaussianMap):
+            ratio = LinearRatio.of(coarse, fine.response, changed)
+            carries = CarriedFine(ratio, fine.response.unevenness, gain)
+            _keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
+        return self._with_ratio(fine.compliance / coarse.compliance, fine.error, gain)
+
+    def _with_ratio(
+        self,
+        ratio: np.ndarray,
+        error: np.ndarray,
+        tip_gain: np.ndarray | float,
+        carried: bool = False,
+    ) -> BodyMechanics:
+        """Return the mechanics with another correction (j,), its own error (j,) and tip gain."""
         kept = np.clip(ratio, *self.settings.believed_ratio)
         return replace(
             self,
             ratio=kept,
-            model_error=fine.error + (kept - ratio) / kept,
-            tip_gain=_tip_gain(fine.response, changed),
+            model_error=error + (kept - ratio) / kept,
+            tip_gain=tip_gain,
+            carried=carried,
         )
 
     def poisson_factor(
@@ -239,6 +286,28 @@ class BodyMechanics:
         response = self._solutions.get(key) or self._solve(self.coarse, stiffness, state)
         _keep(self._solutions, key, response, _KEPT_SOLUTIONS)
         return response
+
+    def _found(self, stiffness: GaussianMap, state: BodyState) -> Response | ReducedResponse:
+        """Return the solution on the coarse model, a recent one or that of a reduced basis."""
+        key = (stiffness, _solved_state(state))
+        if key in self._solutions or not self._is_reducible(stiffness, state):
+            return self._solved(stiffness, state)
+        if not self._bases:
+            self._bases.append(ReducedBases(self.coarse))
+        (bases,) = self._bases
+        modulus = positive_modulus(ChangedMap(stiffness, state), self.coarse.points_m)
+        near = bases.evaluate(modulus, self.settings.reduced_error)
+        if near is not None:
+            return near
+        response = self._solved(stiffness, state)
+        bases.add(response)
+        return response
+
+    def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
+        """Whether a state changes no more of the body than its modulus."""
+        plain = BodyState(state.box_m, 0.0, *state.modulus_changes)
+        bonded = self.coarse.support.bonded
+        return bonded and isinstance(stiffness, GaussianMap) and _solved_state(state) == plain
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)

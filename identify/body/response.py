@@ -14,6 +14,7 @@ import numpy as np
 
 from fem import PalpationModel
 from fem.palpation import Response, fibre_weights
+from fem.reduced import ReducedResponse
 from identify.body.shifted_block import Shift
 from identify.body.state import BodyState, ChangedMap
 from identify.map import FreeMap, GaussianMap
@@ -39,7 +40,7 @@ class BodyResponse:
     _mechanics: BodyMechanics
     _map: GaussianMap
     _state: BodyState
-    _response: Response
+    _response: Response | ReducedResponse
     _scale: np.ndarray  # (j,) factor on the finite elements' own compliance
 
     @cached_property
@@ -48,6 +49,13 @@ class BodyResponse:
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
         return self._scale[:, None] * _gradient(self._response, gradient, self._state)
+
+    @cached_property
+    def _full(self) -> Response:
+        """The full solution, also where the compliances are those of a reduced basis."""
+        if isinstance(self._response, Response):
+            return self._response
+        return self._mechanics._solved(self._map, self._state)
 
     def by_field(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives (j, g) of ln C and of ln of the local modulus by a free map.
@@ -77,7 +85,7 @@ class BodyResponse:
         if state.modulus_changes != self._state.modulus_changes:
             new, old = (ChangedMap(self._map, s) for s in (state, self._state))
             moved = new.modulus(points) - old.modulus(points)
-            change += self._scale * (self._response.sensitivity @ moved)
+            change += self._scale * self._response.gradient(moved)
             local = new.modulus(own.local_points) - self.local_modulus
         if state.poisson_ratio != self._state.poisson_ratio:
             step = state.poisson_ratio - self._state.poisson_ratio
@@ -99,7 +107,7 @@ class BodyResponse:
             ]
         )
         if by_base.any():
-            change += self._scale * (self._response.support_sensitivity @ by_base)
+            change += self._scale * (self._full.support_sensitivity @ by_base)
         fibres = _fibres(state) - _fibres(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
@@ -117,27 +125,27 @@ class BodyResponse:
     def compliance_on(self, model: PalpationModel) -> np.ndarray:
         """Compliance (j,) of the presses, or the body, of another coarse model."""
         other = self._mechanics._solve(model, self._map, self._state)
-        return self.compliance * (other.compliance / self._response.compliance)
+        return self.compliance * (other.compliance / self._full.compliance)
 
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""
-        return self._scale[:, None] * (self._response.sensitivity @ moduli)
+        return self._scale[:, None] * (self._full.sensitivity @ moduli)
 
     def _by_skin(self, old: BodyState, new: BodyState) -> np.ndarray:
         """First-order change of the finite elements' compliance (j,) by another skin."""
         thickness = old.skin_thickness_m
         if old.skin_factor != 1 and thickness > 0:
-            by_thickness, by_factor = self._response.skin_sensitivity.T
+            by_thickness, by_factor = self._full.skin_sensitivity.T
             change = by_thickness * (new.skin_thickness_m - thickness)
             return change + by_factor * (new.skin_factor - old.skin_factor)
         # A body without a skin is one with a skin like itself, of any thickness
-        by_factor = self._response.skin_sensitivity_at_null(new.skin_thickness_m)
+        by_factor = self._full.skin_sensitivity_at_null(new.skin_thickness_m)
         return by_factor * (new.skin_factor - 1)
 
     @cached_property
     def _fibre_moments(self) -> np.ndarray:
         modulus = ChangedMap(self._map, self._state).modulus(self._mechanics.coarse.points_m)
-        return self._response.fibre_moments(modulus)
+        return self._full.fibre_moments(modulus)
 
     def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
         """Change of the logarithm of the compliance (j,) by another place of the body."""
@@ -159,13 +167,16 @@ class BodyResponse:
         return self.compliance * (1 - other / here) / step
 
 
-def _gradient(response: Response, by_parameter: Any, state: BodyState) -> np.ndarray:
+def _gradient(
+    response: Response | ReducedResponse, by_parameter: Any, state: BodyState
+) -> np.ndarray:
     """Return dC/dp (j, k) of parameters p of the modulus, and of the fibres with it.
 
     `by_parameter` (p, k) is the modulus samples' derivative, an array or a sparse matrix.
     """
     gradient = response.gradient(by_parameter)
     if state.fibre_share:
+        assert isinstance(response, Response)
         angle = state.fibre_angle_rad
         by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
         gradient += state.fibre_share * (by_fibres @ by_parameter)

@@ -13,6 +13,9 @@ class BodySettings:
     poisson_step : difference quotient by Poisson's ratio
     ratio_error : relative error of a compliance up to which the ratio of another model's to the
         coarse one's is taken linear in the map
+    reduced_error : relative error of a compliance up to which a search takes a reduced basis
+    fine_bend : error of the ratio of the finer mesh's compliances over its estimate, at most
+        (measured: 5)
     local_depth : depth of the local modulus under a tip, in contact radii
     believed_ratio : compliance of the finer model over the coarse one's; beyond, neither mesh
         resolves the map, and nothing is extrapolated
@@ -31,6 +34,8 @@ class BodySettings:
     )  # fmt: skip
     poisson_step: float = 0.01
     ratio_error: float = 3e-5
+    reduced_error: float = 1e-5
+    fine_bend: float = 5.0
     local_depth: float = 0.5
     believed_ratio: tuple[float, float] = (0.6, 1.6)
     mesh_rate: float = 2.5

@@ -27,6 +27,7 @@ def fit_jointly(
     rounds: int | None = None,
     max_evaluations: int | None = None,
     enough: float | None = None,
+    confirmed: bool | None = None,
     callback: Progress | None = None,
     settings: FitSettings = SEARCH,
 ) -> FitResult:
@@ -36,7 +37,7 @@ def fit_jointly(
     ----------
     model : its effects start from their own values
     stiffness : map to start from
-    rounds, max_evaluations, enough : in place of those of the settings
+    rounds, max_evaluations, enough, confirmed : in place of those of the settings
     callback : called with each accepted step
 
     Raises
@@ -44,7 +45,12 @@ def fit_jointly(
     InadmissibleError
         The start is impossible.
     """
-    given = {"rounds": rounds, "max_evaluations": max_evaluations, "enough": enough}
+    given = {
+        "rounds": rounds,
+        "max_evaluations": max_evaluations,
+        "enough": enough,
+        "confirmed": confirmed,
+    }
     settings = replace(settings, **{k: v for k, v in given.items() if v is not None})
     return fit_from(Search(settings, progress=callback), model, model.start(stiffness))
 
@@ -90,6 +96,9 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         excess = max(result.fun - search.gross(model), 0.0)
         stop = math.sqrt(2 * s.gross_rtol * excess) if s.stops_count else 0.0
         if accepted and moved < max(s.settled * misfit * min(misfit, s.settled_most), stop):
+            if s.confirmed and model.mechanics.carried:
+                model = search.corrected(model, result.x, carried=False)
+                result, at = search.minimum(model, result.x, radius)
             return _ended(search, model, result.x, result, result.success)
         near = moved < misfit
         if not s.guarded and excess and number >= s.gross_rounds:

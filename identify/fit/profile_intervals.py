@@ -54,9 +54,9 @@ def valley_intervals(
             result, at = search.minimum(here, start, held=position)
             for _ in range(settings.interval_corrections):
                 # So far from the estimate the finer model corrects the map otherwise
-                here = here.corrected(result.x)
+                here = search.corrected(here, result.x)
                 result, at = search.minimum(here, result.x, held=position)
-                here = here.corrected(result.x)
+                here = search.corrected(here, result.x)
                 at = search.evaluate(here, result.x)
         except InadmissibleError:
             return np.inf, start  # no way on this side

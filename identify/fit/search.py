@@ -66,18 +66,25 @@ class Search:
         known = self._latest
         if known is None or known[0] is not model or known[1] != u.tobytes():
             self.spent += 1
-            known = self._latest = (model, u.tobytes(), model.evaluate(u))
+            known = self._latest = (model, u.tobytes(), model.evaluate(u, reduced=True))
         return known[2]
 
     def linearise(self, model: MeasurementModel, u: np.ndarray) -> Linearised:
-        """Return the model at scaled coordinates u (k,), reading by reading."""
-        at = self.evaluate(model, u)
-        return at if isinstance(at, Linearised) else model.linearise(u)
+        """Return the model at scaled coordinates u (k,), reading by reading.
 
-    def corrected(self, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
+        By the full model, unless the settings say otherwise.
+        """
+        if self.settings.confirmed:
+            return model.linearise(u)
+        at = self.evaluate(model, u)
+        return at if isinstance(at, Linearised) else model.linearise(u, reduced=True)
+
+    def corrected(
+        self, model: MeasurementModel, u: np.ndarray, carried: bool = True
+    ) -> MeasurementModel:
         """Return the model carried to the finer one at scaled coordinates u (k,)."""
         self.spent += 1
-        return model.corrected(u)
+        return model.corrected(u, carried)
 
     def gross(self, model: MeasurementModel) -> float:
         """Half of chi-square from which on a misfit is gross."""

@@ -36,6 +36,8 @@ class FitSettings:
         less another round is worth
     stops_count : no minimum is known better than the stop of its search: a gross misfit has settled
         within that
+    confirmed : the record of the fit is that of the full model, and its correction is made at the
+        estimate; without, both may be those of reduced bases and of a map nearby
     kept_starts : number of initial maps, among dozens, from which a search starts
     start_evaluations : of each of these, for one inclusion; twice as many for each more, as several
         take longer to separate
@@ -64,6 +66,7 @@ class FitSettings:
     settled: float = 0.03
     settled_most: float = 10.0
     stops_count: bool = True
+    confirmed: bool = True
     kept_starts: int = 3
     start_evaluations: int = 8
     most_inclusions: int = 4

@@ -222,9 +222,12 @@ class MeasurementModel:
                 state = part.effect.body(state, **values[part.effect.name])
         return state
 
-    def corrected(self, u: np.ndarray) -> MeasurementModel:
-        """Return the model carried to the finer body at scaled coordinates u (k,)."""
-        mechanics = self.mechanics.corrected(self.map(u), self.state(self.values(u)))
+    def corrected(self, u: np.ndarray, carried: bool = False) -> MeasurementModel:
+        """Return the model carried to the finer body at scaled coordinates u (k,).
+
+        `carried` see `BodyMechanics.corrected`.
+        """
+        mechanics = self.mechanics.corrected(self.map(u), self.state(self.values(u)), carried)
         return replace(self, mechanics=mechanics)
 
     @cached_property
@@ -238,8 +241,10 @@ class MeasurementModel:
         """Whether d = C F with the noise alone, so that two rows a press suffice."""
         return not (self.effects or self.chain.nonlinear or self.press_error or self.noise.touch_m)
 
-    def evaluate(self, u: np.ndarray) -> Compressed | Linearised:
+    def evaluate(self, u: np.ndarray, reduced: bool = False) -> Compressed | Linearised:
         """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
+
+        `reduced` see `BodyMechanics.evaluate`.
 
         Raises
         ------
@@ -247,16 +252,18 @@ class MeasurementModel:
             The body is impossible there.
         """
         if not self.is_linear:
-            return self.linearise(u)
-        body = self.mechanics.evaluate(self.map(u), self.state({}))
+            return self.linearise(u, reduced)
+        body = self.mechanics.evaluate(self.map(u), self.state({}), reduced)
         self._refuse_impossible(body.compliance)
         residual, by_c = self.table.residuals(body.compliance, self.noise)
         by_map = body.by_map[:, list(self.space.free)] * self.space.slope(u)
         jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(-1, len(u))
         return Compressed(residual.ravel(), jacobian, self.table.rms(body.compliance))
 
-    def linearise(self, u: np.ndarray) -> Linearised:
+    def linearise(self, u: np.ndarray, reduced: bool = False) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
+
+        `reduced` see `BodyMechanics.evaluate`.
 
         Raises
         ------
@@ -266,7 +273,7 @@ class MeasurementModel:
         """
         values = self.values(u)
         state = self.state(values)
-        body = self.mechanics.evaluate(self.map(u), state)
+        body = self.mechanics.evaluate(self.map(u), state, reduced)
         c, e = body.compliance, body.local_modulus
         self._refuse_impossible(c)
         judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)

@@ -113,7 +113,7 @@ def refit(
 ) -> FitResult | None:
     """Refit a candidate by few evaluations, or None where the start is impossible."""
     options.setdefault("max_evaluations", settings.refit_evaluations)
-    return try_fit(model, stiffness, enough=settings.refit_gain, **options)
+    return try_fit(model, stiffness, enough=settings.refit_gain, confirmed=False, **options)
 
 
 def is_beaten(

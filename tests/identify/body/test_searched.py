@@ -1,0 +1,107 @@
+"""What a search takes in place of full solutions, against full solutions of the same meshes."""
+
+import numpy as np
+import pytest
+
+from fem import Contacts, PalpationModel, RefinedModel, block_mesh
+from identify.body.mechanics import BodyMechanics
+from identify.map.gaussian_map import GaussianMap, Inclusion, Shape
+
+SIZE = (0.06, 0.06, 0.03)
+MAP = GaussianMap(5000.0, (Inclusion(15000.0, 0.024, 0.032, 0.021, 0.008),))
+STEPS = np.array([250.0, 1500.0, 1e-3, 1e-3, 1e-3, 4e-4])
+
+
+def moved(amount: float, seed: int = 1) -> GaussianMap:
+    steps = amount * STEPS * np.random.default_rng(seed).uniform(-1, 1, 6)
+    return GaussianMap.from_values(MAP.values + steps)
+
+
+@pytest.fixture
+def mechanics():
+    points = [(x, y, 0.03) for x in (0.018, 0.042) for y in (0.018, 0.040)]
+    contacts = Contacts(np.array(points), np.array([0, 0, -1.0]), np.array(0.005))
+    coarse, fine = (
+        PalpationModel(block_mesh(SIZE, cells), 0.45, contacts) for cells in ((4, 4, 2), (6, 6, 3))
+    )
+    return BodyMechanics.of(coarse, RefinedModel(coarse, fine))
+
+
+def counted(monkeypatch, model: PalpationModel) -> list[int]:
+    """Return a list that grows with every full solution of a model."""
+    solved, evaluate = [], model.evaluate
+    monkeypatch.setattr(
+        model, "evaluate", lambda *a, **k: solved.append(1) or evaluate(*a, **k), raising=True
+    )
+    return solved
+
+
+def test_a_search_takes_the_reduced_basis_within_its_tolerance(mechanics, monkeypatch):
+    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    solved = counted(monkeypatch, mechanics.coarse)
+    state = mechanics.state().changed(inclusion_shape=Shape(edge=0.01))
+    for stiffness, body in ((moved(0.02), mechanics.state()), (MAP, state)):
+        near = mechanics.evaluate(stiffness, body, reduced=True)
+        by_map, (change, _) = near.by_map, near.change(state)
+        assert not solved
+        full = mechanics.evaluate(stiffness, body)
+        assert len(solved) == 1
+        solved.clear()
+        tolerance = mechanics.settings.reduced_error
+        assert near.compliance == pytest.approx(full.compliance, rel=tolerance, abs=0)
+        assert near.compliance.tolist() != full.compliance.tolist()
+        largest = np.abs(full.by_map).max(axis=0)
+        assert by_map / largest == pytest.approx(full.by_map / largest, abs=0.02)
+        assert change == pytest.approx(full.change(state)[0], rel=0.02, abs=1e-9)
+
+
+def test_a_far_map_is_solved_in_full_and_joins(mechanics, monkeypatch):
+    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    solved = counted(monkeypatch, mechanics.coarse)
+    for _ in range(2):
+        far = mechanics.evaluate(moved(1.0), mechanics.state(), reduced=True)
+        mechanics._solutions.clear()
+    assert len(solved) == 1
+    full = mechanics.evaluate(moved(1.0), mechanics.state()).compliance
+    assert far.compliance == pytest.approx(full, rel=3e-6)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fibre_share": 0.1},
+        {"skin_thickness_m": 1e-3, "skin_factor": 2.0},
+        {"base_normal_m_per_pa": 1e-8},
+    ],
+)
+def test_other_laws_are_solved_in_full(mechanics, change):
+    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    state = mechanics.state().changed(**change)
+    near = mechanics.evaluate(MAP, state, reduced=True).compliance
+    assert near.tolist() == mechanics.evaluate(MAP, state).compliance.tolist()
+    # ... and their derivatives at the null
+    null = mechanics.evaluate(moved(0.01), mechanics.state(), reduced=True)
+    full = mechanics.evaluate(moved(0.01), mechanics.state())
+    assert null.change(state)[0] == pytest.approx(full.change(state)[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_correction_is_carried_only_where_it_is_sure(mechanics, monkeypatch, seed):
+    state = mechanics.state()
+    assert not mechanics.corrected(MAP, state, carried=True).carried
+    solved = counted(monkeypatch, mechanics.fine.fine)
+    near = mechanics.corrected(moved(0.1, seed), state, carried=True)
+    assert near.carried
+    assert not solved
+    exact = mechanics.corrected(moved(0.1, seed), state)
+    assert not exact.carried
+    assert len(solved) == 1
+    assert near.ratio == pytest.approx(exact.ratio, rel=mechanics.settings.ratio_error, abs=0)
+    assert np.abs(near.ratio - mechanics.corrected(MAP, state).ratio).max() > 3e-5
+    assert near.model_error == pytest.approx(exact.model_error, rel=0.2)
+    assert near.tip_gain == pytest.approx(exact.tip_gain, rel=0.2)
+    solved.clear()
+    mechanics._fine.clear()
+    mechanics.corrected(MAP, state)
+    assert not mechanics.corrected(moved(8.0, seed), state, carried=True).carried
+    assert len(solved) == 2

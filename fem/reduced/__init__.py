@@ -1,4 +1,4 @@
-"""Reduced bases: the compliance of every press, with bounds, and its derivatives, at little cost."""
+"""Reduced bases: compliances of all presses, with bounds and derivatives, at little cost."""
 
 from fem.reduced.model import ReducedBases, ReducedModel, ReducedResponse
 

@@ -47,7 +47,7 @@ def by_sample(model: PalpationModel, fields: Fields) -> np.ndarray:
 
 @numba.njit(cache=True, fastmath=True)
 def summed(energies, fields):
-    """Sums (j, k) of energies (j, p) in single precision over fields (k, p), in double."""
+    """Return the sums (j, k) of energies (j, p), in single precision, over fields (k, p)."""
     presses, samples = energies.shape
     count = len(fields)
     result = np.zeros((presses, count))

@@ -11,14 +11,14 @@ g_a that add up to one. The theorem of least complementary energy then gives the
 
     H_ab = sum_p e_ab,p E_a,p E_b,p / E_p,    C_high = min g'H g = 1 / (1'H^-1 1),
 
-so that the full model's compliance lies between both without any factorisation, and the difference
-is the energy of both errors together: of second order in the distance from the snapshots. It is
-strict where the samples carry positive energies (all but the quadratic courses of the modulus in
-the cells around a tip and the near field's own part beyond, whose share is small).
+so that the full model's compliance lies between both without any factorisation. Their difference is
+the energy of both errors together, of second order in the distance from the snapshots. The bounds
+are strict where the samples carry positive energies, which those of the quadratic course of the
+modulus around a tip and of the near field need not: their part of the energy is small.
 
-Both matrices are linear in a field, E or 1/E, and these fields lie in the span of few: each new
-one that does not joins the span (`_Modes`), for one pass over the energies. From then on its
-evaluation needs no energies, and next to no time.
+Both matrices are linear in a field, E or 1/E. A new field joins the span of those asked for before
+(`_Modes`), at the cost of one pass over the energies; in the span, an evaluation takes about a
+millisecond.
 
 Sources: Rozza, Huynh, Patera, Arch. Comput. Methods Eng. 15 (2008) 229 (reduced basis); Ladeveze,
 Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).

@@ -22,6 +22,7 @@ import explain  # isort: skip
 import finite_strain  # isort: skip
 import paper_tests  # isort: skip
 import peers  # isort: skip
+import reduced  # isort: skip
 import scaling  # isort: skip
 import solver  # isort: skip
 from fem import default_solver  # isort: skip
@@ -30,6 +31,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BENCHMARKS = {
     "demo": demo_run.table,
     "explain": explain.table,
+    "reduced": reduced.table,
     "solver": solver.table,
     "accuracy": accuracy.table,
     "paper": paper_tests.table,

@@ -14,7 +14,8 @@ g_a that add up to one. The theorem of least complementary energy then gives the
 so that the full model's compliance lies between both without any factorisation. Their difference is
 the energy of both errors together, of second order in the distance from the snapshots. The bounds
 are strict where the samples carry positive energies, which those of the quadratic course of the
-modulus around a tip and of the near field need not: their part of the energy is small.
+modulus around a tip and of the near field need not: their part of the energy is small. Energies are
+kept in single precision, so that bounds below 1e-6 mean nothing.
 
 Both matrices are linear in a field, E or 1/E. A new field joins the span of those asked for before
 (`_Modes`), at the cost of one pass over the energies; in the span, an evaluation takes about a

@@ -69,6 +69,7 @@ class BodyMechanics:
     _linear: dict[tuple, LinearRatio] = field(default_factory=dict)
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
     _fine: dict[tuple, CarriedFine] = field(default_factory=dict)
+    _elsewhere: list[tuple] = field(default_factory=list)  # corrections of the body elsewhere
     _bases: list[ReducedBases] = field(default_factory=list)  # one, once a search needs it
 
     @classmethod
@@ -154,13 +155,7 @@ class BodyMechanics:
             return replace(self, tip_gain=_tip_gain(coarse, changed))
         shift = self.shifted.near(state.shift_m)
         if any(shift):
-            coarse = self._solved(stiffness, plain)
-            there, finer = self.shifted.fine_at(shift)
-            known = self._solve(there, stiffness, plain).compliance
-            fine = fine_solution(finer, changed, there, known, self.settings)
-            log_factor = self.log_shift_factor(stiffness, plain, shift, coarse.compliance)
-            ratio = fine.compliance / (coarse.compliance * np.exp(log_factor))
-            return self._with_ratio(ratio, fine.error, _tip_gain(fine.response, changed))
+            return self._corrected_elsewhere(shift, stiffness, plain, carried)
         if carried and self._fine:
             compliance = self._found(stiffness, plain).compliance
             for known in reversed(self._fine.values()):
@@ -175,6 +170,34 @@ class BodyMechanics:
             carries = CarriedFine(ratio, fine.response.unevenness, gain)
             _keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
         return self._with_ratio(fine.compliance / coarse.compliance, fine.error, gain)
+
+    def _corrected_elsewhere(
+        self, shift: Shift, stiffness: GaussianMap, plain: BodyState, carried: bool
+    ) -> BodyMechanics:
+        """`corrected` of a body elsewhere, whose finer model is made for that place.
+
+        Making it costs as much as thirty solutions, so that a search takes the correction of a
+        place and a map nearby.
+        """
+        coarse = (self._found if carried else self._solved)(stiffness, plain).compliance
+        reach, grown = self.settings.carried_shift_m, self.settings.carried_change
+        for place, known, corrected in reversed(self._elsewhere if carried else []):
+            apart = np.abs(np.subtract(place, shift)).max()
+            if apart <= reach and np.abs(np.log(coarse / known)).max() <= grown:
+                return self._with_ratio(*corrected, True)
+        there, finer = self.shifted.fine_at(shift)
+        changed = ChangedMap(stiffness, plain)
+        known = self._solve(there, stiffness, plain).compliance
+        fine = fine_solution(finer, changed, there, known, self.settings)
+        factor = np.exp(self.log_shift_factor(stiffness, plain, shift, coarse))
+        corrected = (
+            fine.compliance / (coarse * factor),
+            fine.error,
+            _tip_gain(fine.response, changed),
+        )
+        self._elsewhere.append((shift, coarse, corrected))
+        del self._elsewhere[:-_KEPT_FINE]
+        return self._with_ratio(*corrected)
 
     def _with_ratio(
         self,

@@ -67,16 +67,17 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
     """Fit from scaled coordinates u (k,), as the settings of the search say."""
     s, radius, accepted, near = search.settings, np.inf, 0, False
     fine_chi2: float | None = None  # the finer model's chi-square at u, where it is known
+    carried = True  # corrections may be those of maps nearby
     stale = False  # the correction was made elsewhere than at u: its minimum says nothing
     result, at = search.minimum(model, u)
     if s.rounds == 0:
         return _ended(search, model, result.x, result, result.success)
     for number in range(1, s.rounds + s.nearer_rounds * s.guarded + 1):
-        there = search.corrected(model, result.x)
+        there = search.corrected(model, result.x, carried)
         now = search.evaluate(there, result.x)
         if s.guarded and fine_chi2 is None and now.chi2 > at.chi2 + s.raised:
             before = search.evaluate(model, u).chi2
-            model = search.corrected(model, u)
+            model = search.corrected(model, u, carried)
             fine_chi2 = search.evaluate(model, u).chi2
             stale = abs(fine_chi2 - before) > s.raised
         if s.guarded and fine_chi2 is not None and now.chi2 > fine_chi2 + s.ftol:
@@ -96,15 +97,20 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         excess = max(result.fun - search.gross(model), 0.0)
         stop = math.sqrt(2 * s.gross_rtol * excess) if s.stops_count else 0.0
         if accepted and moved < max(s.settled * misfit * min(misfit, s.settled_most), stop):
-            if s.confirmed and model.mechanics.carried:
-                model = search.corrected(model, result.x, carried=False)
-                result, at = search.minimum(model, result.x, radius)
-            return _ended(search, model, result.x, result, result.success)
+            if not (s.confirmed and model.mechanics.carried):
+                return _ended(search, model, result.x, result, result.success)
+            carried = False  # settled but for the finer model's own word
         near = moved < misfit
         if not s.guarded and excess and number >= s.gross_rounds:
             break
     if not s.guarded:
-        return _ended(search, model, result.x, result, False, "did not settle")
+        u = result.x
+    if s.confirmed and model.mechanics.carried:
+        model = search.corrected(model, u, carried=False)
+        result, _ = search.minimum(model, u)
+        u = result.x
+    if not s.guarded:
+        return _ended(search, model, u, result, False, "did not settle")
     success = result.success and near and accepted >= s.rounds
     return _ended(search, model, u, result, success, None if success else "did not settle")
 

@@ -184,7 +184,7 @@ class BodyMechanics:
         for place, known, corrected in reversed(self._elsewhere if carried else []):
             apart = np.abs(np.subtract(place, shift)).max()
             if apart <= reach and np.abs(np.log(coarse / known)).max() <= grown:
-                return self._with_ratio(*corrected, True)
+                return self._with_ratio(*corrected, carried=True)
         there, finer = self.shifted.fine_at(shift)
         changed = ChangedMap(stiffness, plain)
         known = self._solve(there, stiffness, plain).compliance

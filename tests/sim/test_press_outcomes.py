@@ -77,7 +77,7 @@ def words(run):
         ("force", lambda wrench, kept: 0 * wrench),
         ("not_a_number", lambda wrench, kept: np.nan * wrench),
         ("cross_check", lambda wrench, kept: wrench - [0, 0, 0.25, 0, 0, 0]),
-        ("force", lambda wrench, kept: wrench + [0, 0, 5.0, 0, 0, 0]),
+        ("force", lambda wrench, kept: [*wrench, 0, 0, 5.0, 0, 0, 0]),
     ],
 )
 def test_a_sensor_that_fails_in_one_press_costs_that_press_alone(kind, act):
@@ -113,7 +113,7 @@ def test_a_scan_that_shall_stop_names_the_presses_that_were_not_begun():
 
 def test_a_sensor_that_is_dead_from_the_start_skips_the_press_without_touching():
     fault = Fault(lambda wrench, kept: 0 * wrench, press=0, after_s=0.0)
-    run, forces = scanned(fault.mechanisms)
+    run, _forces = scanned(fault.mechanisms)
     assert words(run) == ["skipped", "made", "made"]
     assert "repeats one value at rest" in run.outcomes[0].reason
 

@@ -77,7 +77,7 @@ def words(run):
         ("force", lambda wrench, kept: 0 * wrench),
         ("not_a_number", lambda wrench, kept: np.nan * wrench),
         ("cross_check", lambda wrench, kept: wrench - [0, 0, 0.25, 0, 0, 0]),
-        ("force", lambda wrench, kept: [*wrench, 0, 0, 5.0, 0, 0, 0]),
+        ("force", lambda wrench, kept: wrench + np.array([0, 0, 5.0, 0, 0, 0])),
     ],
 )
 def test_a_sensor_that_fails_in_one_press_costs_that_press_alone(kind, act):

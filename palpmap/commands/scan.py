@@ -218,9 +218,6 @@ def make_scan(
 
     drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     made, _ = laboratory.press(drawn, on_press, on_outcome)
-    if laboratory.hidden.planted:
-        reached = laboratory.hidden.reached([press.scan for press in made.presses])
-        write_truth(run, laboratory.hidden.body, reached)
     return made
 
 

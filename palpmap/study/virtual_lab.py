@@ -76,8 +76,7 @@ class Laboratory:
         done: list[Scan] = []
 
         def reported(result: PressResult) -> None:
-            start = done[0].time_s[0] if done else result.scan.time_s[0]
-            done.append(self.hidden.report(result.scan, float(start)))
+            done.append(self.hidden.report(result.scan))
             if on_press:
                 on_press(result, stack_scans(done))
 
@@ -88,7 +87,8 @@ class Laboratory:
             on_frame,
             reported,
             on_outcome,
-            motion=self.motion,
+            self.hidden.mechanisms,
+            self.motion,
         )
         if not done:
             first = made.outcomes[0]
@@ -130,8 +130,8 @@ def build_laboratory(
     )
     body = SoftBody(
         block or (plan.body.vertices_m, plan.body.triangles),
-        hidden.body.modulus if plant else truth,
-        hidden.body.poisson_ratio,
+        hidden.pressed.modulus if plant else truth,
+        hidden.pressed.poisson_ratio,
         plan.tip_radius_m,
         plan.points_m,
         plan.directions,

@@ -6,6 +6,7 @@ body answers it. Each hook is a function, or None where the mechanism does not a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,8 +21,35 @@ if TYPE_CHECKING:
 Zero = Literal["touch", "plane"]
 """From where travel counts: first touch as found from the samples, or the planned surface."""
 
-Tare = Literal["press", "scan"]
-"""When the force sensor is tared: before each approach, or before the first one alone."""
+Tare = Literal["press", "scan", "never"]
+"""When the force sensor is tared: before each approach, before the first one alone, or never."""
+TARES: tuple[Tare, ...] = ("press", "scan", "never")
+
+
+@dataclass
+class Live:
+    """What truly happens, for mechanisms that depend on it; renewed in each step.
+
+    Attributes
+    ----------
+    press : number of the press
+    touched : true from first touch to the end of unloading
+    contact_n : true contact force
+    first_approach_s : when the first approach of the scan began, infinite before
+    depth_of : (q) to the tip's depth along the press, m
+    slope_of : (depth) to the turn of the joints for a metre of depth, (n,) rad/m
+    """
+
+    press: int = 0
+    touched: bool = False
+    contact_n: float = 0.0
+    first_approach_s: float = math.inf
+    depth_of: Callable[[np.ndarray], float] = lambda q: 0.0
+    slope_of: Callable[[float], np.ndarray] = lambda depth: np.zeros(0)
+
+    def since_first(self, time_s: float) -> float:
+        """Time since the first approach began, 0 before."""
+        return max(time_s - self.first_approach_s, 0.0)
 
 
 @dataclass(frozen=True)
@@ -40,6 +68,8 @@ class Mechanism:
     body : the pressed body to one that yields otherwise
     clock : t to the time that is written beside the samples
     scene : changes the compiled MuJoCo model, of which the robot's own model knows nothing
+    attach : called once with the truth of the running scan
+    servo_by_motors : the encoders are read for the pose alone, not by the servo
     zero, tare : how the robot that suffers from it counts travel and tares
     zero_shift_m : by which first touch is called too late, m
     """
@@ -53,6 +83,8 @@ class Mechanism:
     body: Callable[[PressedBody], PressedBody] | None = None
     clock: Callable[[float], float] | None = None
     scene: Callable[[Any], None] | None = None
+    attach: Callable[[Live], None] | None = None
+    servo_by_motors: bool = False
     zero: Zero = "touch"
     tare: Tare = "press"
     zero_shift_m: float = 0.0
@@ -122,8 +154,19 @@ class Mechanisms:
 
     @property
     def tare(self) -> Tare:
-        """Once a scan if any of them needs it."""
-        return "scan" if any(part.tare == "scan" for part in self.parts) else "press"
+        """The rarest that any of them needs."""
+        return TARES[max((TARES.index(part.tare) for part in self.parts), default=0)]
+
+    def attach(self, live: Live) -> None:
+        """Let those that depend on it see the truth."""
+        for part in self.parts:
+            if part.attach:
+                part.attach(live)
+
+    @property
+    def servo_by_motors(self) -> bool:
+        """True if any of them is read for the pose alone."""
+        return any(part.servo_by_motors for part in self.parts)
 
     @property
     def zero_shift_m(self) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from sim.robot.laboratory import Laboratory
-from sim.robot.mechanism import Mechanisms
+from sim.robot.mechanism import Live, Mechanisms
 
 SERVO_RAD_PER_S = 60.0
 """Both poles of the joint servo."""
@@ -41,6 +41,9 @@ class SimulatedArm:
     q, v : (n,) rad and rad/s, the state now
     q_seen : (n,) rad, configuration of the last step, to which its sensors and contact belong
     q_read : (n,) rad, the same as the encoders read it
+    by_motors : true while the servo goes by the motors' own encoders, as it does where those at the
+        joints give no number
+    live : tells the mechanisms the true contact force
     tare_n : (3,) N, taken off the wrist's force
     sensor_n : (3,) N, what the sensor itself read, with the probe's weight and inertia in it
     time_s : since the simulation began
@@ -82,7 +85,7 @@ class SimulatedArm:
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
         self._peak = np.zeros(model.nv)
         self.tare_n = np.zeros(3)
-        self.time_s = 0.0
+        self.time_s, self.by_motors, self.live = 0.0, False, Live()
         self.place(laboratory.home)
 
     def place(self, q: np.ndarray) -> None:
@@ -91,10 +94,10 @@ class SimulatedArm:
         self.data.qvel[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.q, self.v = self.data.qpos.copy(), self.data.qvel.copy()
-        self.q_seen = self.q_read = self._q_good = self.q
+        self.q_seen = self.q_read = self.q
         self._v_seen = self.v
         self._a = np.zeros_like(self.v)
-        self._torque = np.zeros_like(self.v)
+        self._torque, self._behind = np.zeros_like(self.v), np.zeros_like(self.v)
         self.tip_m = self._tip
         self.wrist_n, self.sensor_n, self.contact_n = np.zeros(3), np.zeros(3), 0.0
 
@@ -124,6 +127,11 @@ class SimulatedArm:
         return float(lever @ (self._torque - free) / (lever @ lever))
 
     @property
+    def behind_rad(self) -> float:
+        """Largest difference between a joint's command and its reading in the last step."""
+        return float(np.abs(self._behind).max())
+
+    @property
     def torque_share(self) -> float:
         """Largest part of a joint's torque limit that the last step asked for."""
         return float((np.abs(self._torque) / self._limit).max())
@@ -142,9 +150,8 @@ class SimulatedArm:
         read = q
         if self._encoders:
             self.q_read = self._encoders(self.time_s, q.copy())
-            if np.isfinite(self.q_read).all():
-                self._q_good = self.q_read
-            read = self._q_good
+            if not self.by_motors and np.isfinite(self.q_read).all():
+                read = self.q_read
         else:
             self.q_read = q
         if self._joint_torque:
@@ -155,10 +162,11 @@ class SimulatedArm:
         mujoco.mj_step(self.model, data)
         q_next, v_next = self._qpos.copy(), self._qvel.copy()
         self.contact_n = float(data.efc_force[-1]) if data.ncon else 0.0
+        self.live.contact_n = self.contact_n
         self._a = (v_next - v) / self.dt
         self.wrist_n = self._contact_from_wrist(read, v, self._a)
         self.q_seen, self._v_seen, self.q, self.v = q, v, q_next, v_next
-        self._torque = torque
+        self._torque, self._behind = torque, q_wanted - read
         self.time_s += self.dt
         np.maximum(self._peak, np.abs(torque), out=self._peak)
 

@@ -97,6 +97,7 @@ class PressOutcome:
     faults : of its attempts, in their order
     judged : of a press with readings
     reason : why there are no readings, or what was not kept; empty if all is well
+    peak_force_n : largest true force of all attempts, which only the simulator knows
     """
 
     press: int
@@ -105,6 +106,7 @@ class PressOutcome:
     faults: tuple[Fault, ...] = ()
     judged: Judgement | None = None
     reason: str = ""
+    peak_force_n: float = 0.0
 
     @property
     def delivered(self) -> bool:

@@ -1,125 +1,63 @@
-"""Hidden effects in a scan of the robot: as far as they leave its coupled simulation alone.
-
-Errors of the instrument are applied to the recorded rows, another modulus field or Poisson's ratio
-to the pressed body. Effects of contact and response would have to act inside the exchange between
-arm and body, step by step; only the bench can hide those, as well as supports, fibres and a skin.
-"""
+"""Effects and faults in a scan of the robot: drawn and sized on the bench, planted in the loop."""
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from types import SimpleNamespace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from models import InputError, PressProgram, Scan
-from sim.bench.amplitude_search import amplitude_for, size_of
-from sim.bench.press import Planted, Pressed
-from sim.body.soft_body import block_compliance
+from models import InputError, PressProgram, Scan, nearest
+from sim.bench.amplitude_search import amplitude_for
+from sim.bench.press import Planted
+from sim.body.soft_body import DIVISIONS, Divisions, block_compliance
 from sim.body.true_body import HiddenBody
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.planted.bench import Bench
+from sim.planted.body_in_loop import Extra, LawOnBody
 from sim.planted.catalogue import HIDDEN
+from sim.planted.faults import FAULTS, fault
+from sim.planted.instrument_in_loop import PlantScene
+from sim.planted.mechanisms import FIELDS, mechanism
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.laboratory import build_laboratory
+from sim.robot.mechanism import Mechanism, Mechanisms
 from sim.robot.simulated_arm import SERVO_RAD_PER_S
-from sim.scan.scan_program import DWELL_S
+from sim.scan.scan_program import DWELL_S, TARE_S
+
+NAMES = tuple(effect.name for effect in HIDDEN)
+FILE_HOOKS = ("begin", "sensor", "encoders", "joint_torque", "body_pose", "clock")
 
 SEARCH_DIVISIONS = (8, 8, 4)
 """Of the mesh on which amplitudes are searched: the size is right to about a hundredth of it."""
 
-REPORTED = (
-    "tool_compliance",
-    "force_bias",
-    "force_drift",
-    "sensitivity_drift",
-    "force_saturation",
-    "contact_offset",
-    "surface_tilt",
-    "displacement_drift",
-    "breathing",
-    "outside_stick_slip",
-    "outside_coarse_encoder",
-    "outside_sticky_tip",
-)
-FIELDS = ("extra_inclusion", "stiffness_gradient", "poisson_ratio")
-
 
 @dataclass(frozen=True)
 class RobotPlant:
-    """Effects hidden in a robot's scan.
+    """Effects and faults that act in a robot's scan.
 
     Attributes
     ----------
-    planted : with their values
-    body : the block with them in it
+    body : the block with its changed build
+    pressed : the block as its own finite elements have it; the rest of `body` is a mechanism
     records : name, category, law, values and sizes of each, as in `planted_scan`
+    mechanisms : of the loop
     """
 
-    planted: tuple[Planted, ...]
     body: HiddenBody
-    records: tuple[dict[str, Any], ...]
+    pressed: HiddenBody
+    records: tuple[dict[str, Any], ...] = ()
+    mechanisms: Mechanisms = field(default_factory=Mechanisms)
 
-    def report(self, scan: Scan, start_s: float) -> Scan:
-        """Return one press's rows as the robot reports them.
-
-        Force vector and pose are left out: they would reveal the hidden effects.
-
-        Parameters
-        ----------
-        scan : the rows of one press
-        start_s : when the scan began
-        """
-        if not self.planted:
+    def report(self, scan: Scan) -> Scan:
+        """Return rows as the robot reports them: without what would reveal an effect by itself."""
+        if not self.mechanisms.parts:
             return scan
-        force, travel = self._readings(scan, start_s)[-1]
-        return scan.replace(
-            force_n=force, displacement_m=travel, force_vector_n=None, tip_pose=None
-        )
-
-    def reached(self, scans: Sequence[Scan]) -> tuple[dict[str, Any], ...]:
-        """Return `records` with the sizes that effects of the instrument have in a whole scan.
-
-        Until the scan is made its clock is only foreseen, and so is the size of a drift.
-
-        Parameters
-        ----------
-        scans : the rows of each press, before `report`
-        """
-        start = float(scans[0].time_s[0])
-        stages = [
-            np.hstack(stage)
-            for stage in zip(*(self._readings(s, start) for s in scans), strict=True)
-        ]
-        sizes = [size_of(Pressed(*after), Pressed(*before)) for before, after in pairwise(stages)]
-        return tuple(
-            {**record, "size": size} if record["name"] in REPORTED else record
-            for record, size in zip(self.records, sizes, strict=True)
-        )
-
-    def _readings(self, scan: Scan, start_s: float) -> list[np.ndarray]:
-        """Force and travel of one press, (2, m): as they are, and after each effect."""
-        peak = float(scan.force_n[scan.phase == "hold"].mean())
-        scene: Any = SimpleNamespace(
-            time_s=scan.time_s[None],
-            begin_s=start_s,
-            force_n=scan.force_n[None],
-            part=np.select([scan.phase == "hold", scan.phase == "unload"], [1, 2], 0),
-            points_m=scan.point_m[:1, :2],
-            body=self.body,
-            program=SimpleNamespace(force_n=np.array([peak])),
-        )
-        force, travel = scan.force_n[None], scan.displacement_m[None]
-        readings = [np.vstack([force, travel])]
-        for effect, values in self.planted:
-            force, travel = effect.sensor(scene, force, travel, values)
-            readings.append(np.vstack([force, travel]))
-        return readings
+        return scan.replace(force_vector_n=None, tip_pose=None)
 
 
 def plant_on_robot(
@@ -129,49 +67,141 @@ def plant_on_robot(
 
     Parameters
     ----------
-    wanted : names and sizes, rms(with - without)/rms(without)
+    wanted : names and sizes. Of an effect the size is rms(with - without)/rms(without), reached to
+        about a tenth, as clock and control of the robot are only foreseen; of a fault
+        (`sim.planted.faults.FAULTS`) the share of presses that it befalls; of a file of hooks (.py)
+        it has no meaning
     plan, settings : of the scan
     body : the block without them
 
     Raises
     ------
     InputError
-        An effect that only the bench can hide.
+        A name that is not known, a file that cannot be used.
     """
-    rng = np.random.default_rng([settings.seed, 3])
     if not wanted:
-        return RobotPlant((), body, ())
+        return RobotPlant(body, body)
+    effects = [(name, size) for name, size in wanted if name in NAMES]
+    planted, records = _drawn(effects, plan, settings, body)
+    mechanisms = list(mechanisms_of(planted, plan, settings, body))
+    rng = np.random.default_rng([settings.seed, 4])
+    for name, size in wanted:
+        if name in NAMES:
+            continue
+        if name.endswith(".py"):
+            mechanisms.append(mechanism_of_file(name))
+            records.append({"name": name, "category": "file", "law": "", "values": {}})
+        elif name in FAULTS:
+            count = max(round(size * len(plan)), 1)
+            presses = {int(j) for j in rng.choice(len(plan), count, replace=False)}
+            mechanisms.append(fault(name, settings.seed, presses))
+            values = {f"press_{i}": float(j) for i, j in enumerate(sorted(presses))}
+            records.append({"name": name, "category": "fault", "law": "", "values": values})
+        else:
+            known = (*NAMES, *FAULTS)
+            raise InputError(
+                f"no effect or fault '{name}'{nearest(name, known)}; there are {', '.join(known)}, "
+                "or give a file of hooks that ends with .py"
+            )
+    pressed = body
+    for effect, values in planted:
+        body = effect.body(body, values)
+        pressed = effect.body(pressed, values) if effect.name in FIELDS else pressed
+    return RobotPlant(body, pressed, tuple(records), Mechanisms(tuple(mechanisms)))
+
+
+def mechanisms_of(
+    planted: Sequence[Planted],
+    plan: ScanPlan,
+    settings: ScanSettings,
+    body: HiddenBody,
+    start_s: float = 0.0,
+    presses_before: int = 0,
+    divisions: Divisions = DIVISIONS,
+) -> tuple[Mechanism, ...]:
+    """Return drawn effects as mechanisms, each on the body as those before it have left it.
+
+    Parameters
+    ----------
+    planted : effects with their values
+    plan, settings, body : of the scan, the block without them
+    start_s, presses_before : of a body that was pressed before, see `PlantScene`
+    divisions : of the mesh on which the effects' own shares are solved
+    """
+    if not planted:
+        return ()
+    program = _given(plan, settings)
+    directions = plan.body_in_world.vectors_to_world(plan.directions)
+    made = []
+    for effect, values in planted:
+        scene = PlantScene(
+            Bench(program, body, divisions=divisions), directions, start_s, presses_before
+        )
+        made.append(mechanism(effect.name, scene, values))
+        body = effect.body(body, values)
+    return tuple(made)
+
+
+def _drawn(
+    wanted: Sequence[tuple[str, float]], plan: ScanPlan, settings: ScanSettings, body: HiddenBody
+) -> tuple[tuple[Planted, ...], list[dict[str, Any]]]:
+    """Draw values and search amplitudes on the bench."""
+    if not wanted:
+        return (), []
+    rng = np.random.default_rng([settings.seed, 3])
     bench = Bench(program_of(plan, settings, body), body, divisions=SEARCH_DIVISIONS)
     planted: tuple[Planted, ...] = ()
     records = []
     for name, size in wanted:
         effect = HIDDEN[name]
-        if name not in (*REPORTED, *FIELDS):
-            raise InputError(
-                f"the robot's scan cannot hide '{name}', which acts while the body yields; it can "
-                f"hide {', '.join((*FIELDS, *REPORTED))}. `palpmap blind --effects {name}` can"
-            )
         drawn = effect.draw(bench, rng)
         sign = float(rng.choice([-1, 1])) if effect.two_sided else 1.0
         one, reached = amplitude_for(bench, effect, drawn, size, planted, sign)
         planted = (*planted, one)
-        body = effect.body(body, one[1])
         record = {"name": name, "category": effect.category, "law": effect.law}
         record |= {"values": dict(one[1]), "wanted_size": size, "size": reached}
         records.append(record)
-    return RobotPlant(planted, body, tuple(records))
+    return planted, records
 
 
-def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> PressProgram:
-    """Return a plan's presses as a program on the robot's clock: with the ways between as rests.
+def mechanism_of_file(path: str) -> Mechanism:
+    """Read a mechanism from a Python file: functions with the names of hooks.
 
-    Parameters
-    ----------
-    body : tells how deep the tip is at first touch and where it lets go
+    Known are `begin(press)`, `sensor(t, wrench)`, `encoders(t, q)`, `joint_torque(t, q)`,
+    `body_pose(t, press)`, `advance(t, force)` (travel in m that the body yields beside its own) and
+    `clock(t)`, as in `sim.robot.mechanism.Mechanism`.
+
+    Raises
+    ------
+    InputError
+        A file that is missing, cannot be run or has no hook.
     """
+    try:
+        names = runpy.run_path(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except Exception as error:
+        raise InputError(f"{path}: fails with {type(error).__name__}: {error}") from error
+    hooks: dict[str, Any] = {name: names[name] for name in FILE_HOOKS if callable(names.get(name))}
+    if not hooks and not callable(names.get("advance")):
+        raise InputError(
+            f"{path}: found no function of a hook, expected one of {', '.join(FILE_HOOKS)}, "
+            "advance; see docs/tutorials/robot.md"
+        )
+    if "begin" in hooks:
+        begin = hooks["begin"]
+        hooks["begin"] = lambda press, time_s: begin(press)
+    if callable(names.get("advance")):
+        part = Extra(names["advance"])
+        hooks["body"] = lambda below: LawOnBody(below, part)
+    return Mechanism(path, **hooks)
+
+
+def _given(plan: ScanPlan, settings: ScanSettings) -> PressProgram:
+    """Return a plan's presses with the rests that were asked for."""
     count = len(plan)
     same = np.ones(count)
-    given = plan.program or PressProgram(
+    return plan.program or PressProgram(
         plan.points_m[:, 0],
         plan.points_m[:, 1],
         plan.tip_radius_m * same,
@@ -181,6 +211,16 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
         settings.unload_s * same,
         settings.pauses(count),
     )
+
+
+def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> PressProgram:
+    """Return a plan's presses as a program on the robot's clock: with the ways between as rests.
+
+    Parameters
+    ----------
+    body : tells how deep the tip is at first touch and where it lets go
+    """
+    given = _given(plan, settings)
     compliance = block_compliance(
         body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
     )
@@ -195,6 +235,6 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
     touching = settings.slow_m + compliance * settings.touch_force_n
     approach = (settings.lift_m - settings.slow_m) / fast + speeding + touching / slow + lag
     retract = (settings.lift_m + settings.residual * given.force_n * compliance) / fast + speeding
-    rest = given.pause_s + transit + approach + DWELL_S
+    rest = np.maximum(given.pause_s, TARE_S) + transit + approach + DWELL_S
     rest[1:] += retract[:-1]
     return replace(given, pause_s=rest)

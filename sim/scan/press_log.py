@@ -29,7 +29,7 @@ from sim.scan.watchdog import check_record
 SMOOTHED_S = 0.05
 """Over which the force is averaged before its overshoot is judged."""
 
-LOAD, HOLD, UNLOAD = (PHASES.index(name) for name in ("load", "hold", "unload"))
+APPROACH, LOAD, HOLD, UNLOAD = map(PHASES.index, ("approach", "load", "hold", "unload"))
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,11 @@ def press_result(
     # row by row: probe axes -> world
     vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[contact])
     force = vectors @ planned.direction
-    check_record(log.clock_s[contact], force, depth, log.q_read[contact], wanted, settings)
+    begun = int((log.phase == APPROACH).argmax())
+    check_record(
+        log.clock_s[begun:], log.q_read[begun:], planned.path.at(0.0)[1], force, depth, wanted,
+        settings,
+    )  # fmt: skip
     zero = mechanisms.zero_shift_m
     if mechanisms.zero == "touch":
         moving = log.phase[contact] != HOLD

@@ -18,7 +18,7 @@ from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
-from sim.robot.mechanism import Mechanisms
+from sim.robot.mechanism import Live, Mechanisms
 from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
 from sim.scan.press_log import PressLog, press_result
@@ -40,6 +40,9 @@ UNSTEADY = 4.0
 
 TARE_S = 0.1
 """The arm rests at least so long before an approach; the sensor is tared meanwhile."""
+
+FREE_S = 0.1
+"""At the end of a press the tip is free for so long at least."""
 
 BRAKING_M_PER_S2 = 5.0
 """Of the tip after a fault."""
@@ -135,11 +138,14 @@ class _Program:
         self.pauses_s = settings.pauses(len(plan))
         self.kinematics = TipKinematics(laboratory.arm)
         self.mechanisms, self.body = mechanisms, mechanisms.pressed(body)
-        self.body_pose = mechanisms.body_pose
+        self.body_pose, self.live = mechanisms.body_pose, Live()
+        mechanisms.attach(self.live)
         self.speed_limit = laboratory.speed_limit
         self.rig = SimulatedArm(
             laboratory, settings.force_noise_n, np.random.default_rng(wrist_seed), mechanisms
         )
+        self.rig.by_motors = mechanisms.servo_by_motors
+        self.rig.live = self.live
         self.watchdog = Watchdog(self.rig, settings)
         self.contact = MatchedContact(self.rig.model, self.rig.data, self.body)
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
@@ -157,7 +163,7 @@ class _Program:
 
     def press(self, number: int, planned: PlannedPress) -> tuple[PressOutcome, PressResult | None]:
         """Make one press, from the approach pose of the one before, again if that is asked for."""
-        force, faults = self.plan.force_of(number), []
+        force, faults, peak = self.plan.force_of(number), [], 0.0
         for attempt in range(ATTEMPTS if self.settings.on_fault == "retry" else 1):
             try:
                 self._attempt(number, planned, again=attempt > 0)
@@ -167,6 +173,7 @@ class _Program:
                 phase, when = PHASES[self.phase], self.time_s
                 faults.append(Fault(kind, str(fault), phase, when))
                 self._retreat(planned)
+                peak = max(peak, self._peak_n)
                 continue
             shortfalls = result.judged.shortfalls()
             outcome = PressOutcome(
@@ -176,6 +183,7 @@ class _Program:
                 tuple(faults),
                 result.judged,
                 "; ".join(shortfalls) or (faults[-1].reason if faults else ""),
+                max(peak, self._peak_n),
             )
             return outcome, result
         begun = faults[-1].phase != PHASES[TRANSIT]
@@ -186,15 +194,22 @@ class _Program:
                 force,
                 tuple(faults),
                 reason=f"{faults[-1].kind} ({faults[-1].phase}): {faults[-1].reason}",
+                peak_force_n=peak,
             ),
             None,
         )
+
+    @property
+    def _peak_n(self) -> float:
+        """Largest true force of the last attempt."""
+        return float(np.nanmax(self._rows[: self._used, 3], initial=0.0))
 
     def _attempt(self, number: int, planned: PlannedPress, again: bool) -> None:
         self.number, self.planned = number, planned
         settings, control, force = self.settings, self.control, self.plan.force_of(number)
         ramp_s, hold_s, unload_s, pause_s = self._times(number)
         self._used, self.wanted = 0, 0.0
+        self._renew_live(number, planned)
         self.mechanisms.begin(number, self.time_s)
         if not again:
             self._transit(planned.waypoints)
@@ -212,6 +227,15 @@ class _Program:
             control.move(-min(settings.approach_m_per_s, speed))
             self._tick(RETRACT, touched=True)
         self.contact.release()
+        self.watchdog.check_forces()
+        free = self._rows[self._used - round(FREE_S / self.dt) : self._used, 6]
+        self.watchdog.check_zero(free - self.zero_n, force)
+
+    def _renew_live(self, number: int, planned: PlannedPress) -> None:
+        live, pose = self.live, self.kinematics.pose
+        live.press, live.touched = number, False
+        live.depth_of = lambda q: float((pose(q)[0] - planned.point_m) @ planned.direction)
+        live.slope_of = lambda depth: planned.path.at(depth)[1]
 
     def _times(self, number: int) -> tuple[float, float, float, float]:
         """Durations of ramp, hold, unloading and the rest before, s."""
@@ -257,6 +281,7 @@ class _Program:
     def _retreat(self, planned: PlannedPress) -> None:
         """Take the tip out of the body after a fault, along its path, whatever the sensors say."""
         rig, control, settings = self.rig, self.control, self.settings
+        rig.by_motors = True
         if rig.unstable or not np.isfinite(rig.q).all() or not np.isfinite(rig.v).all():
             rig.recover(planned.approach)  # the simulation is at fault, not the robot
             control.rest(-settings.lift_m)
@@ -271,6 +296,7 @@ class _Program:
                 q, slope = planned.path.at(depth)
                 self._step(RETRACT, q, slope * speed)
                 self.posture = q
+        rig.by_motors = self.mechanisms.servo_by_motors
         self.contact.release()
         self.phase = TRANSIT
         self.posture = planned.approach
@@ -298,11 +324,14 @@ class _Program:
             lever,
         )  # fmt: skip
         mean = self.watchdog.refuse_tare(last)
-        first = self.number == 0 or self.mechanisms.tare == "press"
-        if first:
+        tared = self.mechanisms.tare == "press" or (
+            self.mechanisms.tare == "scan" and self.number == 0
+        )
+        if tared:
             self.rig.tare(mean)
-        # A sensor that is tared once a scan still has its zero at each approach to find touch by
-        self.zero_n = 0.0 if first else float(mean[2])
+        # A sensor that is not tared here still has its zero, to find touch by
+        self.zero_n = 0.0 if tared else float(mean[2])
+        self.live.first_approach_s = min(self.live.first_approach_s, self.time_s)
 
     def _touch(self) -> None:
         """Go down until the measured force says touch, and stand; go on if that was none."""
@@ -356,13 +385,14 @@ class _Program:
             self.contact.shift(self.body_pose(self.time_s, self.number))
         self._step(phase, q, slope * control.speed_m_per_s)
         self.posture = q
-        self.watchdog.look(control.depth_m, touched)
+        self.watchdog.look(control.depth_m, touched, loaded=LOAD <= phase <= UNLOAD)
         control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n, self.time_s)
 
     def _step(self, phase: int, q: np.ndarray, v: np.ndarray, a: np.ndarray | float = 0.0) -> None:
         rig, n = self.rig, self.joints
         self.phase = phase
+        self.live.touched = TOUCH <= phase <= UNLOAD
         rig.step(q, v, a)
         if self._used == len(self._rows):
             self._rows = np.vstack([self._rows, np.empty_like(self._rows)])

@@ -14,8 +14,8 @@ from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.outcome import PressFault
 
 KINDS = (
-    "tare", "touch", "travel", "force", "cross_check", "torque", "speed", "not_a_number",
-    "repeated", "encoders", "jump", "clock", "hold", "simulation", "body", "plan",
+    "tare", "zero", "touch", "travel", "force", "cross_check", "torque", "speed", "following",
+    "not_a_number", "repeated", "encoders", "jump", "clock", "simulation", "body",
 )  # fmt: skip
 
 EVERY = 5
@@ -30,8 +30,23 @@ SLOW_HZ = 10.0
 JOINT_STEP_RAD = 0.02
 """Largest change of a joint's reading from one sample to the next: 10 rad/s at 2 ms."""
 
+FROZEN_RAD = 1e-4
+"""Turn that a joint whose reading stands still would have made by the others' readings."""
+
+FOLLOWING_RAD, FOLLOWING_RAD_PER_N = 1e-3, 2e-4
+"""Largest difference between a joint's command and its reading, at rest and for each newton of the
+limit of force."""
+
+LAG_S = 0.1
+GAIN = 0.25
+"""Largest lag and relative gain of the force sensor against the joints' torques. Smaller ones are
+an error of the instrument, which the analysis has to find."""
+
 NOISE_STEPS = 7.0
 """Changes from sample to sample beyond so many standard deviations are no noise: one in 4e11."""
+
+LEAST_NOISE_N = 2e-3
+"""Of a force reading that is trusted: a mechanism may stir more than a sensor without noise."""
 
 SPREAD = 3.0
 """Readings at rest may scatter so many times as much as the sensor's data sheet says."""
@@ -82,6 +97,7 @@ class Watchdog:
 
     def __init__(self, rig: SimulatedArm, settings: ScanSettings) -> None:
         self._rig, self._noise = rig, settings.force_noise_n
+        self._allowed = max(settings.force_noise_n, LEAST_NOISE_N)
         self._repeats_at = round(REPEATED_S / rig.dt)
         self._share = 1 - np.exp(-2 * np.pi * SLOW_HZ * EVERY * rig.dt)
         self._last, self._repeats, self._count, self._apart = np.nan, 0, 0, 0.0
@@ -95,7 +111,8 @@ class Watchdog:
         lever : (n,) m, the tip's Jacobian along the press direction
         """
         self.limits, self._lever = limits, lever
-        self._repeats, self._apart = 0, 0.0
+        self._repeats, self._apart, self._count = 0, 0.0, 0
+        self._forces: list[tuple[float, float]] = []
         self._rest = self._rig.force_by_torque(lever)
 
     def refuse_tare(self, readings: np.ndarray) -> np.ndarray:
@@ -128,8 +145,15 @@ class Watchdog:
         error = self._noise / np.sqrt(len(readings))
         return np.where(np.abs(mean) > 4 * error, mean, 0.0)
 
-    def look(self, depth_m: float, touched: bool) -> None:
-        """Check one step; raise the fault that was found."""
+    def look(self, depth_m: float, touched: bool, loaded: bool) -> None:
+        """Check one step; raise the fault that was found.
+
+        Parameters
+        ----------
+        depth_m : commanded
+        touched : the tip is or was in contact
+        loaded : the force is controlled
+        """
         rig, limits = self._rig, self.limits
         force = float(rig.wrist_n[2])
         if not abs(force) <= limits.force_n:
@@ -161,9 +185,9 @@ class Watchdog:
             raise PressFault("encoders", "an encoder gives no number")
         self._count += 1
         if self._count % EVERY == 0:
-            self._look_slowly(force)
+            self._look_slowly(force, loaded)
 
-    def _look_slowly(self, force: float) -> None:
+    def _look_slowly(self, force: float, loaded: bool) -> None:
         rig, limits = self._rig, self.limits
         if rig.unstable:
             raise PressFault("simulation", "the simulation became unstable (MuJoCo's warning)")
@@ -181,6 +205,15 @@ class Watchdog:
                 f"the force sensor reads {self._apart:+.3g} N beside the force that the joints' "
                 f"torques show, at most {limits.disagreement_n:.3g} N are usual",
             )
+        if loaded:
+            self._forces.append((force, self._by_torque))
+        usual = FOLLOWING_RAD + FOLLOWING_RAD_PER_N * limits.force_n
+        if rig.behind_rad > usual:
+            raise PressFault(
+                "following",
+                f"a joint reads {rig.behind_rad:.3g} rad beside its command, at most "
+                f"{usual:.3g} rad are usual",
+            )
         if rig.torque_share > 1:
             raise PressFault("torque", "a joint's torque is at its limit")
         if (np.abs(rig.v) > limits.speed).any():
@@ -191,32 +224,67 @@ class Watchdog:
                 f"{limits.speed[joint]:.3g}",
             )
 
+    def check_forces(self) -> None:
+        """Compare the two measurements of force over the whole press.
+
+        The sensor's force is a + b T + c dT/dt + d d2T/dt2 with T from the joints' torques: b is
+        its gain, -c its lag, and a single reading beside that line is no force on the arm.
+        """
+        force, torque = np.array(self._forces).T
+        rate = np.gradient(torque, EVERY * self._rig.dt)
+        change = np.gradient(rate, EVERY * self._rig.dt)
+        columns = np.column_stack([np.ones_like(torque), torque, rate, change])
+        found, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        gain, minus_lag = found[1:3]
+        if abs(minus_lag) > LAG_S or abs(gain - 1) > GAIN:
+            raise PressFault(
+                "cross_check",
+                f"against the joints' torques the force sensor has a gain of {gain:.2f} and a lag "
+                f"of {-minus_lag:.2f} s; at most {GAIN:g} off and {LAG_S:g} s are usual",
+            )
+        beside = force - columns @ found
+        allowed = NOISE_STEPS * self._allowed + 0.05 * np.abs(torque).max()
+        if np.abs(beside).max() > allowed:
+            raise PressFault(
+                "cross_check",
+                f"for a moment the force sensor read {np.abs(beside).max():.3g} N beside the force "
+                f"that the joints' torques show, at most {allowed:.3g} N are noise",
+            )
+
+    def check_zero(self, readings: np.ndarray, set_force_n: float) -> None:
+        """Check the force (t,) N along the probe when the tip is free again: it must be nothing."""
+        allowed = 5 * self._noise / np.sqrt(len(readings)) + 0.03 * set_force_n
+        if not abs(readings.mean()) <= allowed:
+            raise PressFault(
+                "zero",
+                f"the force reads {readings.mean():.3g} N after the press, at most {allowed:.3g} N "
+                "are noise; its zero has moved",
+            )
+
 
 TARE_LIMIT_N = 5.0
 """A larger reading at rest is a wrong payload or a contact."""
 
 
 def check_record(
-    time_s: np.ndarray,
-    force_n: np.ndarray,
-    depth_m: np.ndarray,
-    q: np.ndarray,
-    set_force_n: float,
-    settings: ScanSettings,
-) -> None:
+    time_s: np.ndarray, q: np.ndarray, slope: np.ndarray, force_n: np.ndarray, depth_m: np.ndarray,
+    set_force_n: float, settings: ScanSettings,
+) -> None:  # fmt: skip
     """Check the samples of a finished press.
 
     Parameters
     ----------
-    time_s, force_n, depth_m : (t,) as written, in contact: time, force and depth along the press
+    time_s : (t,) as written, from the begin of the approach to the end of the retreat
     q : (t, n) rad, joints as read
+    slope : (n,) rad/m, turn of the joints for a metre of depth
+    force_n, depth_m : force and depth along the press in contact
     set_force_n : wanted force
 
     Raises
     ------
     PressFault
         A clock that does not run evenly, a force or a travel that jumps, joints that repeat or
-        jump, a hold without force.
+        jump.
     """
     step = np.diff(time_s)
     if not ((step > 0.2 * settings.timestep_s) & (step < 5 * settings.timestep_s)).all():
@@ -225,18 +293,24 @@ def check_record(
             f"the written times go on by {step.min():.3g} to {step.max():.3g} s from sample to "
             f"sample, {settings.timestep_s:g} s is the period",
         )
+    if not np.isfinite(q).all():
+        raise PressFault("encoders", "an encoder gives no number")
+    turn = np.abs(np.diff(q, axis=0))
+    if turn.max() > JOINT_STEP_RAD:
+        raise PressFault(
+            "encoders", f"joint {int(turn.max(axis=0).argmax()) + 1} jumps by {turn.max():.3g} rad"
+        )
+    frozen = _frozen(q, slope)
+    if frozen is not None:
+        raise PressFault("encoders", f"joint {frozen + 1} repeats one reading while the arm moves")
     change = np.abs(np.diff(force_n))
-    allowed = NOISE_STEPS * np.sqrt(2) * settings.force_noise_n + 0.05 * set_force_n
+    noise = max(settings.force_noise_n, LEAST_NOISE_N)
+    allowed = NOISE_STEPS * np.sqrt(2) * noise + 0.05 * set_force_n
     if change.max() > allowed:
         raise PressFault(
             "jump",
             f"the force jumps by {change.max():.3g} N from one sample to the next, at most "
             f"{allowed:.3g} N are noise and motion",
-        )
-    turn = np.abs(np.diff(q, axis=0))
-    if turn.max() > JOINT_STEP_RAD:
-        raise PressFault(
-            "encoders", f"joint {int(turn.max(axis=0).argmax()) + 1} jumps by {turn.max():.3g} rad"
         )
     jump = np.abs(np.diff(depth_m)).max()
     allowed_m = NOISE_STEPS * np.sqrt(2) * settings.displacement_noise_m + 2.5e-4
@@ -246,3 +320,17 @@ def check_record(
             f"the travel jumps by {1e3 * jump:.3g} mm from one sample to the next, at most "
             f"{1e3 * allowed_m:.3g} mm are noise and motion",
         )
+
+
+def _frozen(q: np.ndarray, slope: np.ndarray) -> int | None:
+    """Return a joint whose reading stands still where the others say that it has turned."""
+    for joint in range(q.shape[1]):
+        other = int(np.where(np.arange(len(slope)) == joint, 0.0, np.abs(slope)).argmax())
+        changes = np.flatnonzero(np.diff(q[:, joint]) != 0)
+        edges = np.concatenate([[0], changes + 1, [len(q)]])
+        longest = int(np.diff(edges).argmax())
+        begin, end = edges[longest], edges[longest + 1] - 1
+        turned = slope[joint] / slope[other] * (q[end, other] - q[begin, other])
+        if abs(turned) > FROZEN_RAD:
+            return joint
+    return None

@@ -13,7 +13,6 @@ from sim.scan.scan_program import run_scan
 POINTS = np.array([[0.030, 0.041, 0.048], [0.040, 0.041, 0.048], [0.052, 0.050, 0.048]])
 PLAN = ScanPlan(POINTS, np.tile([0.0, 0.0, -1.0], (3, 1)), 0.3)
 SHORT = {"ramp_s": 0.5, "hold_s": 0.6, "unload_s": 0.5, "pause_s": (0.1, 0.1)}
-LIMIT_N = 2 * 0.3 + 0.5
 
 
 class Spring:
@@ -55,15 +54,9 @@ class Fault:
 
 
 def scanned(mechanisms=None, body=None, **settings):
-    forces = []
-    run = run_scan(
-        PLAN,
-        body or Spring(),
-        ScanSettings(**SHORT, **settings),
-        on_frame=lambda frame: forces.append(frame.force_n),
-        mechanisms=mechanisms,
+    return run_scan(
+        PLAN, body or Spring(), ScanSettings(**SHORT, **settings), mechanisms=mechanisms
     )
-    return run, forces
 
 
 def words(run):
@@ -76,12 +69,12 @@ def words(run):
         ("repeated", lambda wrench, kept: kept),
         ("force", lambda wrench, kept: 0 * wrench),
         ("not_a_number", lambda wrench, kept: np.nan * wrench),
-        ("cross_check", lambda wrench, kept: wrench - [0, 0, 0.25, 0, 0, 0]),
+        ("cross_check", lambda wrench, kept: wrench - np.array([0, 0, 0.25, 0, 0, 0])),
         ("force", lambda wrench, kept: wrench + np.array([0, 0, 5.0, 0, 0, 0])),
     ],
 )
 def test_a_sensor_that_fails_in_one_press_costs_that_press_alone(kind, act):
-    run, _ = scanned(Fault(act).mechanisms)
+    run = scanned(Fault(act).mechanisms)
     assert words(run) == ["made", "aborted", "made"]
     (fault,) = run.outcomes[1].faults
     assert fault.kind == kind
@@ -93,27 +86,27 @@ def test_a_sensor_that_fails_in_one_press_costs_that_press_alone(kind, act):
 
 def test_a_press_is_tried_again_where_that_is_asked_for(tmp_path):
     fault = Fault(lambda wrench, kept: kept, attempts=2)
-    run, _ = scanned(fault.mechanisms, on_fault="retry")
+    run = scanned(fault.mechanisms, on_fault="retry")
     assert words(run) == ["made", "retried", "made"]
     assert len(run.outcomes[1].faults) == 2
     write_scan(run.scan, tmp_path / "scan.csv")
     back = read_scan(tmp_path / "scan.csv")
     assert set(back.outcome[back.press == 1]) == {"retried"}
     assert set(back.outcome[back.press != 1]) == {"made"}
-    run, _ = scanned(Fault(lambda wrench, kept: kept).mechanisms, on_fault="retry")
+    run = scanned(Fault(lambda wrench, kept: kept).mechanisms, on_fault="retry")
     assert words(run) == ["made", "aborted", "made"]
     assert len(run.outcomes[1].faults) == 3
 
 
 def test_a_scan_that_shall_stop_names_the_presses_that_were_not_begun():
-    run, _ = scanned(Fault(lambda wrench, kept: kept).mechanisms, on_fault="stop")
+    run = scanned(Fault(lambda wrench, kept: kept).mechanisms, on_fault="stop")
     assert words(run) == ["made", "aborted", "skipped"]
     assert run.outcomes[2].reason == "the scan was stopped after press 1"
 
 
 def test_a_sensor_that_is_dead_from_the_start_skips_the_press_without_touching():
     fault = Fault(lambda wrench, kept: 0 * wrench, press=0, after_s=0.0)
-    run, _forces = scanned(fault.mechanisms)
+    run = scanned(fault.mechanisms)
     assert words(run) == ["skipped", "made", "made"]
     assert "repeats one value at rest" in run.outcomes[0].reason
 
@@ -128,13 +121,13 @@ def heavier(mass_kg):
 
 
 def test_a_probe_that_is_heavier_than_modelled_is_tared_and_presses_as_asked():
-    run, _ = scanned(heavier(0.1))
+    run = scanned(heavier(0.1))
     assert words(run) == ["made", "made", "made"]
     for press in run.presses:
         assert press.judged.tare_n == pytest.approx(-0.1 * 9.81, rel=0.02)
         assert abs(press.statistics.force_error) < 0.01
         assert np.abs(press.scan.force_n - press.true_force_n).max() < 0.03
-    run, _ = scanned(heavier(0.8))
+    run = scanned(heavier(0.8))
     assert words(run) == ["skipped"] * 3
     assert "check the payload" in run.outcomes[0].reason
 
@@ -147,7 +140,7 @@ class Broken(Spring):
 
 
 def test_a_body_without_stiffness_breaks_off_its_press_and_delivers_no_rows_of_it():
-    run, _ = scanned(body=Broken())
+    run = scanned(body=Broken())
     assert words(run) == ["made", "aborted", "made"]
     assert run.outcomes[1].faults[0].kind == "body"
     assert np.abs(run.scan.displacement_m).max() < 0.01
@@ -161,7 +154,7 @@ def test_an_unstable_simulation_costs_its_press_alone():
         return np.full(7, 1e12 if hot else 0.0)
 
     shaken = Mechanism("shaken", begin=lambda press, t: began.append(t), joint_torque=torque)
-    run, _ = scanned(Mechanisms((shaken,)))
+    run = scanned(Mechanisms((shaken,)))
     assert words(run) == ["made", "aborted", "made"]
     assert run.outcomes[1].faults[0].kind in ("simulation", "force", "speed", "not_a_number")
     assert np.isfinite(run.scan.force_n).all()
@@ -172,7 +165,7 @@ def test_encoders_that_are_off_show_beside_the_press_in_the_simulators_truth_alo
     def read(time_s, q):
         return q + np.array([2e-3, 0, 0, 0, 0, 0, 0])
 
-    run, _ = scanned(Mechanisms((Mechanism("encoder", encoders=read),)))
+    run = scanned(Mechanisms((Mechanism("encoder", encoders=read),)))
     assert words(run) == ["made"] * 3
     for press in run.presses:
         assert press.judged.place_error_m < 2e-4  # the robot believes so
@@ -181,7 +174,7 @@ def test_encoders_that_are_off_show_beside_the_press_in_the_simulators_truth_alo
 
 def test_a_clock_that_jumps_is_told():
     clock = Mechanism("clock", clock=lambda t: t + 0.5 * (t > 3.0))
-    run, _ = scanned(Mechanisms((clock,)))
+    run = scanned(Mechanisms((clock,)))
     assert words(run).count("aborted") == 1
     assert "the written times go on by" in run.outcomes[words(run).index("aborted")].reason
 
@@ -190,10 +183,10 @@ def test_a_body_that_sank_away_is_not_found_and_one_that_rose_is_pressed():
     def pose(by_m):
         return Mechanisms((Mechanism("moved", body_pose=lambda t, press: np.array([0, 0, by_m])),))
 
-    run, _ = scanned(pose(-0.03))
+    run = scanned(pose(-0.03))
     assert words(run) == ["aborted"] * 3
     assert "no touch within 20 mm" in run.outcomes[0].reason
-    run, _ = scanned(pose(0.002))
+    run = scanned(pose(0.002))
     assert words(run) == ["made"] * 3
     for press in run.presses:
         assert press.statistics.touch_error_m == pytest.approx(-0.002, abs=2e-5)

@@ -235,7 +235,8 @@ def scan(
         scan, or a file of them; None is the default grid
     map : true map, in the body's frame; None scales the phantom's into the body
     arm : times, speeds, noise and sampling of the robot
-    plant : names of effects to hide in the scan, with their sizes, rms(with - without)/rms(without)
+    plant : names of effects to plant in the robot's loop, with their sizes, rms(with -
+        without)/rms(without); of faults, with the share of presses; of files of hooks (.py)
     seed : of noise and pauses, in place of the arm's own
     on_press : called after each press with all its samples and its quality
 
@@ -247,8 +248,7 @@ def scan(
     Raises
     ------
     InputError
-        The arm cannot make a press, the laboratory has no such body, or the robot cannot hide an
-        effect.
+        The arm cannot make a press, the laboratory has no such body, or there is no such effect.
 
     Examples
     --------

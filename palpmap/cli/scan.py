@@ -19,13 +19,17 @@ class OnFault(StrEnum):
 
 
 def _planted(text: str) -> tuple[str, float]:
-    name, _, percent = text.partition(":")
+    if text.endswith(".py"):
+        return text, 1.0
+    name, _, percent = text.rpartition(":") if ":" in text else (text, "", "")
     try:
         size = float(percent or 3) / 100
     except ValueError:
         size = 0.0
-    if not 0 < size <= 0.5:
-        raise typer.BadParameter(f"--plant: found '{text}', expected NAME or NAME:3 (percent)")
+    if not 0 < size <= 1:
+        raise typer.BadParameter(
+            f"--plant: found '{text}', expected NAME, NAME:3 (percent) or FILE.py"
+        )
     return name, size
 
 
@@ -80,9 +84,9 @@ def scan(
         list[str] | None,
         typer.Option(
             "--plant",
-            metavar="NAME[:PERCENT]",
-            help="Hide an effect of the instrument or of the modulus field, % of the signal; may "
-            "be given more than once.",
+            metavar="NAME[:PERCENT]|FILE.py",
+            help="Plant an effect (% of the signal), a fault (% of the presses) or a file of hooks "
+            "in the robot's loop; may be given more than once.",
             show_default="nothing; 3 %",
         ),
     ] = None,

@@ -29,6 +29,7 @@ class MeasuredRecord(Record):
     overshoot: float = Field(description="largest force averaged over 50 ms, over the set force")
     place_error_m: float = Field(description="sideways distance from the planned point, m")
     tare_n: float = Field(description="taken off the force before the approach, N")
+    zero_after_n: float = Field(description="read after the press, N; 0 where it is noise")
 
 
 class SimulatorRecord(Record):

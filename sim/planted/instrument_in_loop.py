@@ -71,9 +71,14 @@ def on_sensor(
     read: Callable[[float, float], float],
     tare: Tare = "scan",
 ) -> Mechanism:
-    """Return a sensor that reads `read(time, true force)`, tared once a scan or otherwise."""
+    """Return a sensor that reads `read(time, true force)`, tared once a scan or otherwise.
+
+    Where the zero of the force is not renewed, travel counts from the planned surface: a first
+    touch that is found from the same force would move with its zero, and hide it.
+    """
     made = Reading(read, scene.start_s)
-    return Mechanism(name, attach=made.attach, sensor=made.sensor, tare=tare)
+    zero = "touch" if tare == "press" else "plane"
+    return Mechanism(name, attach=made.attach, sensor=made.sensor, tare=tare, zero=zero)
 
 
 @dataclass

@@ -73,6 +73,7 @@ class SimulatedArm:
         self._arm_data, self._tool_data = self._arm.createData(), self._tool.createData()
         self._damping = model.dof_damping.copy()
         self._limit = np.array(self._arm.effortLimit)
+        self._hardest = 2 * laboratory.acceleration_limit
         wrist = self._arm.frames[self._arm.getFrameId("ft")]
         self._joint, self._to_probe = wrist.parentJoint, wrist.placement.rotation.T.copy()
         force, torque = (int(model.sensor(name).adr[0]) for name in ("ft_force", "ft_torque"))
@@ -157,6 +158,8 @@ class SimulatedArm:
         if self._joint_torque:
             data.qfrc_applied[:] = self._joint_torque(self.time_s, q)
         wanted = a_wanted + (gain * gain) * (q_wanted - read) + (2 * gain) * (v_wanted - v)
+        if self._encoders:  # a plan stays below; a reading that jumps would not
+            np.clip(wanted, -self._hardest, self._hardest, out=wanted)
         torque = pin.rnea(self._arm, self._arm_data, read, v, wanted) + self._damping * v
         self._ctrl[:] = torque
         mujoco.mj_step(self.model, data)

@@ -15,6 +15,8 @@ ATTEMPTS = 3
 LARGEST_FORCE_ERROR = 0.01
 LARGEST_OVERSHOOT = 0.05
 LARGEST_PLACE_ERROR_M = 2e-4
+LARGEST_ZERO = 0.03
+"""Of the set force, that may be read after a press."""
 
 
 class PressFault(Exception):
@@ -60,6 +62,8 @@ class Judgement:
     place_error_m : sideways distance of the tip from the planned point, mean of the second half of
         the hold
     tare_n : taken off the force before the approach, along the probe
+    zero_after_n : force that is read after the press, 0 where it is noise
+    set_force_n : wanted force
     """
 
     force_n: float
@@ -67,6 +71,8 @@ class Judgement:
     overshoot: float
     place_error_m: float
     tare_n: float
+    zero_after_n: float
+    set_force_n: float
 
     @property
     def kept(self) -> bool:
@@ -80,6 +86,8 @@ class Judgement:
             found.append(f"the held force is off by {100 * self.force_error:.1f} %")
         if not self.overshoot <= LARGEST_OVERSHOOT:
             found.append(f"the force overshot by {100 * self.overshoot:.1f} %")
+        if not abs(self.zero_after_n) <= LARGEST_ZERO * self.set_force_n:
+            found.append(f"the force reads {self.zero_after_n:.3g} N after the press")
         if not self.place_error_m <= LARGEST_PLACE_ERROR_M:
             found.append(f"the tip stood {1e3 * self.place_error_m:.2f} mm beside its place")
         return tuple(found)

@@ -45,7 +45,7 @@ class PressLog:
     tip_m : (t, 3) true tip centre, world
     q, q_read : (t, n) true joint angles, and as the encoders read them
     touch_depth_m : commanded depth at which touch was declared
-    tare_n : along the probe
+    tare_n, zero_after_n : along the probe
     outcome : made, or retried
     """
 
@@ -62,6 +62,7 @@ class PressLog:
     q_read: np.ndarray
     touch_depth_m: float
     tare_n: float
+    zero_after_n: float
     outcome: str
 
 
@@ -159,6 +160,8 @@ def _judged(
         overshoot=float(smooth.max() / wanted_n - 1),
         place_error_m=float(np.linalg.norm(beside)),
         tare_n=log.tare_n,
+        zero_after_n=log.zero_after_n,
+        set_force_n=wanted_n,
     )
 
 

@@ -229,7 +229,7 @@ class _Program:
         self.contact.release()
         self.watchdog.check_forces()
         free = self._rows[self._used - round(FREE_S / self.dt) : self._used, 6]
-        self.watchdog.check_zero(free - self.zero_n, force)
+        self.zero_after_n = self.watchdog.zero_moved(free - self.zero_n, force)
 
     def _renew_live(self, number: int, planned: PlannedPress) -> None:
         live, pose = self.live, self.kinematics.pose
@@ -265,6 +265,7 @@ class _Program:
             rows[:, 10 + n :],
             self.touch_depth_m,
             float(self.rig.tare_n[2]),
+            self.zero_after_n,
             "retried" if again else "made",
         )
         return press_result(

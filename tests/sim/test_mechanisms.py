@@ -32,8 +32,10 @@ COUPLING = 0.0015
 TOLERANCE = {"form_fat_loop": 0.04}  # a corner with an infinite slope at the turn
 """Largest difference to the formula, of the effect's own largest; 2 % for all others."""
 
-AS_TYPICAL = ("force_saturation", "time_lag", "form_filtered_force", "form_guide_friction")
-"""Three times as much of them is a fault that the watchdogs see."""
+AS_TYPICAL = (
+    "force_saturation", "time_lag", "form_filtered_force", "form_guide_friction", "form_fat_loop"
+)  # fmt: skip
+"""Three times as much of them is a fault that the watchdogs see, or no monotonic law."""
 
 OWN_TOUCH = ("breathing_from_touch",)
 """Their travel counts from the touch as the robot finds it: compared but for a constant a press."""

@@ -1,5 +1,8 @@
 """A press that fails is broken off, told and left out; the scan goes on."""
 
+# mujoco is a compiled module without type stubs
+# pyright: reportAttributeAccessIssue=false
+
 import mujoco
 import numpy as np
 import pytest
@@ -91,6 +94,7 @@ def test_a_press_is_tried_again_where_that_is_asked_for(tmp_path):
     assert len(run.outcomes[1].faults) == 2
     write_scan(run.scan, tmp_path / "scan.csv")
     back = read_scan(tmp_path / "scan.csv")
+    assert back.outcome is not None
     assert set(back.outcome[back.press == 1]) == {"retried"}
     assert set(back.outcome[back.press != 1]) == {"made"}
     run = scanned(Fault(lambda wrench, kept: kept).mechanisms, on_fault="retry")

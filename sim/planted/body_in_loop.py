@@ -18,7 +18,7 @@ class Part:
     memory = False
 
     def begin(self, press: int) -> None:
-        """Forget what lasts a press only."""
+        """Begin a press without history."""
 
     def travel(self, press: int, force_n: float, below_m: float) -> float:
         """Return the travel with the present history, m."""
@@ -174,7 +174,7 @@ class Cooling(Part):
     memory = True
 
     def attach(self, live: Live) -> None:
-        """See what truly happens in the scan."""
+        """Receive the truth of the running scan."""
         self.live = live
 
     def travel(self, press, force_n, below_m):

@@ -18,7 +18,7 @@ ALONG = 2
 
 @dataclass(frozen=True)
 class PlantScene:
-    """What a mechanism has to know of the scan in which it acts.
+    """The scan in which a mechanism acts.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ class PlantScene:
 
 @dataclass
 class Reading:
-    """What the sensor reads of a contact force, by time since the first approach."""
+    """Reading of the sensor by contact force and time since the first approach."""
 
     read: Callable[[float, float], float]
     start_s: float
     live: Live = field(default_factory=Live)
 
     def attach(self, live: Live) -> None:
-        """See what truly happens in the scan."""
+        """Receive the truth of the running scan."""
         self.live = live
 
     def sensor(self, time_s: float, wrench: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ class GuideFriction:
     behind_m: float = 0.0
 
     def attach(self, live: Live) -> None:
-        """See what truly happens in the scan."""
+        """Receive the truth of the running scan."""
         self.live = live
 
     def begin(self, press: int, time_s: float) -> None:
@@ -152,7 +152,7 @@ def on_surface(
     live = Live()
 
     def attach(of_scan: Live) -> None:
-        """See what truly happens in the scan."""
+        """Receive the truth of the running scan."""
         nonlocal live
         live = of_scan
 
@@ -172,7 +172,7 @@ class CoarseEncoder:
     live: Live = field(default_factory=Live)
 
     def attach(self, live: Live) -> None:
-        """See what truly happens in the scan."""
+        """Receive the truth of the running scan."""
         self.live = live
 
     def encoders(self, time_s: float, q: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What acts in the loop unknown to the robot: hooks at sensor, encoders, joints, body and clock.
+"""Mechanisms in the loop, unknown to the robot: hooks at sensor, encoders, joints, body and clock.
 
 A mechanism is planted where it acts: the arm is moved by it, the force control reacts to it and the
 body answers it. Each hook is a function, or None where the mechanism does not act.
@@ -28,7 +28,7 @@ TARES: tuple[Tare, ...] = ("press", "scan", "never")
 
 @dataclass
 class Live:
-    """What truly happens, for mechanisms that depend on it; renewed in each step.
+    """Truth of the running scan, for mechanisms that depend on it; renewed in each step.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What became of a press: made, retried, skipped or aborted, with the reason."""
+"""Outcome of a press: made, retried, skipped or aborted, with the reason."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class PressOutcome:
-    """What became of one planned press.
+    """Outcome of one planned press.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ class RobotPlant:
     mechanisms: Mechanisms = field(default_factory=Mechanisms)
 
     def report(self, scan: Scan) -> Scan:
-        """Return rows as the robot reports them: without pose and force vector, which would reveal an effect."""
+        """Return rows as the robot reports them, without the columns that reveal an effect."""
         if not self.mechanisms.parts:
             return scan
         return scan.replace(force_vector_n=None, tip_pose=None)

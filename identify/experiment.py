@@ -38,7 +38,7 @@ class BodyModel:
         of a curve of radius R under a tip of radius a, h^2/(8 R) << a. Convex facets are felt too
         hard: a dome of 50 mm under a tip of 3 mm by 1.4 % on cells of 8 mm, by 5 % on 12 mm. Meshes
         of one surface differ at random (each cuts its corners elsewhere), so that an extrapolation
-        would add to the error
+        would add to the error. Under a free map, which no coarser mesh resolves, all three are one
     note : simplification of the contact, for the reader of a report; empty where there is none
     """
 
@@ -59,6 +59,8 @@ class BodyModel:
 
         coarse = pressed(self.coarse)
         search = coarse if self.search is self.coarse else pressed(self.search, near_field=False)
+        if self.fine is self.coarse:
+            return BodyModel(search, coarse, coarse, note)
         if isinstance(self.fine, RefinedModel):
             return BodyModel(search, coarse, RefinedModel(coarse, pressed(self.fine.fine)), note)
         return BodyModel(search, coarse, pressed(self.fine), note)

@@ -81,7 +81,7 @@ class BodyMechanics:
         def at(nu: float) -> PalpationModel:
             return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
 
-        return cls(coarse, fine, at, ratio)
+        return cls(coarse, None if fine is coarse else fine, at, ratio)
 
     @cached_property
     def local_points(self) -> np.ndarray:

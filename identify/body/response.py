@@ -57,21 +57,13 @@ class BodyResponse:
             return self._response
         return self._mechanics._solved(self._map, self._state)
 
-    def by_field(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives (j, g) of ln C and of ln of the local modulus by a free map.
-
-        By its logarithm at the g points of its grid.
-        """
+    def by_field(self) -> np.ndarray:
+        """Return the derivative (j, g) of ln C by a free map, by its logarithm at its g points."""
         assert isinstance(self._map, FreeMap)
-        grid, local = self._map.grid, self._mechanics.local_points
-
-        def by_log(points: np.ndarray) -> Any:
-            return grid.weights(points).multiply(self._of_map(points)[:, None]).tocsr()
-
-        by_modulus = by_log(self._mechanics.coarse.points_m)
-        gradient = _gradient(self._response, by_modulus, self._state)
-        by_c = (self._scale / self.compliance)[:, None] * gradient
-        return by_c, by_log(local).toarray() / self.local_modulus[:, None]
+        points = self._mechanics.coarse.points_m
+        by_log = self._map.grid.weights(points).multiply(self._of_map(points)[:, None]).tocsr()
+        gradient = _gradient(self._response, by_log, self._state)
+        return (self._scale / self.compliance)[:, None] * gradient
 
     def _of_map(self, points: np.ndarray) -> np.ndarray:
         """Part (p,) of the modulus at points (p, 3) that grows with the map."""

@@ -30,9 +30,8 @@ class Field:
     share : (g,) share of the prior's variance about its level that the readings take away
     sight_m : depth under the tips down to which that share is at least `SpotSettings.seen`, the
         middle one of all presses
-    by_press_m : (m, 1 or 2) change of each predicted displacement by s of its press, see
-        `identify.fit.field_data`, m
-    followed : (n, k) directions of s that the field can follow
+    by_press_m : (m,) change of each predicted displacement by s, ln C of its press, m
+    followed : (j, k) directions of s that the field can follow
     spots : places harder or softer than their surroundings
     effects_covariance : (q, q) of the effects' scaled parameters beside the field
     posterior : for draws and resolution; both only of a fit that was made here
@@ -76,10 +75,6 @@ class Field:
         variance = float((posterior.prior.product(even) @ even.T).item())
         variance -= float(np.sum((posterior.seen @ even[0]) ** 2))
         directions, gain = posterior.modes
-        press = model.readings.press
-        by_press = [at.by_compliance * at.body.compliance[press]]
-        if len(directions) > model.readings.presses:
-            by_press.append(at.by_modulus * at.body.local_modulus[press])
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -91,7 +86,7 @@ class Field:
             sight_m=_sight_m(posterior, model),
             spots=find_spots(posterior) if converged else (),
             effects_covariance=posterior.effects_covariance(),
-            by_press_m=np.column_stack(by_press),
+            by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
             posterior=posterior,
         )
@@ -101,9 +96,7 @@ class Field:
 
         `press` (m,) is the press of each reading.
         """
-        columns = self.by_press_m.shape[1]
-        of_press = self.followed.reshape(columns, -1, self.followed.shape[1])
-        return np.einsum("mo,omk->mk", self.by_press_m, of_press[:, press])
+        return self.by_press_m[:, None] * self.followed[press]
 
 
 def _sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:

@@ -1,13 +1,14 @@
 """The readings of a scan, linear in a free map and in effects around an estimate, in data space.
 
-Around an estimate with the residual r of m readings, whitened,
+Around compliances C_l and effects p_l with the residual r of m readings, whitened,
 
-    r = A (s - s_k) + E (p - p_k) + noise,    s - s_mu = K dev
+    r = A (s - s_l) + E (p - p_l) + noise,    s - s_mu = K dev
 
-with s the logarithms of each press's compliance and, where travel and force are not proportional,
-of its local modulus; dev (g,) the field about its prior mean; p the effects' parameters. The sums
-of products over each press hold all that the readings say of s and p. The effects are eliminated
-under a flat prior; the rest is a target t of as many numbers as s:
+with s = ln C the logarithms of each press's compliance, dev (g,) the field about its prior mean and
+p the effects' parameters. The compliances may be those of the presses themselves: far from the map,
+the readings are linear there. The sums of products over each press hold all that the readings say
+of s and p. The effects are eliminated under a flat prior; the rest is a target t of as many numbers
+as presses:
 
     t = V' (s - s_mu) + N(0, I),      V V' = A'A - A'E (E'E)^-1 E'A
 """
@@ -22,7 +23,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from identify.measurement.model import Linearised, MeasurementModel
 
-_LEAST_INFORMATION = 1e-10  # of the best known number of s: a press left out knows nothing
+_LEAST_INFORMATION = 1e-10  # of the best known press: a press left out knows nothing
 _FLAT = 1e-6  # precision of the effects' parameters, in scaled coordinates, where no reading asks
 
 
@@ -32,26 +33,20 @@ class PressSums:
 
     Attributes
     ----------
-    normal : (j, c, c) products of the columns: by ln C, by ln of the local modulus where that
-        counts, by the effects' parameters
+    normal : (j, c, c) products of the columns: by ln C, then by the effects' parameters
     gradient : (j, c) their products with the residual
     chi2 : (j,) the residual's own
-    of_press : columns that belong to the press itself, 1 or 2
     """
 
     normal: np.ndarray
     gradient: np.ndarray
     chi2: np.ndarray
-    of_press: int
 
     @classmethod
     def of(cls, model: MeasurementModel, at: Linearised) -> PressSums:
         """Sum a model at a point, its map's own error left out."""
-        press, body = model.readings.press, at.body
-        parts = [at.by_compliance * body.compliance[press]]
-        if at.by_modulus.any():
-            parts.append(at.by_modulus * body.local_modulus[press])
-        own = at.whitened(np.column_stack(parts), press)
+        press = model.readings.press
+        own = at.whitened(model.by_log_compliance(at)[:, None], press)
         columns = np.hstack([own, at.jacobian, at.residual[:, None]])
         j, c = model.readings.presses, columns.shape[1]
         sums = np.empty((j, c, c))
@@ -59,13 +54,26 @@ class PressSums:
             for b in range(a + 1):
                 sums[:, a, b] = np.bincount(press, columns[:, a] * columns[:, b], j)
                 sums[:, b, a] = sums[:, a, b]
-        return cls(sums[:, :-1, :-1], sums[:, :-1, -1], sums[:, -1, -1], len(parts))
+        return cls(sums[:, :-1, :-1], sums[:, :-1, -1], sums[:, -1, -1])
+
+    def weighted(self, weight: np.ndarray) -> PressSums:
+        """Return the sums with a weight (j,) of each press."""
+        return PressSums(
+            weight[:, None, None] * self.normal, weight[:, None] * self.gradient, weight * self.chi2
+        )
+
+    def errors(self, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Error (j,) of each press's ln C by the map, as its readings have it, and its variance.
+
+        Beside the effects as they are; `shift` (j,) is ln C at the linearisation less the map's.
+        """
+        known = self.normal[:, 0, 0]
+        known = np.maximum(known, _LEAST_INFORMATION * max(float(known.max()), 1e-300))
+        return shift + self.gradient[:, 0] / known, 1 / known
 
     def some(self, presses: np.ndarray) -> PressSums:
         """Return the sums of some presses."""
-        return PressSums(
-            self.normal[presses], self.gradient[presses], self.chi2[presses], self.of_press
-        )
+        return PressSums(self.normal[presses], self.gradient[presses], self.chi2[presses])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,57 +82,58 @@ class FieldData:
 
     Attributes
     ----------
-    by_field : (n, g) derivative K of s by the field
-    root : (n, n) lower triangular V
-    target : (n,) t
-    presses : j; n is j or 2 j
-    offset : (n,) s - s_mu at the present field
+    by_field : (j, g) derivative K of s by the field
+    root : (j, j) lower triangular V
+    target : (j,) t
+    offset : (j,) s - s_mu where the readings are linear
+    here : (j,) s - s_mu at the present field
     sums : of the presses
+    doubt : (j,) variance of ln C beyond the map's error, of presses that err by themselves
     """
 
     by_field: np.ndarray
     root: np.ndarray
     target: np.ndarray
-    presses: int
     offset: np.ndarray
+    here: np.ndarray
     sums: PressSums
+    doubt: np.ndarray | float = 0.0
 
     @classmethod
-    def of(cls, sums: PressSums, by_field: np.ndarray, field: np.ndarray) -> FieldData:
-        """Gather the data around a field (g,), counted from its prior mean."""
-        j, own = len(sums.chi2), sums.of_press
-        n = own * j
-        precision = np.zeros((own, j, own, j))
-        at = np.arange(j)
-        for a in range(own):
-            for b in range(own):
-                precision[a, at, b, at] = sums.normal[:, a, b]
-        precision = precision.reshape(n, n)
-        gradient = sums.gradient[:, :own].T.ravel()
+    def of(
+        cls,
+        sums: PressSums,
+        by_field: np.ndarray,
+        field: np.ndarray,
+        shift: np.ndarray | float = 0.0,
+        doubt: np.ndarray | float = 0.0,
+    ) -> FieldData:
+        """Gather the data around a field (g,), counted from its prior mean.
+
+        `shift` (j,) is s where the readings are linear less s of the field.
+        """
+        precision = np.diag(sums.normal[:, 0, 0])
+        gradient = sums.gradient[:, 0]
         effects = Effects.of(sums)
         if effects.count:
             precision = precision - effects.coupling @ effects.solve(effects.coupling.T)
             gradient = gradient - effects.coupling @ effects.solve(effects.gradient)
         least = _LEAST_INFORMATION * float(np.diag(precision).max())
-        precision[np.diag_indices(n)] += least
+        precision[np.diag_indices_from(precision)] += least
         root = cholesky(precision, lower=True)
-        offset = by_field @ field
+        here = by_field @ field
+        offset = here + shift
         target = solve_triangular(root, gradient, lower=True) + root.T @ offset
-        return cls(by_field, root, target, j, offset, sums)
+        return cls(by_field, root, target, offset, here, sums, doubt)
 
     @cached_property
     def effects(self) -> Effects:
         """The effects' parameters for a given field."""
         return Effects.of(self.sums)
 
-    def error_covariance(self, error: float) -> np.ndarray:
-        """Covariance (n, n) of s by a relative error of each press's compliance."""
-        found = np.diag(np.full(len(self.target), error**2))
-        if len(self.target) > self.presses:
-            # The map's error moves the stiffness under the tip with the compliance
-            low, high = np.arange(self.presses), np.arange(self.presses) + self.presses
-            found[low, high] = found[high, low] = -(error**2)
-        return found
+    def error_variance(self, error: float) -> np.ndarray:
+        """Variance (j,) of s by a relative error of each press's compliance, and its doubt."""
+        return (error**2 + self.doubt) * np.ones(len(self.target))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +143,7 @@ class Effects:
     Attributes
     ----------
     normal : (q, q)
-    coupling : (n, q) with s
+    coupling : (j, q) with s
     gradient : (q,)
     """
 
@@ -145,14 +154,9 @@ class Effects:
     @classmethod
     def of(cls, sums: PressSums) -> Effects:
         """Sum over the presses."""
-        own = sums.of_press
-        normal = sums.normal[:, own:, own:].sum(axis=0)
-        coupling = (
-            sums.normal[:, :own, own:].swapaxes(0, 1).reshape(own * len(sums.chi2), len(normal))
-        )
-        return cls(
-            normal + _FLAT * np.eye(len(normal)), coupling, sums.gradient[:, own:].sum(axis=0)
-        )
+        normal = sums.normal[:, 1:, 1:].sum(axis=0)
+        flat = _FLAT * np.eye(len(normal))
+        return cls(normal + flat, sums.normal[:, 0, 1:], sums.gradient[:, 1:].sum(axis=0))
 
     @property
     def count(self) -> int:
@@ -164,20 +168,14 @@ class Effects:
         return cho_solve(cho_factor(self.normal), right)
 
     def step(self, moved: np.ndarray) -> np.ndarray:
-        """Return p - p_k (q,) for a change (n,) of s."""
+        """Return p - p_k (q,) for a change (j,) of s."""
         if not self.count:
             return np.empty(0)
         return self.solve(self.gradient - self.coupling.T @ moved)
 
     def covariance(self, of_s: np.ndarray) -> np.ndarray:
-        """Covariance (q, q) of p for that of s (n, n)."""
+        """Covariance (q, q) of p for that of s (j, j)."""
         if not self.count:
             return np.zeros((0, 0))
         gain = self.solve(self.coupling.T)
         return self.solve(np.eye(self.count)) + gain @ of_s @ gain.T
-
-
-def field_derivatives(at: Linearised, of_press: int) -> np.ndarray:
-    """Return the derivative (n, g) of s by the field."""
-    by_c, by_local = at.body.by_field()
-    return np.vstack([by_c, by_local]) if of_press > 1 else by_c

@@ -27,6 +27,20 @@ class Hyper:
     error: float
     given: tuple[str, ...] = ()
 
+    def towards(self, other: Hyper, longest: float) -> Hyper:
+        """Return other numbers, or those at the longest change of a logarithm on the way there."""
+        least, most = np.exp(-longest), np.exp(longest)
+
+        def limited(own: float, found: float) -> float:
+            return float(np.clip(found, least * own, most * own)) if own > 0 else found
+
+        return Hyper(
+            limited(self.length_m, other.length_m),
+            limited(self.spread, other.spread),
+            other.error,
+            other.given,
+        )
+
 
 def best_hyper(
     sums: PressSums,
@@ -36,21 +50,27 @@ def best_hyper(
     start: Hyper,
     lengths_m: tuple[float, float],
     settings: FreeMapSettings = FREE_MAP,
+    shift: np.ndarray | None = None,
+    doubt: np.ndarray | None = None,
 ) -> Hyper:
-    """Return the numbers of most evidence; those `given` stay.
+    """Return the numbers of most evidence, wide priors counted; those `given` stay.
 
     Parameters
     ----------
-    sums, by_field, field : as `FieldData.of` takes them
+    sums, by_field, field, shift, doubt : as `FieldData.of` takes them
     prior : its grid and level are used
     lengths_m : least and largest length
     """
-    j = len(sums.chi2)
-    some = np.arange(j)
-    if j > settings.evidence_presses:
-        some = np.sort(np.random.default_rng(0).permutation(j)[: settings.evidence_presses])
-    rows = np.concatenate([some + part * j for part in range(sums.of_press)])
-    data = FieldData.of(sums.some(some), by_field[rows], field)
+    told = np.flatnonzero(sums.normal[:, 0, 0] > 0)
+    some = told
+    if len(told) > settings.evidence_presses:
+        chosen = np.random.default_rng(0).permutation(told)[: settings.evidence_presses]
+        some = np.sort(chosen)
+    data = FieldData.of(
+        sums.some(some), by_field[some], field,
+        0.0 if shift is None else shift[some], 0.0 if doubt is None else doubt[some],
+    )  # fmt: skip
+    usual_length = np.log(settings.usual_length) + np.mean(np.log(lengths_m))
     best: dict[float, tuple[float, Hyper]] = {}
     latest = start
 
@@ -58,6 +78,7 @@ def best_hyper(
         nonlocal latest
         unit = replace(prior, length_m=float(np.exp(log_length)), spread=1.0, level_spread=0.0)
         value, latest = _best_sizes(data, unit, prior.level_spread, latest, settings)
+        value += 0.5 * ((log_length - usual_length) / settings.unsure[0]) ** 2
         best[log_length] = (value, latest)
         return value
 
@@ -81,7 +102,10 @@ def _best_sizes(
     of_field = root.T @ (unit.product(data.by_field) @ data.by_field.T) @ root
     ones = root.T @ data.by_field.sum(axis=1)
     of_level = level**2 * np.outer(ones, ones)
-    of_error = root.T @ data.error_covariance(1.0) @ root
+    of_error = root.T @ root
+    known = np.eye(len(root)) + of_level + (root.T * data.error_variance(0.0)) @ root
+    usual = np.log([settings.usual_spread, settings.usual_error])
+    unsure = np.array(settings.unsure[1:])
     least = np.array([settings.least_spread, settings.least_error])
     most = np.array([settings.largest_spread, settings.largest_error])
     first = np.log(np.clip([start.spread, max(start.error, settings.first_error)], least, most))
@@ -92,13 +116,15 @@ def _best_sizes(
 
     def misfit(x: np.ndarray) -> tuple[float, np.ndarray]:
         parts = (np.exp(2 * x[0]) * of_field, np.exp(2 * x[1]) * of_error)
-        whole = np.eye(len(root)) + of_level + parts[0] + parts[1]
+        whole = known + parts[0] + parts[1]
         factor = cho_factor(whole, lower=True)
         weight = cho_solve(factor, data.target)
         inverse = cho_solve(factor, np.eye(len(root)))
         log_det = 2 * float(np.log(np.diag(factor[0])).sum())
         slopes = [float(np.sum(inverse * p) - weight @ p @ weight) for p in parts]
-        return 0.5 * (float(data.target @ weight) + log_det), np.array(slopes)
+        away = (x - usual) / unsure
+        value = 0.5 * (float(data.target @ weight) + log_det + float(away @ away))
+        return value, np.array(slopes) + away / unsure
 
     found = minimize(
         misfit, first, jac=True, method="L-BFGS-B", bounds=bounds,

@@ -38,21 +38,21 @@ class FieldPosterior:
 
     @cached_property
     def spread_by(self) -> np.ndarray:
-        """Prior covariance of s and field, K C (n, g)."""
+        """Prior covariance of s and field, K C (j, g)."""
         return self.prior.product(self.data.by_field)
 
     @cached_property
     def of_field(self) -> np.ndarray:
-        """Prior covariance (n, n) of s by the field, K C K'."""
+        """Prior covariance (j, j) of s by the field, K C K'."""
         return self.spread_by @ self.data.by_field.T
 
     @cached_property
     def _of_s(self) -> np.ndarray:
-        return self.of_field + self.data.error_covariance(self.error)
+        return self.of_field + np.diag(self.data.error_variance(self.error))
 
     @cached_property
     def _factor(self) -> np.ndarray:
-        """Lower triangular factor (n, n) of S."""
+        """Lower triangular factor (j, j) of S."""
         root = self.data.root
         whole = root.T @ self._of_s @ root
         whole[np.diag_indices_from(whole)] += 1
@@ -60,7 +60,7 @@ class FieldPosterior:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """V S^-1 t, (n,): the field is `spread_by` times it."""
+        """V S^-1 t, (j,): the field is `spread_by` times it."""
         return self.data.root @ cho_solve((self._factor, True), self.data.target)
 
     @cached_property
@@ -70,7 +70,7 @@ class FieldPosterior:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """Whitened part (n, g) of the field that is seen; its squares are the variance taken."""
+        """Whitened part (j, g) of the field that is seen; its squares are the variance taken."""
         return solve_triangular(self._factor, self.data.root.T @ self.spread_by, lower=True)
 
     @cached_property
@@ -85,14 +85,21 @@ class FieldPosterior:
         return np.clip(1 - (self.sd / self.prior.spread) ** 2, 0.0, 1.0)
 
     def moved(self) -> np.ndarray:
-        """Change (n,) of s from the field around which the data are linear, with its error."""
+        """Change (j,) of s from where the readings are linear, with the presses' own errors."""
         return self._of_s @ self.weights - self.data.offset
 
     @property
-    def step(self) -> float:
-        """Length of that change in standard deviations of the readings."""
-        change = self.of_field @ self.weights - self.data.offset
-        return float(np.linalg.norm(self.data.root.T @ change))
+    def step(self) -> np.ndarray:
+        """Change (j,) of ln C by the map from that of the present field."""
+        return self.of_field @ self.weights - self.data.here
+
+    def misfit(self, moved: np.ndarray) -> float:
+        """Chi-square of a change (j,) of s from the present field's, with the presses' errors."""
+        root = self.data.root
+        gap = self.data.target - root.T @ (self.data.here + moved)
+        whole = (root.T * self.data.error_variance(self.error)) @ root
+        whole[np.diag_indices_from(whole)] += 1
+        return float(gap @ cho_solve((cholesky(whole, lower=True), True), gap))
 
     def effects_covariance(self) -> np.ndarray:
         """Covariance (q, q) of the effects' parameters beside the field, scaled."""
@@ -112,9 +119,9 @@ class FieldPosterior:
 
     @cached_property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions (n, n) of s that the field can follow, and its variance over the noise's."""
+        """Directions (j, j) of s that the field can follow, and its variance over the noise's."""
         root = self.data.root
-        noise = root.T @ self.data.error_covariance(self.error) @ root
+        noise = (root.T * self.data.error_variance(self.error)) @ root
         noise[np.diag_indices_from(noise)] += 1
         gain, vectors = eigh(root.T @ self.of_field @ root, noise)
         directions = noise @ vectors
@@ -130,9 +137,8 @@ class FieldPosterior:
         """Return random fields (count, g) of the posterior, by Matheron's rule."""
         data = self.data
         fields = self.prior.draws(rng, count)
-        own = self.error * rng.standard_normal((count, data.presses))
-        if len(data.target) > data.presses:
-            own = np.hstack([own, -own])
+        own = np.sqrt(data.error_variance(self.error))
+        own = own * rng.standard_normal((count, len(own)))
         simulated = (fields @ data.by_field.T + own) @ data.root
         simulated += rng.standard_normal(simulated.shape)
         short = cho_solve((self._factor, True), (data.target - simulated).T).T
@@ -150,14 +156,13 @@ class FieldPosterior:
         return np.cbrt(6 / np.pi * count * self.prior.grid.cell_m3)
 
     def left_out(self, folds: np.ndarray) -> np.ndarray:
-        """Predicted less fitted s (n,) of each press from those of the other folds (j,)."""
+        """Predicted less fitted s (j,) of each press from those of the other folds (j,)."""
         data, found = self.data, np.zeros(len(self.data.target))
-        fold = np.tile(folds, len(found) // data.presses)
         precision = data.root @ data.root.T
         # What readings say of s on their own: s_hat with the covariance precision^-1
         own = solve_triangular(data.root, data.target, lower=True, trans=1)
         for number in np.unique(folds):
-            rest, out = fold != number, fold == number
+            rest, out = folds != number, folds == number
             noise = np.linalg.inv(precision[np.ix_(rest, rest)])
             known = self._of_s[np.ix_(rest, rest)] + noise
             gain = np.linalg.solve(known, own[rest])
@@ -166,7 +171,7 @@ class FieldPosterior:
 
 
 def log_evidence(data: FieldData, factor: np.ndarray) -> float:
-    """Log evidence of a target with the factor (n, n) of its covariance, over noise alone.
+    """Log evidence of a target with the factor (j, j) of its covariance, over noise alone.
 
     The readings' own residual around the linearisation, which no field changes, is part of it.
     """

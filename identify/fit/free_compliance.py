@@ -184,22 +184,35 @@ class FreeCompliance:
         usual = float(np.median(slope[slope > 0])) if (slope > 0).any() else 1.0
         return np.where(slope > 0, slope, usual)
 
+    @cached_property
+    def felt(self) -> np.ndarray:
+        """Whether each press (j,) met resistance: its force rises well above the noise."""
+        r = self.readings
+        travel = np.bincount(r.press, r.force_n * self.displacement_m, r.presses)
+        least = self.settings.felt * self.noise.force_n
+        return (r.peak_force_n[_firsts(r.press)] > least) & (travel > 0)
+
     def fit(
-        self, parts: Sequence[EffectInModel], compliance: np.ndarray | None = None
+        self,
+        parts: Sequence[EffectInModel],
+        compliance: np.ndarray | None = None,
+        weight: np.ndarray | None = None,
     ) -> FreeComplianceFit:
         """Fit effects, from their starts, and the compliances beside them.
+
+        `weight` (j,) is that of each press, beside its own.
 
         Raises
         ------
         InadmissibleError
             The start gives numbers that are not finite.
         """
-        weight = np.ones(self.readings.presses)
+        weight = np.ones(self.readings.presses) if weight is None else weight
         best = self._fit(parts, compliance, weight)
         if best.unknowns == 0:
             return best
         for _ in range(self.settings.reweighted):
-            found = self._fit(best.parts, best.compliance, best.weight)
+            found = self._fit(best.parts, best.compliance, weight * best.weight)
             settled = found.misfit > best.misfit - self.settings.ftol
             best = found if found.misfit < best.misfit else best
             if settled:
@@ -258,7 +271,8 @@ class FreeCompliance:
     ) -> tuple[np.ndarray, Judged, np.ndarray]:
         """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
         press, presses = self.readings.press, self.readings.presses
-        most = self.settings.longest_step
+        most, widest = self.settings.longest_step, self.settings.widest
+        usual = float(np.median(np.log(self._slopes)))
         for _ in range(self.settings.compliance_steps):
             c = np.exp(log_c)
             e = self.unit_compliance / c
@@ -272,7 +286,7 @@ class FreeCompliance:
                 raise InadmissibleError("the effects leave a press without a finite compliance")
             if np.abs(step).max() < self.settings.compliance_tol:
                 break
-            log_c = log_c + step
+            log_c = np.clip(log_c + step, usual - widest, usual + widest)
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
         columns = self._white(judged, columns)
         for k in range(columns.shape[1]):
@@ -304,6 +318,11 @@ class FreeCompliance:
                 sides.append(chain.predict(c, e, latent, effect_values(parts, moved)))
             found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
         return found
+
+
+def _firsts(press: np.ndarray) -> np.ndarray:
+    """Return the first reading (j,) of each press."""
+    return np.unique(press, return_index=True)[1]
 
 
 def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:

@@ -13,6 +13,7 @@ the modulus positive; a step to a body that cannot be evaluated is shortened.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,21 +21,22 @@ import numpy as np
 from fem import SolverError
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
+from identify.body.response import BodyResponse
 from identify.effects.readings import Readings
 from identify.experiment import Experiment
 from identify.fit.field import LEVEL, Field
-from identify.fit.field_data import FieldData, PressSums, field_derivatives
+from identify.fit.field_data import FieldData, PressSums
 from identify.fit.field_evidence import Hyper, best_hyper
 from identify.fit.field_posterior import FieldPosterior
+from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import FitIteration, Progress
-from identify.fit.settings import FREE_MAP, PRECISE, FreeMapSettings
+from identify.fit.settings import FREE_COMPLIANCE, FREE_MAP, PRECISE, FreeMapSettings
 from identify.map import FreeMap, GaussianMap, Grid, MaternField
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
 from identify.map.parameters import ParameterSpace
-from identify.measurement.model import Linearised, MeasurementModel
-from identify.measurement.shared_error import decorrelated
+from identify.measurement.model import EffectInModel, MeasurementModel
 from identify.optimize.result import InadmissibleError
 from models import InputError
 
@@ -48,26 +50,36 @@ class FreeMapIteration(FitIteration):
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A model linear around a field (g,) and scaled effects' parameters (q,)."""
+    """The body at a field (g,) and scaled effects' parameters (q,).
+
+    `by_field` (j, g) is the derivative of s = ln C, `s` (j,) itself.
+    """
 
     model: MeasurementModel
     field: np.ndarray
     u: np.ndarray
-    at: Linearised
-    sums: PressSums
+    body: BodyResponse
     by_field: np.ndarray
+    s: np.ndarray
 
-    def data(self) -> FieldData:
-        return FieldData.of(self.sums, self.by_field, self.field)
 
-    def chi2(self, error: float) -> float:
-        """Chi-square with the map's own error counted."""
-        press, at = self.model.readings.press, self.at
-        body = at.body
-        own = at.by_compliance * body.compliance[press] - at.by_modulus * body.local_modulus[press]
-        shared = at.whitened(error * own[:, None], press)
-        r = decorrelated(at.residual, shared, press)
-        return float(r @ r)
+@dataclass(frozen=True, eq=False)
+class _Readings:
+    """The readings linear around s (j,), with what they ask of each press of a map.
+
+    Attributes
+    ----------
+    sums : weighted
+    s : where they are linear
+    error, variance : (j,) of each press's ln C against the map, see `PressSums.errors`
+    doubt : (j,) variance of the presses that err by themselves
+    """
+
+    sums: PressSums
+    s: np.ndarray
+    error: np.ndarray
+    variance: np.ndarray
+    doubt: np.ndarray
 
 
 class FreeMapFit:
@@ -79,6 +91,9 @@ class FreeMapFit:
         level from which the field is counted
     hyper : prior and error to start from; what is `given` stays
     lengths_m : least and largest length of the prior
+    compliance : (j,) of each press by its own readings, from which the readings are first linear;
+        default that of the homogeneous body
+    weight : (j,) of the presses; 0 leaves one out
     """
 
     def __init__(
@@ -88,14 +103,18 @@ class FreeMapFit:
         lengths_m: tuple[float, float],
         progress: Progress | None = None,
         settings: FreeMapSettings = FREE_MAP,
+        compliance: np.ndarray | None = None,
+        weight: np.ndarray | None = None,
     ) -> None:
         start = model.space.start
         assert isinstance(start, FreeMap)
         self.settings, self.progress, self.lengths_m = settings, progress, lengths_m
         self.level, self.grid, self.hyper = float(start.log_pa[0]), start.grid, hyper
+        self.weight = np.ones(model.readings.presses) if weight is None else weight
         self.history: list[FitIteration] = []
         self.spent = 0
-        self._start = model
+        self.doubt = np.zeros(model.readings.presses)
+        self._start, self._compliance = model, compliance
 
     @property
     def prior(self) -> MaternField:
@@ -114,59 +133,97 @@ class FreeMapFit:
         s = self.settings
         u = np.concatenate([np.empty(0), *(part.to_scaled() for part in self._start.effects)])
         point = self._point(self._start, np.zeros(len(self.grid)), u)
-        point, near, message, success = self._corrected(point), False, "", False
+        at, near, message, success = point.s, False, "", False
+        pace, last = 1.0, np.inf
+        if self._compliance is not None:
+            moved = np.log(self._compliance / point.body.compliance)
+            at = point.s + moved
         for number in range(s.iterations):
+            readings = self._readings(point, at, number < s.evidence_rounds)
+            shift = readings.s - point.s
             if number < s.evidence_rounds:
-                self.hyper = best_hyper(
-                    point.sums, point.by_field, point.field, self.prior, self.hyper,
-                    self.lengths_m, s,
+                found = best_hyper(
+                    readings.sums, point.by_field, point.field, self.prior, self.hyper,
+                    self.lengths_m, s, shift, readings.doubt,
                 )  # fmt: skip
-            posterior = FieldPosterior(point.data(), self.prior, self.hyper.error)
+                self.hyper = self.hyper.towards(found, s.longest_change) if number else found
+            error = max(self.hyper.error, self._nearing(readings))
+            data = FieldData.of(readings.sums, point.by_field, point.field, shift, readings.doubt)
+            posterior = FieldPosterior(data, self.prior, error)
             self._accept(point, number)
-            step, change = posterior.step, float(np.abs(posterior.mean - point.field).max())
-            misfit = np.sqrt(max(1.0, point.chi2(self.hyper.error) / len(point.at.residual)))
-            if near and number >= s.evidence_rounds and step < s.settled * misfit:
-                message = f"the last step was {step:.2g} standard deviations of the readings long"
+            self.doubt = readings.doubt
+            told = self.weight > 0
+            unit = np.sqrt(error**2 + readings.variance + readings.doubt)
+            step = float(np.sqrt(np.mean(np.square(posterior.step / unit)[told])))
+            change = float(np.abs(posterior.mean - point.field).max())
+            if near and number >= s.evidence_rounds and step < s.settled:
+                message = f"the last step was {step:.2g} standard deviations of a press long"
                 success = True
                 break
-            point, share = self._stepped(point, posterior)
+            moved = np.clip(posterior.moved(), -s.longest_move, s.longest_move)
+            at = readings.s + moved
+            if number > s.evidence_rounds and step > 0.8 * last:
+                pace = max(s.slowed * pace, s.slowest)
+            last = step
+            after, share = self._stepped(point, posterior, pace)
             if share == 0:
                 message, success = "no step lowers the misfit", near
                 break
-            near = change * share < s.near
+            point, near = after, change * share < s.near
             if near:
                 point = self._corrected(point)
         else:
             message = f"limit of {s.iterations} iterations reached"
-            posterior = FieldPosterior(point.data(), self.prior, self.hyper.error)
         return self._result(point, posterior, message, success)
 
     def _point(self, model: MeasurementModel, field: np.ndarray, u: np.ndarray) -> _Point:
         self.spent += 1
         space = ParameterSpace(FreeMap(self.grid, self.level + field), (), ())
-        model = replace(model, space=space)
-        return self._linearised(model, field, u)
+        return self._at(replace(model, space=space), field, u)
 
-    def _linearised(self, model: MeasurementModel, field: np.ndarray, u: np.ndarray) -> _Point:
-        at = model.linearise(u)
-        sums = PressSums.of(model, at)
-        return _Point(model, field, u, at, sums, field_derivatives(at, sums.of_press))
+    def _at(self, model: MeasurementModel, field: np.ndarray, u: np.ndarray) -> _Point:
+        body = model.body(u)
+        return _Point(model, field, u, body, body.by_field(), np.log(body.compliance))
 
     def _corrected(self, point: _Point) -> _Point:
         """Carry the model to the finer one at a point."""
         if point.model.mechanics.fine is None:
             return point
         self.spent += 1
-        return self._linearised(point.model.corrected(point.u), point.field, point.u)
+        return self._at(point.model.corrected(point.u), point.field, point.u)
 
-    def _stepped(self, point: _Point, posterior: FieldPosterior) -> tuple[_Point, float]:
+    def _readings(self, point: _Point, at: np.ndarray, early: bool) -> _Readings:
+        """Linearise the readings around s (j,)."""
+        model, j = point.model, point.model.readings.presses
+        sums = PressSums.of(model, model.around(point.body, point.u, np.exp(at - point.s)))
+        count = np.bincount(model.readings.press, minlength=j)
+        curve = 1 / (1 + np.maximum(sums.chi2 / count - 1, 0.0) / FREE_COMPLIANCE.tail)
+        error, variance = sums.errors(at - point.s)
+        variance = variance / curve
+        sums = sums.weighted(self.weight * curve)
+        typical = 1.48 * float(np.median(np.abs(error)[self.weight > 0]))
+        unit = np.hypot(max(self.hyper.error, typical), np.sqrt(variance))
+        tail = self.settings.early_tail if early else self.settings.tail
+        gross = np.maximum(np.abs(error) / (tail * unit), 1.0)
+        return _Readings(sums, at, error, variance, (gross**2 - 1) * unit**2)
+
+    def _nearing(self, readings: _Readings) -> float:
+        """Error of the map that counts on the way, a share of the present misfit beyond noise."""
+        told = self.weight > 0
+        typical = 1.48 * float(np.median(np.abs(readings.error[told])))
+        noise = float(np.median(readings.variance[told]))
+        return self.settings.nearing * float(np.sqrt(max(typical**2 - noise, 0.0)))
+
+    def _stepped(
+        self, point: _Point, posterior: FieldPosterior, pace: float
+    ) -> tuple[_Point, float]:
         """Follow the step as far as the misfit with the prior falls; the share, 0 for none."""
-        s, error = self.settings, self.hyper.error
+        s = self.settings
         to_field = posterior.mean - point.field
         to_u = posterior.data.effects.step(posterior.moved())
         low, high = point.model.unknowns.bounds
-        share = first = min(1.0, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
-        before = point.chi2(error) + self._cost(point)
+        share = first = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
+        before = posterior.misfit(point.s - point.s) + self._cost(point)
         while share > s.shortest_step * first:
             u = np.clip(point.u + share * to_u, low, high)
             try:
@@ -174,7 +231,7 @@ class FreeMapFit:
             except (InadmissibleError, SolverError):
                 share /= 2
                 continue
-            if there.chi2(error) + self._cost(there) <= before * (1 + s.worse):
+            if posterior.misfit(there.s - point.s) + self._cost(there) <= before * (1 + s.worse):
                 point.model.mechanics._solutions.clear()  # large, and not asked again
                 return there, share
             share /= 2
@@ -189,7 +246,7 @@ class FreeMapFit:
 
     def _accept(self, point: _Point, number: int) -> None:
         """Keep a step of the search."""
-        stiffness, at = point.model.space.start, point.at
+        stiffness, at = point.model.space.start, point.model.around(point.body, point.u)
         assert isinstance(stiffness, FreeMap)
         mean = {LEVEL: float(np.exp(stiffness.log_pa.mean()))}
         dof = max(len(at.residual) - len(point.u), 1)
@@ -201,8 +258,8 @@ class FreeMapFit:
     def _result(
         self, point: _Point, posterior: FieldPosterior, message: str, success: bool
     ) -> FitResult:
-        model = replace(point.model, press_error=self.hyper.error)
-        at = model.linearise(point.u)
+        model = replace(point.model, press_error=self.hyper.error, press_doubt=self.doubt)
+        at = model.around(point.body, point.u)
         field = Field.of(
             posterior, self.hyper, self.level, model, at, self.settings.absorbed, success
         )
@@ -212,12 +269,45 @@ class FreeMapFit:
         )  # fmt: skip
 
 
+def _shown(
+    presses: FreeCompliance, parts: list[EffectInModel], weight: np.ndarray
+) -> FreeComplianceFit:
+    """Fit the presses alone, from the effects' starts and from ordinary sizes; the better one."""
+    best = presses.fit(parts, weight=weight)
+    for size in (3.0, 10.0) if parts else ():
+        begun = []
+        for part in parts:
+            start = dict(part.start)
+            for p in part.parameters:
+                if p.null is not None and start[p.name] == p.null:
+                    away = -1 if p.upper == p.null else 1
+                    start[p.name] = min(max(p.null + away * size * p.typical, p.lower), p.upper)
+            begun.append(replace(part, start=start))
+        with suppress(InadmissibleError), np.errstate(over="ignore", invalid="ignore"):
+            other = presses.fit(begun, weight=weight)
+            if robust_sum(other, weight) < robust_sum(best, weight):
+                best = other
+    return best
+
+
+def robust_sum(fit: FreeComplianceFit, weight: np.ndarray) -> float:
+    """Return the misfit of the presses with a weight."""
+    squares, count = fit.by_press
+    most = fit.settings.tail * np.maximum(count, 1)
+    return float(weight @ (most * np.log1p(squares / most)))
+
+
 def fit_free_map(
     experiment: Experiment,
     progress: Progress | None = None,
     settings: FreeMapSettings = FREE_MAP,
+    weight: np.ndarray | None = None,
 ) -> FitResult:
     """Fit a free map and the experiment's effects to its scan, jointly.
+
+    Parameters
+    ----------
+    weight : (j,) of the presses; those of 0 are left out
 
     Raises
     ------
@@ -245,7 +335,11 @@ def fit_free_map(
     # Without effects each press's own slope, with them its compliance beside them
     presses = free_compliance(experiment.scan, body, experiment.noise)
     starts = [presses.begun(e, dict(initial)) for e, initial in experiment.effects]
-    shown = presses.fit([part for part in starts if presses.shows(part.effect)])
+    weight = presses.felt * (1.0 if weight is None else weight)
+    shown = _shown(presses, [part for part in starts if presses.shows(part.effect)], weight)
+    usual = float(np.median(shown.compliance[weight > 0]))
+    weight = weight * (shown.compliance < shown.settings.softest * usual)
+    shown = _shown(presses, [part for part in starts if presses.shows(part.effect)], weight)
     parts = [
         part
         if part.effect.name not in shown.values or given
@@ -258,7 +352,7 @@ def fit_free_map(
     start = FreeMap(grid, np.full(len(grid), np.log(np.median(apparent))))
     model = MeasurementModel(
         readings, used.displacement_m, experiment.noise, mechanics,
-        ParameterSpace(start, (), ()), tuple(parts),
+        ParameterSpace(start, (), ()), tuple(parts), unit_compliance=REFERENCE_PA * homogeneous,
     )  # fmt: skip
     first = settings.first_length * float((box[1] - box[0]).min())
     given = {"length_m": guess.length_m, "spread": guess.spread}
@@ -268,4 +362,6 @@ def fit_free_map(
         settings.first_error,
         tuple(name for name, value in given.items() if value is not None),
     )
-    return FreeMapFit(model, hyper, (least, longest), progress, settings).run()
+    return FreeMapFit(
+        model, hyper, (least, longest), progress, settings, shown.compliance, weight
+    ).run()

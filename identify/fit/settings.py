@@ -127,6 +127,9 @@ class FreeComplianceSettings:
     compliance_steps, compliance_tol : largest number of Gauss-Newton steps towards the compliances
         for given effects, and relative change of a compliance that ends them
     longest_step : of ln C
+    widest : largest difference of ln C from the middle press
+    felt, softest : a press met resistance if its force rises above so many standard deviations, and
+        its compliance is not so many times that of the middle one
     tail : chi-square per reading from which a press loses its weight
     reweighted : fits with renewed weights
     ftol, rtol : decrease of half of chi-square that ends a fit, absolute and relative
@@ -136,6 +139,9 @@ class FreeComplianceSettings:
     compliance_steps: int = 12
     compliance_tol: float = 1e-4
     longest_step: float = 0.5
+    widest: float = 7.0
+    felt: float = 6.0
+    softest: float = 20.0
     tail: float = 4.0
     reweighted: int = 3
     ftol: float = 0.05
@@ -194,18 +200,29 @@ class FreeMapSettings:
     lengths, length_tol : trials of a length, and the difference of logarithms that ends them
     size_steps : steps towards spread and error of a trial
     evidence_rounds : iterations in which the prior's numbers are sought
+    longest_change : of the logarithm of such a number in a round
     iterations : of Gauss-Newton
+    usual_length, usual_spread, usual_error : middle of the wide priors of length (over the middle
+        of its bounds), spread and error
+    unsure : their standard deviations, of logarithms
+    nearing : share of the presses' present misfit that counts as error of the map, so that a
+        step follows no press further than a linear model holds
+    tail, early_tail : standard deviations from which on a press errs by itself, and draws no
+        stronger, and the same while the prior's numbers are sought
+    longest_move : of ln C from where the readings are linear
+    slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the
+        least
     longest_step : largest change of the map's logarithm in one
     shortest_step : share of a step below which none is tried
     worse : tolerated relative rise of the misfit in a step
-    settled : length of a step in standard deviations of the readings that ends the search; they
-        count as larger by the misfit over the noise
+    settled : change of the presses' compliances, in their standard deviations (root mean square),
+        that ends the search
     near : largest change of the logarithm from which on the finer model corrects each step
     absorbed : variance over the noise's from which on the field counts as following a direction
         of the readings
     """
 
-    grid_points: int = 4000
+    grid_points: int = 6000
     level_spread: float = 2.0
     finest: float = 1.5
     finest_cell: float = 0.5
@@ -214,16 +231,27 @@ class FreeMapSettings:
     first_spread: float = 0.5
     first_error: float = 0.01
     least_spread: float = 1e-3
-    largest_spread: float = 4.0
+    largest_spread: float = 1.5
     least_error: float = 1e-4
-    largest_error: float = 0.5
+    largest_error: float = 1.0
+    usual_length: float = 0.7
+    usual_spread: float = 0.7
+    usual_error: float = 0.01
+    unsure: tuple[float, float, float] = (0.7, 0.5, 1.5)
+    nearing: float = 0.3
+    tail: float = 3.0
+    early_tail: float = 10.0
+    longest_move: float = 0.5
+    slowed: float = 0.6
+    slowest: float = 0.2
     evidence_presses: int = 150
-    lengths: int = 9
-    length_tol: float = 0.05
+    lengths: int = 6
+    length_tol: float = 0.1
     size_steps: int = 30
-    evidence_rounds: int = 3
+    evidence_rounds: int = 4
+    longest_change: float = 0.7
     iterations: int = 15
-    longest_step: float = 1.0
+    longest_step: float = 1.5
     shortest_step: float = 0.1
     worse: float = 1e-3
     settled: float = 0.1

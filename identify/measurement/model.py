@@ -95,7 +95,8 @@ class Linearised:
     shared_errors : (m, 2) change of the whitened prediction by one standard deviation of each error
         that the readings of a press share: of the map (by ln C) and of first touch
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
-    body : compliances and their derivatives
+    compliance, modulus : (j,) of the presses, and the modulus under the tip, there
+    body : compliances and their derivatives by the map
     values : parameters of the effects, by effect and name
     """
 
@@ -108,6 +109,8 @@ class Linearised:
     shared_errors: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
+    compliance: np.ndarray
+    modulus: np.ndarray
     body: BodyResponse
     state: BodyState
     values: Mapping[str, Mapping[str, float]]
@@ -133,7 +136,11 @@ class MeasurementModel:
     space : the map's free parameters
     press_error : relative error of the map in each press's compliance, counted beside the noise if
         larger; the readings of a press share it
+    press_doubt : (j,) further variance of ln C of presses that err by themselves
     effects : effects beside the map, in the order of the chain
+    unit_compliance : (j,) of the homogeneous body of 1 Pa: the modulus under a tip is then that of
+        the homogeneous body of the press's compliance, which is what the tip feels; else the map's
+        at one point under it
     straight : the readings are, or count as, those of a flat tip, whatever the body's contacts
     """
 
@@ -144,6 +151,8 @@ class MeasurementModel:
     space: ParameterSpace
     effects: tuple[EffectInModel, ...] = ()
     press_error: float = 0.0
+    press_doubt: np.ndarray | float = 0.0
+    unit_compliance: np.ndarray | None = None
     straight: bool = False
 
     @cached_property
@@ -271,11 +280,36 @@ class MeasurementModel:
             The body is impossible there (a modulus that is not positive, a Poisson's ratio of one
             half).
         """
+        return self.around(self.body(u, reduced), u)
+
+    def by_log_compliance(self, at: Linearised) -> np.ndarray:
+        """Return the derivative (m,) of the prediction by ln C of its press, m.
+
+        The modulus under the tip moves with it.
+        """
+        press = self.readings.press
+        return at.by_compliance * at.compliance[press] - at.by_modulus * at.modulus[press]
+
+    def body(self, u: np.ndarray, reduced: bool = False) -> BodyResponse:
+        """Solve the body at scaled coordinates (k,); see `linearise`."""
+        body = self.mechanics.evaluate(self.map(u), self.state(self.values(u)), reduced)
+        self._refuse_impossible(body.compliance)
+        return body
+
+    def around(
+        self, body: BodyResponse, u: np.ndarray, factor: np.ndarray | float = 1.0
+    ) -> Linearised:
+        """Linearise the chain beyond an evaluated body, without finite elements.
+
+        Parameters
+        ----------
+        factor : (j,) on the body's compliances, where a press may differ from the map
+        """
         values = self.values(u)
         state = self.state(values)
-        body = self.mechanics.evaluate(self.map(u), state, reduced)
-        c, e = body.compliance, body.local_modulus
-        self._refuse_impossible(c)
+        c, e = factor * body.compliance, body.local_modulus
+        if self.unit_compliance is not None:
+            e = self.unit_compliance / c
         judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)
         residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
         by_c, by_e = self.chain.by_body(c, e, latent, values)
@@ -285,11 +319,12 @@ class MeasurementModel:
         first = k
         for part in self.effects:
             for p, _ in enumerate(part.parameters):
-                columns.append(self._by_parameter(u, first + p, part, body, state, latent,
+                columns.append(self._by_parameter(u, first + p, part, body, (c, e), latent,
                                                   by_c, by_e)[:, None])  # fmt: skip
             first += len(part.parameters)
         press = self.readings.press
-        map_error = self.press_error * (by_c * c[press] - by_e * e[press]) / sigma
+        off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
+        map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
         shared = np.hstack([map_error[:, None], touch_errors(self.noise.touch_m, sigma)])
         return Linearised(
             predicted_m=self.displacement_m - residual,
@@ -301,6 +336,8 @@ class MeasurementModel:
             shared_errors=shared,
             by_compliance=by_c,
             by_modulus=by_e,
+            compliance=c,
+            modulus=e,
             body=body,
             state=state,
             values=values,
@@ -328,12 +365,13 @@ class MeasurementModel:
         index: int,
         part: EffectInModel,
         body: BodyResponse,
-        state: BodyState,
+        moduli: tuple[np.ndarray, np.ndarray],
         latent: np.ndarray,
         by_c: np.ndarray,
         by_e: np.ndarray,
     ) -> np.ndarray:
         """Difference quotient (m,) of the prediction by one scaled parameter of an effect."""
+        c, e = moduli
         low, high = (side[index] for side in self.bounds)
         up, down = u.copy(), u.copy()
         up[index] = min(u[index] + _STEP, high)
@@ -342,8 +380,10 @@ class MeasurementModel:
         if part.effect.link == "body":
             changes = [body.change(self.state(self.values(side))) for side in (up, down)]
             (c_up, e_up), (c_down, e_down) = changes
+            by_body = [c / body.compliance * (c_up - c_down), e_up - e_down]
+            if self.unit_compliance is not None:
+                by_body[1] = -e / c * by_body[0]
             press = self.readings.press
-            return (by_c * (c_up - c_down)[press] + by_e * (e_up - e_down)[press]) / width
-        c, e = body.compliance, body.local_modulus
+            return (by_c * by_body[0][press] + by_e * by_body[1][press]) / width
         sides = [self.chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
         return (sides[0] - sides[1]) / width

@@ -24,6 +24,8 @@ MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknown
 MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
 BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
 REFINEMENT = 1.5
+FREE_MAP_CELLS = 1000  # most hexahedra under a free map
+FREE_MAP_WORK = 3e5  # hexahedra times presses: eight evaluations in a minute of one core
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 OUTSIDE = 32  # cells a side of the surface through contact points, where it is drawn or pressed
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
@@ -43,8 +45,10 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     fem.errors.MeshError
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
-    refuse_too_large(study.body, len(scan.press_ids))
     contacts, note = contacts_of(scan, study.probe.tip == "sphere")
+    if study.map.kind == "free":
+        return _under_free_map(study, scan, contacts, note)
+    refuse_too_large(study.body, len(scan.press_ids))
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
     search = _search_model(study, meshes[0], contacts)
@@ -53,6 +57,21 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
     fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
     return BodyModel(search, coarse, fine, note)
+
+
+def _under_free_map(study: Study, scan: Scan, contacts: Contacts, note: str) -> BodyModel:
+    """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
+    body = study.body
+    if body.size_m is None:
+        mesh = _meshes(study)[1]
+    else:
+        cells = np.clip(FREE_MAP_WORK / len(contacts), COARSE_CELLS, FREE_MAP_CELLS)
+        chosen = body.cell_size_m or float(np.cbrt(_volume(body) / cells))
+        mesh = block_mesh(body.size_m, block_divisions(body.size_m, chosen))
+    model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
+    if body.support == "base-sliding":
+        _check_held(model, scan)
+    return BodyModel(model, model, model, note)
 
 
 def try_body_model(study: Study, scan: Scan) -> None:

@@ -50,8 +50,14 @@ class FreeFieldRecord(Record):
     log_sd: Row = Field(description="standard deviation of ln E, (g,)")
     share: Row = Field(description="share of the prior's variance taken away, (g,)")
     sight_m: float = Field(description="depth of sight of the middle press, m")
-    by_press_m: Rows = Field(description="travel by ln C and ln E at its press, m, (m, 1 or 2)")
-    followed: Rows = Field(description="directions of these that the map can follow, (n, k)")
+    by_press_m: Row = Field(description="travel by ln C of its press, m, (m,)")
+    followed: Rows = Field(description="directions of ln C that the map can follow, (j, k)")
+    press_error: Row = Field(
+        description="what the readings of each press ask its ln C to change by, (j,)"
+    )
+    left_out: Row = Field(description="the same of presses that the map has not seen, (j,)")
+    errs: tuple[bool, ...] = Field(description="presses that err by themselves, (j,)")
+    lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]
 
 

@@ -33,7 +33,11 @@ class Field:
     by_press_m : (m,) change of each predicted displacement by s, ln C of its press, m
     followed : (j, k) directions of s that the field can follow
     spots : places harder or softer than their surroundings
-    effects_covariance : (q, q) of the effects' scaled parameters beside the field
+    press_error : (j,) error of each press's compliance by the map, relative: what its readings,
+        beside the effects, ask the map to change by
+    left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
+    errs : (j,) bool, presses that err by themselves and were weighted down
+    lengths_m : least and largest length that was tried
     posterior : for draws and resolution; both only of a fit that was made here
     """
 
@@ -48,7 +52,10 @@ class Field:
     by_press_m: np.ndarray
     followed: np.ndarray
     spots: tuple[Spot, ...] = ()
-    effects_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    press_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    left_out: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    lengths_m: tuple[float, float] = (0.0, 0.0)
     posterior: FieldPosterior | None = None
 
     @classmethod
@@ -60,7 +67,10 @@ class Field:
         model: MeasurementModel,
         at: Linearised,
         least: float,
-        converged: bool = True,
+        converged: bool,
+        press_error: np.ndarray,
+        errs: np.ndarray,
+        lengths_m: tuple[float, float],
     ) -> Field:
         """Gather the record from a posterior.
 
@@ -85,11 +95,24 @@ class Field:
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
             spots=find_spots(posterior) if converged else (),
-            effects_covariance=posterior.effects_covariance(),
+            press_error=press_error,
+            left_out=posterior.left_out(fifths(len(press_error))),
+            errs=errs,
+            lengths_m=lengths_m,
             by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
             posterior=posterior,
         )
+
+    @property
+    def ordinary_error(self) -> float:
+        """Relative error of the map in an ordinary press: the median of all presses."""
+        return float(np.median(np.abs(self.press_error)))
+
+    @property
+    def left_out_error(self) -> float:
+        """The same of presses left out: the median of all."""
+        return float(np.median(np.abs(self.left_out)))
 
     def absorbed_m(self, press: np.ndarray) -> np.ndarray:
         """Return the changes (m, k) m of predicted displacements that the field can follow.
@@ -97,6 +120,11 @@ class Field:
         `press` (m,) is the press of each reading.
         """
         return self.by_press_m[:, None] * self.followed[press]
+
+
+def fifths(presses: int) -> np.ndarray:
+    """Return the fifth (j,) of each press, at random but always the same."""
+    return np.random.default_rng(31).permutation(presses) % 5
 
 
 def _sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:

@@ -172,10 +172,3 @@ class Effects:
         if not self.count:
             return np.empty(0)
         return self.solve(self.gradient - self.coupling.T @ moved)
-
-    def covariance(self, of_s: np.ndarray) -> np.ndarray:
-        """Covariance (q, q) of p for that of s (j, j)."""
-        if not self.count:
-            return np.zeros((0, 0))
-        gain = self.solve(self.coupling.T)
-        return self.solve(np.eye(self.count)) + gain @ of_s @ gain.T

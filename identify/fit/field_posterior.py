@@ -101,21 +101,34 @@ class FieldPosterior:
         whole[np.diag_indices_from(whole)] += 1
         return float(gap @ cho_solve((cholesky(whole, lower=True), True), gap))
 
-    def effects_covariance(self) -> np.ndarray:
-        """Covariance (q, q) of the effects' parameters beside the field, scaled."""
-        root = self.data.root
-        half = solve_triangular(self._factor, root.T @ self._of_s, lower=True)
-        return self.data.effects.covariance(self._of_s - half.T @ half)
-
     @property
     def prior_cost(self) -> float:
         """Square of the prior's distance of the most probable field from its mean."""
         return float(self.weights @ self.of_field @ self.weights)
 
     @cached_property
+    def chi2(self) -> float:
+        """Chi-square of the readings beside every field of the prior, the best effects taken.
+
+        The readings' own residual around the linearisation, which no field changes, is part of it.
+        """
+        data, effects = self.data, self.data.effects
+        half = solve_triangular(self._factor, data.target, lower=True)
+        own = data.target - data.root.T @ data.offset
+        rest = float(data.sums.chi2.sum() - own @ own)
+        if effects.count:
+            rest -= float(effects.gradient @ effects.solve(effects.gradient))
+        return rest + float(half @ half)
+
+    @cached_property
     def log_evidence(self) -> float:
         """Logarithm of the density of the readings, whitened, over that of noise alone."""
-        return log_evidence(self.data, self._factor)
+        effects = self.data.effects
+        log_det = 2 * float(np.log(np.diag(self._factor)).sum())
+        if effects.count:
+            log_det += float(np.linalg.slogdet(effects.normal)[1])
+            log_det -= effects.count * np.log(2 * np.pi)
+        return -0.5 * (self.chi2 + log_det)
 
     @cached_property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -168,23 +181,3 @@ class FieldPosterior:
             gain = np.linalg.solve(known, own[rest])
             found[out] = self.of_field[np.ix_(out, rest)] @ gain
         return found - own
-
-
-def log_evidence(data: FieldData, factor: np.ndarray) -> float:
-    """Log evidence of a target with the factor (j, j) of its covariance, over noise alone.
-
-    The readings' own residual around the linearisation, which no field changes, is part of it.
-    """
-    sums, effects = data.sums, data.effects
-    half = solve_triangular(factor, data.target, lower=True)
-    own = solve_triangular(data.root, _gradient(data), lower=True)
-    rest = float(sums.chi2.sum() - own @ own)
-    log_det = 2 * float(np.log(np.diag(factor)).sum())
-    if effects.count:
-        rest -= float(effects.gradient @ effects.solve(effects.gradient))
-        log_det += float(np.linalg.slogdet(effects.normal)[1]) - effects.count * np.log(2 * np.pi)
-    return -0.5 * (rest + float(half @ half) + log_det)
-
-
-def _gradient(data: FieldData) -> np.ndarray:
-    return data.root @ (data.target - data.root.T @ data.offset)

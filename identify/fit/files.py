@@ -90,7 +90,7 @@ def _step_content(step: FitIteration) -> dict:
     return known | {"parameters": dict(step.parameters)}
 
 
-_LIVE = ("posterior", "effects_covariance")  # parts of a field that stay in memory
+_LIVE = ("posterior",)  # parts of a field that stay in memory
 
 
 def _field_content(field: Field) -> dict:
@@ -100,7 +100,8 @@ def _field_content(field: Field) -> dict:
 
 
 def _field(content: dict) -> Field:
-    hyper, arrays = content["hyper"], ("log_sd", "share", "by_press_m", "followed")
+    hyper = content["hyper"]
+    arrays = ("log_sd", "share", "by_press_m", "followed", "press_error", "left_out")
     found: dict[str, Any] = {
         **content,
         "hyper": Hyper(**{**hyper, "given": tuple(hyper["given"])}),
@@ -108,4 +109,6 @@ def _field(content: dict) -> Field:
     }
     for name in arrays:
         found[name] = np.array(content[name], float)
+    found["errs"] = np.array(content["errs"], bool)
+    found["lengths_m"] = tuple(content["lengths_m"])
     return Field(**found)

@@ -36,6 +36,7 @@ from identify.fit.settings import FREE_COMPLIANCE, FREE_MAP, PRECISE, FreeMapSet
 from identify.map import FreeMap, GaussianMap, Grid, MaternField
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
 from identify.map.parameters import ParameterSpace
+from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import EffectInModel, MeasurementModel
 from identify.optimize.result import InadmissibleError
 from models import InputError
@@ -94,6 +95,7 @@ class FreeMapFit:
     compliance : (j,) of each press by its own readings, from which the readings are first linear;
         default that of the homogeneous body
     weight : (j,) of the presses; 0 leaves one out
+    warm : the map of the model is near the end; its median is the level then
     """
 
     def __init__(
@@ -105,15 +107,16 @@ class FreeMapFit:
         settings: FreeMapSettings = FREE_MAP,
         compliance: np.ndarray | None = None,
         weight: np.ndarray | None = None,
+        warm: bool = False,
     ) -> None:
         start = model.space.start
         assert isinstance(start, FreeMap)
         self.settings, self.progress, self.lengths_m = settings, progress, lengths_m
-        self.level, self.grid, self.hyper = float(start.log_pa[0]), start.grid, hyper
+        self.level, self.grid, self.hyper = float(np.median(start.log_pa)), start.grid, hyper
+        self.warm, self._field = warm, start.log_pa - self.level
         self.weight = np.ones(model.readings.presses) if weight is None else weight
         self.history: list[FitIteration] = []
         self.spent = 0
-        self.doubt = np.zeros(model.readings.presses)
         self._start, self._compliance = model, compliance
 
     @property
@@ -132,13 +135,14 @@ class FreeMapFit:
         """
         s = self.settings
         u = np.concatenate([np.empty(0), *(part.to_scaled() for part in self._start.effects)])
-        point = self._point(self._start, np.zeros(len(self.grid)), u)
+        point = self._point(self._start, self._field, u)
+        first = s.evidence_rounds - 1 if self.warm else 0
         at, near, message, success = point.s, False, "", False
         pace, last = 1.0, np.inf
         if self._compliance is not None:
             moved = np.log(self._compliance / point.body.compliance)
             at = point.s + moved
-        for number in range(s.iterations):
+        for number in range(first, s.iterations):
             readings = self._readings(point, at, number < s.evidence_rounds)
             shift = readings.s - point.s
             if number < s.evidence_rounds:
@@ -146,14 +150,13 @@ class FreeMapFit:
                     readings.sums, point.by_field, point.field, self.prior, self.hyper,
                     self.lengths_m, s, shift, readings.doubt,
                 )  # fmt: skip
-                self.hyper = self.hyper.towards(found, s.longest_change) if number else found
+                self.hyper = found if number == 0 else self.hyper.towards(found, s.longest_change)
             error = max(self.hyper.error, self._nearing(readings))
             data = FieldData.of(readings.sums, point.by_field, point.field, shift, readings.doubt)
             posterior = FieldPosterior(data, self.prior, error)
-            self._accept(point, number)
-            self.doubt = readings.doubt
-            told = self.weight > 0
-            unit = np.sqrt(error**2 + readings.variance + readings.doubt)
+            self._accept(point, posterior, number)
+            told = (self.weight > 0) & (readings.doubt == 0)
+            unit = np.sqrt(error**2 + readings.variance)
             step = float(np.sqrt(np.mean(np.square(posterior.step / unit)[told])))
             change = float(np.abs(posterior.mean - point.field).max())
             if near and number >= s.evidence_rounds and step < s.settled:
@@ -174,7 +177,7 @@ class FreeMapFit:
                 point = self._corrected(point)
         else:
             message = f"limit of {s.iterations} iterations reached"
-        return self._result(point, posterior, message, success)
+        return self._result(point, readings, posterior, message, success)
 
     def _point(self, model: MeasurementModel, field: np.ndarray, u: np.ndarray) -> _Point:
         self.spent += 1
@@ -193,19 +196,25 @@ class FreeMapFit:
         return self._at(point.model.corrected(point.u), point.field, point.u)
 
     def _readings(self, point: _Point, at: np.ndarray, early: bool) -> _Readings:
-        """Linearise the readings around s (j,)."""
-        model, j = point.model, point.model.readings.presses
-        sums = PressSums.of(model, model.around(point.body, point.u, np.exp(at - point.s)))
-        count = np.bincount(model.readings.press, minlength=j)
-        curve = 1 / (1 + np.maximum(sums.chi2 / count - 1, 0.0) / FREE_COMPLIANCE.tail)
-        error, variance = sums.errors(at - point.s)
+        """Linearise the readings near s (j,), at the best compliances beside effects and map."""
+        s, model, told = self.settings, point.model, self.weight > 0
+        for step in range(s.own_steps + 1):
+            sums = PressSums.of(model, model.around(point.body, point.u, np.exp(at - point.s)))
+            error, variance = sums.errors(at - point.s)
+            typical = 1.48 * float(np.median(np.abs(error)[told]))
+            size = max(self.hyper.error, typical)
+            if step < s.own_steps:
+                towards = (error * size**2) / (size**2 + variance) - (at - point.s)
+                at = at + np.clip(towards, -s.longest_move, s.longest_move)
+        count = np.bincount(model.readings.press, minlength=len(at))
+        bent = np.maximum(sums.chi2 / count - 1, 0.0)
+        curve = 1 / (1 + bent / FREE_COMPLIANCE.tail)
         variance = variance / curve
-        sums = sums.weighted(self.weight * curve)
-        typical = 1.48 * float(np.median(np.abs(error)[self.weight > 0]))
-        unit = np.hypot(max(self.hyper.error, typical), np.sqrt(variance))
-        tail = self.settings.early_tail if early else self.settings.tail
+        unit = np.hypot(size, np.sqrt(variance))
+        tail = s.early_tail if early else s.tail
         gross = np.maximum(np.abs(error) / (tail * unit), 1.0)
-        return _Readings(sums, at, error, variance, (gross**2 - 1) * unit**2)
+        doubt = (gross**2 - 1) * unit**2
+        return _Readings(sums.weighted(self.weight * curve), at, error, variance, doubt)
 
     def _nearing(self, readings: _Readings) -> float:
         """Error of the map that counts on the way, a share of the present misfit beyond noise."""
@@ -244,29 +253,53 @@ class FreeMapFit:
         offset = point.by_field @ point.field
         return float(offset @ np.linalg.solve(of_s, offset))
 
-    def _accept(self, point: _Point, number: int) -> None:
+    def _accept(self, point: _Point, posterior: FieldPosterior, number: int) -> None:
         """Keep a step of the search."""
         stiffness, at = point.model.space.start, point.model.around(point.body, point.u)
         assert isinstance(stiffness, FreeMap)
         mean = {LEVEL: float(np.exp(stiffness.log_pa.mean()))}
-        dof = max(len(at.residual) - len(point.u), 1)
-        step = FreeMapIteration(number, mean, at.chi2, at.chi2 / dof, at.rms_m, stiffness)
+        chi2, dof = posterior.chi2, max(len(at.residual) - len(point.u), 1)
+        step = FreeMapIteration(number, mean, chi2, chi2 / dof, at.rms_m, stiffness)
         self.history.append(step)
         if self.progress:
             self.progress(step)
 
     def _result(
-        self, point: _Point, posterior: FieldPosterior, message: str, success: bool
-    ) -> FitResult:
-        model = replace(point.model, press_error=self.hyper.error, press_doubt=self.doubt)
+        self, point: _Point, readings: _Readings, posterior: FieldPosterior, message: str,
+        success: bool,
+    ) -> FitResult:  # fmt: skip
+        uncertain = MapUncertainty(
+            posterior.of_field,
+            posterior.data.error_variance(self.hyper.error),
+            posterior.data.here,
+            self.weight,
+            (self.hyper, self.lengths_m),
+        )
+        model = replace(point.model, map_uncertainty=uncertain)
         at = model.around(point.body, point.u)
         field = Field.of(
-            posterior, self.hyper, self.level, model, at, self.settings.absorbed, success
-        )
+            posterior, self.hyper, self.level, model, at, self.settings.absorbed, success,
+            readings.error, readings.doubt > 0, self.lengths_m,
+        )  # fmt: skip
         return fit_result(
             model, point.u, at, replace(PRECISE, curved_intervals=False), success=success,
             message=message, nfev=self.spent, history=tuple(self.history), field=field,
         )  # fmt: skip
+
+
+def refit_free_map(
+    model: MeasurementModel, stiffness: GaussianMap, progress: Progress | None = None
+) -> FitResult:
+    """Fit a free map anew, with the effects of a model, from the present field."""
+    uncertain = model.map_uncertainty
+    assert uncertain is not None
+    assert isinstance(stiffness, FreeMap)
+    space = ParameterSpace(stiffness, (), ())
+    hyper, lengths_m = uncertain.prior
+    return FreeMapFit(
+        replace(model, map_uncertainty=None, space=space), hyper, lengths_m, progress,
+        weight=uncertain.felt, warm=True,
+    ).run()  # fmt: skip
 
 
 def _shown(

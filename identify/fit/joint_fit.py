@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.fit.free_map_fit import refit_free_map
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import Progress, Search
 from identify.fit.settings import SEARCH, FitSettings
+from identify.map.free_map import FreeMap
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError, OptimizeResult
@@ -32,6 +34,9 @@ def fit_jointly(
     settings: FitSettings = SEARCH,
 ) -> FitResult:
     """Fit all free parameters of map and effects.
+
+    A free map is no parameter: it is fitted anew, or without rounds stays beside the effects, of
+    which the uncertain map then takes its part (`identify.measurement.map_uncertainty`).
 
     Parameters
     ----------
@@ -52,6 +57,8 @@ def fit_jointly(
         "confirmed": confirmed,
     }
     settings = replace(settings, **{k: v for k, v in given.items() if v is not None})
+    if isinstance(stiffness, FreeMap) and settings.rounds:
+        return refit_free_map(model, stiffness, callback)
     return fit_from(Search(settings, progress=callback), model, model.start(stiffness))
 
 

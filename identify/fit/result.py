@@ -165,14 +165,16 @@ class FitResult:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom: readings less unknowns, of a free map the effective number."""
+        """Degrees of freedom: readings less unknowns; of a free map less the effects' alone.
+
+        Chi-square is then that of the readings beside every map of the prior.
+        """
         return max(len(self.residual_m) - self.unknowns, 1)
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns of map and effects; of a free map the effective number, rounded."""
-        of_field = 0 if self.field is None else round(self.field.effective)
-        return len(self.covariance_names) + of_field
+        """Number of unknowns of map and effects; of a free map those of the effects alone."""
+        return len(self.covariance_names)
 
     @property
     def bic(self) -> float:
@@ -275,16 +277,12 @@ def fit_result(
 ) -> FitResult:
     """Gather the record of a fit that ended at scaled coordinates u (k,)."""
     started = model.started(u)
-    if field is None:
-        noise_alone = covariance(at.jacobian)
+    noise_alone = total = covariance(at.jacobian)
+    if model.map_uncertainty is None:  # else the map's own error holds that of the meshes
         total = noise_alone + _covariance_of_meshes(model, at, noise_alone)
-        unknowns = len(u)
-    else:  # beside the field, whose own error holds that of the meshes
-        noise_alone = total = field.effects_covariance
-        unknowns = len(u) + round(field.effective)
     slope, body, mechanics = model.unknowns.slope(u), at.body, model.mechanics
     presses = np.ones(len(body.compliance))
-    dof = max(len(at.residual) - unknowns, 1)
+    dof = max(len(at.residual) - len(u), 1)
     return FitResult(
         map=model.map(u),
         covariance_names=model.names,

@@ -141,7 +141,7 @@ class FreeComplianceSettings:
     longest_step: float = 0.5
     widest: float = 7.0
     felt: float = 6.0
-    softest: float = 20.0
+    softest: float = 10.0
     tail: float = 4.0
     reweighted: int = 3
     ftol: float = 0.05
@@ -210,6 +210,7 @@ class FreeMapSettings:
     tail, early_tail : standard deviations from which on a press errs by itself, and draws no
         stronger, and the same while the prior's numbers are sought
     longest_move : of ln C from where the readings are linear
+    own_steps : Newton steps of each press's compliance beside the map
     slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the
         least
     longest_step : largest change of the map's logarithm in one
@@ -242,6 +243,7 @@ class FreeMapSettings:
     tail: float = 3.0
     early_tail: float = 10.0
     longest_move: float = 0.5
+    own_steps: int = 2
     slowed: float = 0.6
     slowest: float = 0.2
     evidence_presses: int = 150
@@ -250,7 +252,7 @@ class FreeMapSettings:
     size_steps: int = 30
     evidence_rounds: int = 4
     longest_change: float = 0.7
-    iterations: int = 15
+    iterations: int = 20
     longest_step: float = 1.5
     shortest_step: float = 0.1
     worse: float = 1e-3

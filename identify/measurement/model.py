@@ -27,6 +27,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import Parameter, ParameterSpace
 from identify.measurement.chain import Chain, judge
 from identify.measurement.errors_in_variables import PressTable, press_table
+from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.result import InadmissibleError
@@ -114,6 +115,7 @@ class Linearised:
     body: BodyResponse
     state: BodyState
     values: Mapping[str, Mapping[str, float]]
+    marginal: MarginalMap | None = None
 
     @property
     def chi2(self) -> float:
@@ -122,7 +124,10 @@ class Linearised:
 
     def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
-        return decorrelated((change_m.T / self.sigma_m).T, self.shared_errors, press)
+        white = decorrelated((change_m.T / self.sigma_m).T, self.shared_errors, press)
+        if self.marginal is None:
+            return white
+        return self.marginal.whitened((white.T * self.marginal.weight).T)
 
 
 @dataclass(frozen=True)
@@ -141,6 +146,8 @@ class MeasurementModel:
     unit_compliance : (j,) of the homogeneous body of 1 Pa: the modulus under a tip is then that of
         the homogeneous body of the press's compliance, which is what the tip feels; else the map's
         at one point under it
+    map_uncertainty : of a free map, which is then no unknown of its own: residual and derivatives
+        are those beside every map of its prior
     straight : the readings are, or count as, those of a flat tip, whatever the body's contacts
     """
 
@@ -153,6 +160,7 @@ class MeasurementModel:
     press_error: float = 0.0
     press_doubt: np.ndarray | float = 0.0
     unit_compliance: np.ndarray | None = None
+    map_uncertainty: MapUncertainty | None = None
     straight: bool = False
 
     @cached_property
@@ -248,7 +256,8 @@ class MeasurementModel:
     @property
     def is_linear(self) -> bool:
         """Whether d = C F with the noise alone, so that two rows a press suffice."""
-        return not (self.effects or self.chain.nonlinear or self.press_error or self.noise.touch_m)
+        plain = self.press_error == 0 and self.map_uncertainty is None
+        return plain and not (self.effects or self.chain.nonlinear or self.noise.touch_m)
 
     def evaluate(self, u: np.ndarray, reduced: bool = False) -> Compressed | Linearised:
         """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
@@ -326,7 +335,7 @@ class MeasurementModel:
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
         map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
         shared = np.hstack([map_error[:, None], touch_errors(self.noise.touch_m, sigma)])
-        return Linearised(
+        at = Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
@@ -341,6 +350,23 @@ class MeasurementModel:
             body=body,
             state=state,
             values=values,
+        )
+        return at if self.map_uncertainty is None else self._marginal(at, self.map_uncertainty)
+
+    def _marginal(self, at: Linearised, uncertain: MapUncertainty) -> Linearised:
+        """Return the model with every map of the prior beside it, its predictions by the best."""
+        press, by_s = self.readings.press, self.by_log_compliance(at)
+        weight = np.sqrt(uncertain.felt)[press]
+        marginal = MarginalMap(uncertain, weight * at.whitened(by_s, press), press)
+        about_mean = marginal.about_mean(weight * at.residual)
+        predicted = at.predicted_m + by_s * marginal.moved(about_mean)[press]
+        return replace(
+            at,
+            residual=marginal.whitened(about_mean),
+            jacobian=marginal.whitened((at.jacobian.T * weight).T),
+            predicted_m=predicted,
+            rms_m=float(np.sqrt(np.mean((self.displacement_m - predicted) ** 2))),
+            marginal=marginal,
         )
 
     def _refuse_impossible(self, compliance: np.ndarray) -> None:

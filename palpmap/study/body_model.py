@@ -61,13 +61,13 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
 
 def _under_free_map(study: Study, scan: Scan, contacts: Contacts, note: str) -> BodyModel:
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
-    body = study.body
-    if body.size_m is None:
+    body, edges = study.body, _edges(study.body)
+    if edges is None:
         mesh = _meshes(study)[1]
     else:
         cells = np.clip(FREE_MAP_WORK / len(contacts), COARSE_CELLS, FREE_MAP_CELLS)
         chosen = body.cell_size_m or float(np.cbrt(_volume(body) / cells))
-        mesh = block_mesh(body.size_m, block_divisions(body.size_m, chosen))
+        mesh = _divided(body, block_divisions(edges, chosen))
     model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
     if body.support == "base-sliding":
         _check_held(model, scan)

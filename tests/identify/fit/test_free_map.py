@@ -9,13 +9,14 @@ from scipy.stats import multivariate_normal
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.effects import Readings
-from identify.fit.field_data import FieldData, PressSums, field_derivatives
+from identify.fit.field_data import FieldData, PressSums
 from identify.fit.field_evidence import Hyper, best_hyper
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.settings import FREE_MAP
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
+from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from models import Scan
@@ -81,7 +82,7 @@ def linear(body, grid):
     model = replace(model, space=ParameterSpace(FreeMap(grid, LEVEL + here), (), ()))
     at = model.linearise(np.empty(0))
     sums = PressSums.of(model, at)
-    by_field = field_derivatives(at, sums.of_press)
+    by_field = at.body.by_field()
     return model, at, here, sums, by_field, FieldData.of(sums, by_field, here)
 
 
@@ -122,7 +123,7 @@ def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
     prior = MaternField(grid, 0.02, 0.3, 1.0)
     posterior = FieldPosterior(data, prior)
     # Reading by reading, with the whole covariance of the prior
-    press = np.repeat(np.arange(data.presses), len(FORCES_N))
+    press = np.repeat(np.arange(len(data.target)), len(FORCES_N))
     own = at.by_compliance * at.body.compliance[press] / at.sigma_m
     jacobian = own[:, None] * by_field[press]
     precision = np.linalg.inv(prior.product(np.eye(len(grid)))) + jacobian.T @ jacobian
@@ -141,7 +142,7 @@ def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
 def test_the_evidence_against_a_direct_formula(linear, grid, error):
     _, at, here, _, by_field, data = linear
     prior = MaternField(grid, 0.02, 0.3, 1.0)
-    press = np.repeat(np.arange(data.presses), len(FORCES_N))
+    press = np.repeat(np.arange(len(data.target)), len(FORCES_N))
     own = at.by_compliance * at.body.compliance[press] / at.sigma_m
     jacobian = own[:, None] * by_field[press]
     alike = np.outer(own, own) * (press[:, None] == press[None]) * error**2
@@ -153,10 +154,40 @@ def test_the_evidence_against_a_direct_formula(linear, grid, error):
     assert found == pytest.approx(direct - noise, rel=1e-6)
 
 
+def test_the_readings_beside_every_map_of_the_prior_against_the_whole_covariance(linear, grid):
+    """Residual, further patterns and the best map of a model with an uncertain map, directly."""
+    model, at, here, _, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0)
+    posterior = FieldPosterior(data, prior, 0.02)
+    uncertain = MapUncertainty(
+        posterior.of_field, data.error_variance(0.02), by_field @ here, np.ones(len(data.target))
+    )
+    both = replace(model, map_uncertainty=uncertain).around(at.body, np.empty(0))
+    press = np.repeat(np.arange(len(data.target)), len(FORCES_N))
+    own = at.by_compliance * at.body.compliance[press] / at.sigma_m
+    jacobian = own[:, None] * by_field[press]
+    alike = np.outer(own, own) * (press[:, None] == press[None]) * 0.02**2
+    whole = np.eye(len(press)) + jacobian @ prior.product(jacobian).T + alike
+    about_mean = at.residual + jacobian @ here
+    assert both.chi2 == pytest.approx(about_mean @ np.linalg.solve(whole, about_mean), rel=1e-8)
+    assert both.chi2 == pytest.approx(posterior.chi2, rel=1e-6)
+    pattern = np.random.default_rng(3).standard_normal((len(press), 2)) * at.sigma_m[:, None]
+    seen = both.whitened(pattern, press)
+    white = pattern / at.sigma_m[:, None]
+    assert seen.T @ seen == pytest.approx(white.T @ np.linalg.solve(whole, white), rel=1e-8)
+    assert seen.T @ both.residual == pytest.approx(
+        white.T @ np.linalg.solve(whole, about_mean), rel=1e-7
+    )
+    best = at.predicted_m + own * at.sigma_m * (by_field @ (posterior.mean - here))[press]
+    assert both.predicted_m == pytest.approx(best, abs=1e-12)
+
+
 def test_the_evidence_finds_the_numbers_that_maximise_it(linear, grid):
     _, _, here, sums, by_field, data = linear
     start = Hyper(0.02, 0.3, 0.01)
-    best = best_hyper(sums, by_field, here, MaternField(grid, 1, 1, 1.0), start, (0.01, 0.06))
+    flat = replace(FREE_MAP, unsure=(1e6, 1e6, 1e6))
+    prior = MaternField(grid, 1, 1, 1.0)
+    best = best_hyper(sums, by_field, here, prior, start, (0.01, 0.06), flat)
 
     def evidence(hyper):
         prior = MaternField(grid, hyper.length_m, hyper.spread, 1.0)
@@ -171,7 +202,7 @@ def test_the_evidence_finds_the_numbers_that_maximise_it(linear, grid):
 def test_left_out_presses_are_predicted_as_by_a_fit_without_them(linear, grid):
     _, _, here, sums, by_field, data = linear
     prior = MaternField(grid, 0.02, 0.3, 1.0)
-    folds = np.arange(data.presses) % 5
+    folds = np.arange(len(data.target)) % 5
     found = FieldPosterior(data, prior).left_out(folds)
     out = folds == 2
     rest = FieldData.of(sums.some(np.flatnonzero(~out)), by_field[~out], here)
@@ -189,7 +220,7 @@ def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, g
     fit = FreeMapFit(model, hyper, (0.009, 0.06)).run()
     assert fit.success
     at_truth = replace(model, space=ParameterSpace(FreeMap(grid, LEVEL + 0.5 + true), (), ()))
-    taken = at_truth.linearise(np.empty(0)).chi2 - fit.chi2
+    taken = at_truth.linearise(np.empty(0)).chi2 - np.sum((fit.residual_m / fit.sigma_m) ** 2)
     assert 0 < taken < 2 * fit.field.effective  # the fit follows the noise no further than that
     assert abs(fit.chi2_per_dof - 1) < 3 * np.sqrt(2 / fit.dof)
     off = (fit.map.log_pa - LEVEL - 0.5 - true) / fit.field.log_sd

@@ -1,6 +1,7 @@
 """The built-in effects, in the order of the chain: body, contact, response, instrument."""
 
 from identify.catalogue.anisotropy import Anisotropy
+from identify.catalogue.backlash import Backlash
 from identify.catalogue.base_compliance import BaseCompliance
 from identify.catalogue.base_sliding import BaseSliding
 from identify.catalogue.body_shift import BodyShift
@@ -8,17 +9,22 @@ from identify.catalogue.breathing import Breathing
 from identify.catalogue.breathing_from_touch import BreathingFromTouch
 from identify.catalogue.contact_offset import ContactOffset
 from identify.catalogue.displacement_drift import DisplacementDrift
+from identify.catalogue.displacement_jump import DisplacementJump
 from identify.catalogue.displacement_wander import DisplacementWander
 from identify.catalogue.extra_inclusion import ExtraInclusion
 from identify.catalogue.finite_strain import FiniteStrain
 from identify.catalogue.force_bias import ForceBias
 from identify.catalogue.force_drift import ForceDrift
+from identify.catalogue.force_jump import ForceJump
 from identify.catalogue.force_saturation import ForceSaturation
 from identify.catalogue.force_wander import ForceWander
 from identify.catalogue.force_warm_up import ForceWarmUp
+from identify.catalogue.free_loop import FreeLoop
+from identify.catalogue.guide_friction import GuideFriction
 from identify.catalogue.hysteresis import Hysteresis
 from identify.catalogue.inclusion_edge import InclusionEdge
 from identify.catalogue.inclusion_stretch import InclusionStretch
+from identify.catalogue.local_creep import LocalCreep
 from identify.catalogue.mesh_error import MeshError
 from identify.catalogue.play import Play
 from identify.catalogue.poisson_ratio import PoissonRatio
@@ -61,22 +67,28 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         Viscoelasticity(),
         TwoTimeCreep(),
         PowerLawCreep(),
+        LocalCreep(),
         Preconditioning(),
         Hysteresis(),
         Play(),
+        FreeLoop(),
         TimeLag(),
         ToolCompliance(),
         ForceBias(),
+        GuideFriction(),
         ForceDrift(),
         ForceWarmUp(),
         ForceWander(),
+        ForceJump(),
         SensitivityDrift(),
         ForceSaturation(),
         ContactOffset(),
+        Backlash(),
         TouchThreshold(),
         SurfaceTilt(),
         DisplacementDrift(),
         DisplacementWander(),
+        DisplacementJump(),
         Breathing(),
         BreathingFromTouch(),
     )

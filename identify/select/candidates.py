@@ -187,7 +187,14 @@ def shortlist(
     ]
     candidates.sort(key=lambda s: -s.statistic)
     least = settings.hopeless * candidates[0].statistic if candidates else 0.0
-    names = [s.name for s in candidates if s.statistic >= least]
+    best_of: dict[str, float] = {}
+    for s in candidates:
+        best_of.setdefault(s.family or s.name, s.statistic)
+    names = [
+        s.name
+        for s in candidates
+        if s.statistic >= max(least, settings.same_family * best_of[s.family or s.name])
+    ]
     families = dict.fromkeys(diagnosis[name].family or name for name in names)
     first = list(families)[: settings.shortlist]
     best = [name for name in names if (diagnosis[name].family or name) in first]

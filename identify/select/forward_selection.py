@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,6 +30,7 @@ from identify.select.accepted_effect import AcceptedEffect, at_bound
 from identify.select.candidates import Candidate, best_candidates, is_implausible
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
+from identify.select.standing import standing
 from identify.select.step import Step, step_of
 from models import Scan
 
@@ -87,15 +89,19 @@ class Explanation:
     def added(self) -> tuple[str, ...]:
         """Effects that are offered by name: of one cause in their group, and plausible.
 
-        Beside a structured residual, an effect is offered only if the effects together took nearly
-        all of the excess chi-square, or the contact law of the presses supports it.
+        Beside a structured residual, an effect is offered only if the rest cannot be its cause
+        (`identify.select.standing`), or the contact law of the presses supports it.
         """
         unsure = (*self.resting_on_outliers, *self.at_bound, *self.implausible)
         sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
-        main = self.explained_share >= self.settings.main_share and not self.map_error
-        if self.verdict == "unexplained" and not main:
-            sure = tuple(a for a in sure if a.shown_by_presses)
+        if self.verdict == "unexplained":
+            stand = frozenset() if self.map_error else self._standing
+            sure = tuple(a for a in sure if a.shown_by_presses or a.name in stand)
         return tuple(a.name for a in sure)
+
+    @cached_property
+    def _standing(self) -> frozenset[str]:
+        return standing(self.final.fit, self.final.comparison)
 
     @property
     def at_bound(self) -> tuple[str, ...]:

@@ -76,12 +76,12 @@ class SelectionSettings:
     left_of_error : of the chi-square explained by the possible model error: the pattern of that
         error is an estimate, right to a third, and its own error is in turn like another effect
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
-    main_share : of the first excess chi-square, beyond which effects are named beside structure
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
     close : difference of chi-square below which two effects count as equal at any price
     sure : family-wise p-value of an effect where the residual is noise
     shortlist : best-scored effects that are refitted
     hopeless : of the best linear score: a refit does not make up for less
+    same_family : of the best linear score in a family, likewise; its members' scores compare well
     refit_evaluations : of the body's model, in a refit
     refit_gain : chi-square of two steps below which a refit ends
     promised : of the score: a refit that brings less may have begun at the wrong place
@@ -109,12 +109,12 @@ class SelectionSettings:
     worthwhile: float = 0.1
     left_of_error: float = 0.1
     by_compliance: float = 0.9
-    main_share: float = 0.95
     margin: float = 10.0
     close: float = 5.0
     sure: float = 1e-3
     shortlist: int = 3
     hopeless: float = 0.1
+    same_family: float = 0.4
     refit_evaluations: int = 15
     refit_gain: float = 0.5
     promised: float = 0.3

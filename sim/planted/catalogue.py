@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from models import Catalogue
-from sim.planted import body, contact, instrument, response
+from sim.planted import body, contact, instrument, jumps, response
 from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect
 from sim.planted.foreign_forms import FOREIGN_FORMS
@@ -13,6 +13,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         response.viscoelasticity,
         response.two_time_creep,
         response.power_law_creep,
+        jumps.local_creep,
         contact.finite_strain,
         contact.strain_stiffening,
         body.anisotropy,
@@ -23,6 +24,9 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         response.preconditioning,
         response.hysteresis,
         response.play,
+        jumps.free_loop,
+        jumps.guide_friction,
+        jumps.backlash,
         body.rigid_tip,
         contact.spherical_tip,
         body.base_compliance,
@@ -32,6 +36,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.force_drift,
         instrument.force_warm_up,
         instrument.force_wander,
+        jumps.force_jump,
         instrument.time_lag,
         instrument.sensitivity_drift,
         instrument.force_saturation,
@@ -39,6 +44,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.surface_tilt,
         instrument.displacement_drift,
         instrument.displacement_wander,
+        jumps.displacement_jump,
         instrument.breathing,
         instrument.breathing_from_touch,
         body.mesh_error,
@@ -59,5 +65,5 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
 INSIDERS = tuple(
     effect.name for effect in HIDDEN if effect.category in ("structured", "compliance")
 )
-FORMS = tuple(effect.name for effect in FOREIGN_FORMS)
+FORMS = tuple(effect.name for effect in HIDDEN if effect.category == "form")
 OUTSIDERS = tuple(effect.name for effect in HIDDEN if effect.category == "outsider")

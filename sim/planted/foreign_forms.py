@@ -12,9 +12,9 @@ from sim.planted.effect import HiddenEffect, on_response, on_sensor
 from sim.planted.response import follow, lag_behind
 
 CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep")
-LOOP = ("hysteresis", "play")
-FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander")
-TRAVEL_ZERO = ("displacement_drift", "displacement_wander")
+LOOP = ("hysteresis", "play", "free_loop")
+FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
+TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
 MOTION = ("breathing", "breathing_from_touch")
 
 
@@ -80,7 +80,7 @@ def form_fat_loop(bench, travel_m, values):
 
 
 @on_sensor("form", "force + friction tanh(way since the turn)", "friction_n", 0.01, limit=0.5,
-           kin=LOOP)  # fmt: skip
+           kin=("guide_friction",))  # fmt: skip
 def form_guide_friction(bench, force_n, travel_m, values):
     """A guide that rubs: its force opposes the way, and turns over a tenth of the travel."""
     most = np.maximum(travel_m.max(axis=1, keepdims=True), 1e-12)

@@ -16,8 +16,9 @@ def _uniform(name: str, low: float, high: float) -> Draw:
     return lambda bench, rng: {name: float(rng.uniform(low, high))}
 
 
-@on_response("outsider", "C(t) between the map's compliance and that with weight/(1 + share)",
-             "share", 0.5, limit=100.0, draw=_uniform("time_constant_s", 0.4, 1.2))  # fmt: skip
+@on_response("form", "C(t) between the map's compliance and that with weight/(1 + share)",
+             "share", 0.5, limit=100.0, kin=("local_creep",),
+             draw=_uniform("time_constant_s", 0.4, 1.2))  # fmt: skip
 def outside_creeping_inclusion(bench, travel_m, values):
     """Only the inclusion creeps; the rest of the body is elastic."""
     truth = bench.body.truth

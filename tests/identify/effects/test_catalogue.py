@@ -18,7 +18,8 @@ NAMES = (
     "touch_threshold", "rigid_tip", "inclusion_edge", "inclusion_stretch", "side_gradient",
     "body_shift", "sensitivity_drift", "displacement_drift", "time_lag", "force_warm_up",
     "force_wander", "displacement_wander", "two_time_creep", "power_law_creep", "play",
-    "breathing_from_touch",
+    "breathing_from_touch", "local_creep", "free_loop", "guide_friction", "backlash", "force_jump",
+    "displacement_jump",
 )  # fmt: skip
 
 
@@ -65,7 +66,7 @@ def test_effects_that_can_only_go_one_way_are_known():
     assert one_sided == {
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
-        "touch_threshold", "rigid_tip", "power_law_creep", "play",
+        "touch_threshold", "rigid_tip", "power_law_creep", "play", "local_creep",
     }  # fmt: skip
 
 

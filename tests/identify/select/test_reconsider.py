@@ -85,7 +85,7 @@ def test_an_effect_at_the_bound_of_what_is_possible_is_not_found():
     assert found.final.fit.values["contact_offset.offset_m"] == pytest.approx(-9.5e-5)
     assert found.final.comparison.is_noise
     assert found.at_bound == ("contact_offset",)
-    assert found.verdict == "unexplained"
+    assert found.verdict == "ambiguous"
     assert found.added == ()
     free = forward_selection(model(table), TRUE, table, [ContactOffset()])
     assert (free.verdict, free.added, free.at_bound) == ("explained", ("contact_offset",), ())

@@ -1,0 +1,77 @@
+"""A robot or a body that is knocked at one instant."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.body.state import BodyState
+from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.readings import Readings
+from identify.effects.smooth import pauses, step_in_time
+from identify.effects.units import length, more, seconds
+
+
+class DisplacementJump(Effect):
+    """A step of the displacement at one instant of the scan."""
+
+    name = "displacement_jump"
+    family = "displacement_drift"
+    title = "Jump of the displacement's zero"
+    order = 92
+    summary = (
+        "The body, the arm or its table was knocked or set anew during the scan. All displacements "
+        "after that instant are off by one length, as they count from the planned surface."
+    )
+    formula = "d = u + height step(t),  step from 0 to 1 at the instant"
+    latex = r"d = u + \text{height} \cdot H(t - t_{\text{jump}})"
+    source = (
+        "International Vocabulary of Metrology, JCGM 200:2012, 2.53 (correction); the step is a "
+        "definition"
+    )
+    gives_away = "from one press on, all readings are off by the same length"
+    cure = "Find first touch anew in each press, and note when the rig was touched."
+    parameters = (
+        EffectParameter("height_m", "m", "height of the step", 0.0, -0.05, 0.05, 1e-4),
+        EffectParameter("at_s", "s", "instant on the scan's clock", None, 0.0, 1e6, 10.0),
+    )
+    needs = ("time", "several presses")
+    examples = (
+        WorkedExample(
+            "0.1 mm more after 100 s.",
+            {"height_m": 1e-4, "at_s": 100.0},
+            {"time_s": (7.0, 207.0), "press": (0.0, 1.0), "travel_m": 1e-3},
+            {"displacement_m": (1e-3, 1.1e-3)},
+        ),
+    )
+
+    def reading(
+        self,
+        readings: Readings,
+        force_n: np.ndarray,
+        travel_m: np.ndarray,
+        *,
+        height_m: float,
+        at_s: float,
+    ) -> np.ndarray:
+        """Add the step."""
+        return travel_m + height_m * step_in_time(readings, at_s)
+
+    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
+        """Pauses between two presses, but for those near the ends of the scan."""
+        return [{"at_s": at} for at in pauses(readings)]
+
+    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
+        """Bound the instant by the scan; its scale is the time of a press."""
+        height, at = self.parameters
+        if readings.time_s is None:
+            return height, at
+        end = max(float(readings.elapsed_s.max()), 1e-3)
+        return height, replace(at, upper=end, typical=end / readings.presses)
+
+    def evidence(self, values: Values, readings: Readings) -> str:
+        """Say when the step came, and how high it is."""
+        height = values["height_m"]
+        return (
+            f"The displacement {more(height, 'rises', 'falls')} by {length(abs(height))} "
+            f"{seconds(values['at_s'])} after the start of the scan, and stays there."
+        )

@@ -1,7 +1,7 @@
 """From the log of one press to the robot's report: rows of the scan, statistics, series.
 
 Displacement is that of a real robot: noisy joint angles through the kinematics, along the
-press direction, since first touch as found from the samples themselves (`depth_at_zero_force`).
+press direction, since first touch as found from the samples themselves (`sim.scan.first_touch`).
 The encoders' noise is set so that its image along the press direction has the declared standard
 deviation: sd_q = sd_d / |n' J|.
 """
@@ -22,12 +22,16 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
+from sim.scan.first_touch import first_touch
 from sim.scan.outcome import Judgement
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
 from sim.scan.watchdog import check_record
 
 SMOOTHED_S = 0.05
 """Over which the force is averaged before its overshoot is judged."""
+
+BEFORE_S = 1.2
+"""Time before loading whose samples tell where the tip touched."""
 
 APPROACH, LOAD, HOLD, UNLOAD = map(PHASES.index, ("approach", "load", "hold", "unload"))
 
@@ -95,15 +99,22 @@ def press_result(
     """
     contact, wanted = np.flatnonzero(log.phase >= LOAD), plan.force_of(log.press)
     contact = contact[log.phase[contact] <= UNLOAD]
+    step_s = float(log.time_s[1] - log.time_s[0])
+    before = min(round(BEFORE_S / step_s), int(contact[0]))
+    read = np.arange(contact[0] - before, contact[-1] + 1)
     lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
-    noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[contact].shape)
-    poses = [kinematics.pose(q) for q in log.q_read[contact] + noise]
+    noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[read].shape)
+    poses = [kinematics.pose(q) for q in log.q_read[read] + noise]
     tips = np.array([tip for tip, _ in poses])
     turns = np.array([turn for _, turn in poses])
     depth = (tips - planned.point_m) @ planned.direction
     # row by row: probe axes -> world
-    vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[contact])
+    vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[read])
     force = vectors @ planned.direction
+    early = depth, force
+    tips, turns, depth, vectors, force = (
+        values[before:] for values in (tips, turns, depth, vectors, force)
+    )
     begun = int((log.phase == APPROACH).argmax())
     check_record(
         log.clock_s[begun:], log.q_read[begun:], planned.path.at(0.0)[1], force, depth, wanted,
@@ -111,9 +122,13 @@ def press_result(
     )  # fmt: skip
     zero = mechanisms.zero_shift_m
     if mechanisms.zero == "touch":
-        moving = log.phase[contact] != HOLD
-        zero += depth_at_zero_force(
-            depth[moving], force[moving], settings.displacement_noise_m, settings.force_noise_n
+        zero += first_touch(
+            *early,
+            log.wanted_n[read],
+            np.maximum(log.phase[read] - LOAD + 1, 0),
+            step_s,
+            settings.displacement_noise_m,
+            settings.force_noise_n,
         )
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
     rows = _sample_rows(log.phase[contact], settings)
@@ -241,37 +256,3 @@ def _statistics(
         touch_error_m=zero,
         depth_share=float(true_depth.max()) / plan.thickness_m(log.press),
     )
-
-
-def depth_at_zero_force(
-    depth_m: np.ndarray, force_n: np.ndarray, depth_noise_m: float, force_noise_n: float
-) -> float:
-    """Depth at which a straight line through the samples has no force, m.
-
-    A touch can only be noticed above the force noise, and on a soft body the tip has then already
-    travelled by a good part of a millimetre. The line through the rising and falling samples
-    gives the true point of first touch. Both columns are noisy, so an ordinary regression of
-    either on the other would be biased; this is Deming's line for the known ratio of the
-    variances (Deming, Statistical Adjustment of Data, 1943).
-
-    Parameters
-    ----------
-    depth_m, force_n : (m,) samples in contact. They must be chosen by time, not by force: a cut
-        at a measured force would bias.
-    depth_noise_m, force_noise_n : standard deviations of a sample
-
-    Examples
-    --------
-    >>> depth = np.array([0.001, 0.002, 0.003])
-    >>> round(depth_at_zero_force(depth, 100 * (depth - 0.0004), 2e-5, 5e-3), 9)
-    0.0004
-    """
-    x, y = depth_m - depth_m.mean(), force_n - force_n.mean()
-    sxx, syy, sxy = x @ x, y @ y, x @ y
-    if depth_noise_m == 0:
-        slope = sxy / sxx
-    else:
-        ratio = (force_noise_n / depth_noise_m) ** 2
-        half = (syy - ratio * sxx) / 2
-        slope = (half + np.hypot(half, np.sqrt(ratio) * sxy)) / sxy
-    return float(depth_m.mean() - force_n.mean() / slope)

@@ -5,7 +5,7 @@ import pytest
 
 from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
-from sim.scan.press_log import depth_at_zero_force
+from sim.scan.first_touch import depth_at_zero_force, first_touch
 from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)
@@ -55,3 +55,49 @@ def test_first_touch_is_found_without_bias_on_soft_and_hard_bodies(stiffness):
     spread = np.std(found)
     assert spread < 1.5e-5
     assert abs(np.mean(found)) < 4 * spread / np.sqrt(len(found))
+
+
+STEP_S, SPEED = 0.002, 1.5e-3
+
+
+def press(law, peak_n, rng, force_noise, depth_noise):
+    """Readings of a press on a body with a law F(x): approach, dwell, load, hold, unload."""
+    fine = np.linspace(0, 0.04, 100_001)
+    forces = law(fine)
+    touched = np.interp(0.025, forces, fine) + 2 * STEP_S * SPEED
+    way = np.concatenate([np.arange(-5e-4, touched, SPEED * STEP_S), np.full(30, touched)])
+    first = np.interp(touched, fine, forces)
+    load = np.linspace(first, peak_n, 500)
+    unload = np.linspace(peak_n, 0.06 * peak_n, 500)
+    wanted = np.concatenate([np.zeros(len(way)), load, np.full(500, peak_n), unload])
+    force = wanted.copy()
+    force[: len(way)] = np.interp(way, fine, forces) * (way > 0)
+    depth = np.concatenate([way, np.interp(force[len(way) :], forces, fine)])
+    part = np.repeat([0, 1, 2, 3], [len(way), 500, 500, 500])
+    depth = depth + depth_noise * rng.standard_normal(depth.size)
+    force = force + force_noise * rng.standard_normal(force.size)
+    return depth + 0.0012, force, wanted, part, STEP_S
+
+
+COURSES = {
+    "line": (lambda x: 60 * x, 0.25),
+    "cubic": (lambda x: 60 * x + 1e7 * x**3, 0.25),
+    "Fung": (lambda x: 0.2 * np.expm1(300 * x), 0.3),
+    "ball": (lambda x: 954 * x**1.5, 0.3),
+    "ball on a layer": (lambda x: 954 * x**1.5 * (1 + 2.46 * np.sqrt(x) + 6.4 * x), 0.3),
+}
+
+
+@pytest.mark.parametrize("course", list(COURSES))
+def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(course):
+    law, peak = COURSES[course]
+    exact = press(law, peak, np.random.default_rng(0), 0.0, 0.0)
+    assert abs(first_touch(*exact, 0.0, 0.0) - 0.0012) < 6e-6
+    moving = np.isin(exact[3], (1, 3))
+    straight = depth_at_zero_force(exact[0][moving], exact[1][moving], 0.0, 0.0) - 0.0012
+    assert course == "line" or straight > 3e-4
+    rng = np.random.default_rng(5)
+    found = [first_touch(*press(law, peak, rng, 5e-3, 2e-5), 2e-5, 5e-3) for _ in range(8)]
+    off = np.array(found) - 0.0012
+    assert abs(off.mean()) < 0.02e-3
+    assert off.std() < 0.05e-3

@@ -1,0 +1,222 @@
+"""Depth of first touch, from the readings of one press, for any law of the body.
+
+A touch can only be noticed above the force noise, and on a soft body the tip has then already gone
+on by a good part of a millimetre. Where force rises in proportion to depth, the straight line
+through all rising and falling samples leads back to the touch. A ball, a stiffening body or one
+that creeps does not lie on a line; then the samples from before the touch on, loading and
+unloading, are fitted by several laws of the depth since touch, see `LAWS`. The touch is their mean,
+weighted by the Bayesian information criterion (Kass & Raftery, J. Am. Stat. Assoc. 1995), so that a
+parameter that the noise hides does not blur it. Where none holds, as on a body that creeps, the
+loading is fitted alone, or its first part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+BLOCK_S = 0.02
+"""Time over which readings are averaged; the tip goes 0.03 mm meanwhile."""
+
+PARTS = ((1.0, True), (1.0, False), (0.4, False), (0.2, False))
+"""Of the largest force, up to which the loading is fitted, and whether unloading is: the first on
+which a law holds."""
+
+HOLDS = 4.0
+"""Standard deviations of chi squared within which a law holds."""
+
+CURVED = 3.5
+"""Standard errors beyond which a term that a straight line lacks is real."""
+
+LEAST_NOISE = 1e-4
+"""Of the range of force: without noise, deviations below are of no account."""
+
+ITERATIONS = 25
+
+POWERS = 0.9, 2.0
+
+LAWS: tuple[tuple[Callable[..., np.ndarray], tuple[float, ...]], ...] = (
+    (lambda s: s, ()),
+    (lambda s: s**1.5, ()),
+    (lambda s, c: s * np.exp(c * s), (0.3,)),
+    (lambda s, c: s**1.5 * np.exp(c * s), (0.1,)),
+    (lambda s, p: s ** np.clip(p, *POWERS), (1.2,)),
+    (lambda s, b: np.expm1(b * s) / b if abs(b) > 1e-6 else s, (1.0,)),
+    (lambda s, c: s * (1 + c * s * s), (0.5,)),
+    (lambda s, p, c: s ** np.clip(p, *POWERS) * np.exp(c * s), (1.2, 0.1)),
+    (lambda s, b, c: (np.expm1(b * s) / b if abs(b) > 1e-6 else s) * np.exp(c * s * s), (1.0, 0.0)),
+)
+"""Laws f of the force k f(s), s the depth since touch over the fitted range, with the values from
+which their parameters start: a line; a ball's contact; both stiffening; a power; Fung's law; a
+cubic one; and more general ones."""
+
+LOW, HIGH = -4.0, 12.0
+"""Of a parameter of the laws."""
+
+
+def first_touch(
+    depth_m: np.ndarray,
+    force_n: np.ndarray,
+    wanted_n: np.ndarray,
+    part: np.ndarray,
+    step_s: float,
+    depth_noise_m: float,
+    force_noise_n: float,
+) -> float:
+    """Return the depth at which the tip touched, m.
+
+    Parameters
+    ----------
+    depth_m, force_n : (t,) readings of the slow approach, then of loading, holding and unloading
+    wanted_n : (t,) set value of the force
+    part : (t,) 0 before loading, 1 loading, 2 holding, 3 unloading
+    step_s : time from sample to sample
+    depth_noise_m, force_noise_n : standard deviations of a sample
+    """
+    moving = (part == 1) | (part == 3)
+    noise = depth_noise_m, force_noise_n
+    line = depth_at_zero_force(depth_m[moving], force_n[moving], *noise)
+    if _is_line(depth_m[moving], force_n[moving], part[moving] == 3, *noise):
+        return line
+    size = max(1, round(BLOCK_S / step_s))
+    sd = depth_noise_m / np.sqrt(size), force_noise_n / np.sqrt(size)
+    touch = line
+    for share, back in PARTS:
+        used = (part == 0) | ((part == 1) & (wanted_n <= share * wanted_n.max()))
+        used |= back & (part == 3)
+        count = int(used.sum()) // size
+        depth, force = (
+            values[used][: count * size].reshape(count, size).mean(axis=1)
+            for values in (depth_m, force_n)
+        )
+        touch, holds = _law_start(depth, force, line, *sd)
+        if holds:
+            break
+    return touch
+
+
+def depth_at_zero_force(
+    depth_m: np.ndarray, force_n: np.ndarray, depth_noise_m: float, force_noise_n: float
+) -> float:
+    """Depth at which a straight line through the samples has no force, m.
+
+    Both columns are noisy, so an ordinary regression of either on the other would be biased; this
+    is Deming's line for the known ratio of the variances (Deming, Statistical Adjustment of Data,
+    1943).
+
+    Parameters
+    ----------
+    depth_m, force_n : (m,) samples in contact. They must be chosen by time, not by force: a cut
+        at a measured force would bias.
+    depth_noise_m, force_noise_n : standard deviations of a sample
+
+    Examples
+    --------
+    >>> depth = np.array([0.001, 0.002, 0.003])
+    >>> round(depth_at_zero_force(depth, 100 * (depth - 0.0004), 2e-5, 5e-3), 9)
+    0.0004
+    """
+    x, y = depth_m - depth_m.mean(), force_n - force_n.mean()
+    sxx, syy, sxy = x @ x, y @ y, x @ y
+    if depth_noise_m == 0:
+        slope = sxy / sxx
+    else:
+        ratio = (force_noise_n / depth_noise_m) ** 2
+        half = (syy - ratio * sxx) / 2
+        slope = (half + np.hypot(half, np.sqrt(ratio) * sxy)) / sxy
+    return float(depth_m.mean() - force_n.mean() / slope)
+
+
+def _is_line(
+    depth: np.ndarray, force: np.ndarray, falling: np.ndarray, depth_noise: float, noise: float
+) -> bool:
+    """Whether a curvature, or another course when unloading, adds nothing to a straight line."""
+    scale = float(np.ptp(depth)) or 1.0
+    x = (depth - depth.mean()) / scale
+    columns = np.column_stack([np.ones_like(x), x, x * x, falling, falling * x])
+    inverse = np.linalg.pinv(columns.T @ columns)
+    found = inverse @ (columns.T @ force)
+    spread = np.hypot(noise, depth_noise * abs(found[1]) / scale)
+    error = np.maximum(spread, LEAST_NOISE * np.ptp(force)) * np.sqrt(np.diag(inverse))
+    return bool((np.abs(found[2:]) < CURVED * error[2:]).all())
+
+
+def _law_start(
+    depth: np.ndarray, force: np.ndarray, line: float, depth_noise: float, noise: float
+) -> tuple[float, bool]:
+    """Fit the laws to block means; return the best one's touch and whether it holds."""
+    far = float(depth.max() - depth.min())
+    x = depth / far
+    first = line / far
+    floor = LEAST_NOISE * float(np.ptp(force))
+    slope = float(np.ptp(force))
+    found_by = []
+    for law, start in LAWS:
+        sd = np.full(len(x), np.hypot(max(noise, floor), depth_noise * slope / far))
+        found = np.array([first - 0.05, *start])
+        for _ in range(2):  # the slope, by which the depth's noise counts, is known after one fit
+            found, scale, cost = _fit(law, found, x, force, sd)
+            step = 1e-4
+            there = np.maximum(x - found[0], 0.0)
+            steep = scale * (law(there + step, *found[1:]) - law(there, *found[1:])) / step
+            sd = np.hypot(max(noise, floor), depth_noise * np.abs(steep) / far)
+        count = len(found) + 2
+        # The spread differs from law to law, and so does the likelihood's normalisation
+        score = cost + 2 * np.log(sd).sum() + count * np.log(len(x))
+        excess = (cost - (len(x) - count)) / np.sqrt(2 * (len(x) - count))
+        found_by.append((score, float(found[0] * far), excess))
+    score, touch, excess = np.array(found_by).T
+    weight = np.exp((score.min() - score) / 2)
+    return float(weight @ touch / weight.sum()), bool(excess[score.argmin()] < HOLDS)
+
+
+def _fit(
+    law: Callable[..., np.ndarray],
+    start: np.ndarray,
+    x: np.ndarray,
+    force: np.ndarray,
+    sd: np.ndarray,
+) -> tuple[np.ndarray, float, float]:
+    """Fit touch and parameters; zero of the force and factor of the law follow linearly.
+
+    Returns
+    -------
+    touch and parameters, the factor, and chi squared
+    """
+    weight = 1 / sd
+    measured = force * weight
+
+    def residual(p: np.ndarray) -> tuple[np.ndarray, float]:
+        shape = law(np.maximum(x - p[0], 0.0), *p[1:]) * weight
+        aa, ab, bb = weight @ weight, weight @ shape, shape @ shape
+        fa, fb = weight @ measured, shape @ measured
+        determinant = max(float(aa * bb - ab * ab), 1e-300)
+        factor = max(float(aa * fb - ab * fa) / float(determinant), 0.0)
+        offset = (fa - factor * ab) / aa
+        return measured - offset * weight - factor * shape, factor
+
+    p, damping = np.array(start, float), 1e-3
+    low = np.array([x.min() - 0.1, *(LOW for _ in p[1:])])
+    high = np.array([x.max() - 0.02, *(HIGH for _ in p[1:])])
+    r, factor = residual(p)
+    for _ in range(ITERATIONS):
+        jacobian = np.empty((len(x), len(p)))
+        for i in range(len(p)):
+            moved = p.copy()
+            moved[i] += 1e-5
+            jacobian[:, i] = (residual(moved)[0] - r) / 1e-5
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ r
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), -gradient)
+        tried = np.clip(p + step, low, high)
+        new, new_factor = residual(tried)
+        if new @ new < r @ r:
+            small = np.abs(tried - p).max() < 1e-6
+            p, r, factor, damping = tried, new, new_factor, damping / 5
+            if small:
+                break
+        else:
+            damping = max(4 * damping, 1e-4)
+            if damping > 1e4:
+                break
+    return p, factor, float(r @ r)

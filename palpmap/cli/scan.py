@@ -98,6 +98,16 @@ def scan(
             "scan.",
         ),
     ] = OnFault.skip,
+    tips: Annotated[
+        str | None,
+        typer.Option(
+            "--tips",
+            metavar="LIST",
+            help="Tips that take turns, radii in mm: 3,10 or flat:3,ball:8; also "
+            "cone:RADIUS:ANGLE and ring:OUTER:INNER.",
+            show_default="the study's",
+        ),
+    ] = None,
     truth: Annotated[
         str | None,
         typer.Option(
@@ -126,6 +136,8 @@ def scan(
     """
     if program is not None and (force is not None or paper_force):
         raise typer.BadParameter("a program has its own forces: give --program or a force")
+    if tips is not None and program is not None:
+        raise typer.BadParameter("a program has its own radii: give --program or --tips")
     if presses is not None and presses_per_side is not None:
         raise typer.BadParameter("give --presses or --presses-per-side, not both")
     if program is not None and (presses_per_side is not None or presses is not None):
@@ -141,6 +153,7 @@ def scan(
         presses_per_side=presses_per_side,
         presses=presses,
         truth=truth,
+        tips=tips,
         skip_unreachable=skip_unreachable,
         program=program,
         plant=[_planted(text) for text in plant or []],

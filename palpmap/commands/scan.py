@@ -26,9 +26,11 @@ from palpmap.study.virtual_lab import (
     default_study,
     default_truth,
     grid_plan_of,
+    kind_of,
     known_of,
     program_plan_of,
     reachable,
+    tip_notes,
 )
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ def run_scan_command(
     presses: int | None = None,
     truth: str | None = None,
     skip_unreachable: bool = False,
+    tips: str | None = None,
 ) -> bool:
     """Scan the built-in phantom, or a study's body.
 
@@ -73,6 +76,7 @@ def run_scan_command(
     presses : number of presses that cover the upper surface evenly, in place of a grid
     truth : file of the true map, or "random" for one drawn by the seed; None is the phantom's,
         scaled into a block, and a random one in other bodies
+    tips : that take turns, as "3,10" or "flat:3,ball:8" (mm); None is the study's
     skip_unreachable : make the presses that can be made, where some cannot
     program : file of presses (`models.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
@@ -87,14 +91,17 @@ def run_scan_command(
     from rich.markup import escape
 
     from models import read_program
+    from sim.motion import read_tips
 
     known = default_study() if study is None else load_study(study)
     settings: dict[str, JsonValue] = {}
+    carried = read_tips(tips, kind_of(known)) if tips else ()
+    widest = max((tip.radius_m for tip in carried), default=None)
     if program is None:
         force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
         settings |= {"force_n": force_n}
         if presses is not None:
-            plan = cover_plan_of(known, force_n, presses, seed=seed)
+            plan = cover_plan_of(known, force_n, presses, seed=seed, radius_m=widest)
             settings |= {"presses": presses}
         else:
             per_side = presses_per_side or PRESSES_PER_SIDE
@@ -102,6 +109,9 @@ def run_scan_command(
             settings |= {"presses_per_side": per_side}
     else:
         plan = program_plan_of(known, read_program(program, seed))
+    if carried:
+        plan = plan.with_tips(carried)
+        settings["tips"] = [str(tip) for tip in carried]
     if plant:
         settings["plant"] = [list(one) for one in plant]
     if truth:
@@ -136,6 +146,7 @@ def run_scan_command(
         scan_table(record),
         *map(escape, record.not_kept[:LISTED]),
         *([f"... see {escape(str(run / PRESSES))}"] if len(record.not_kept) > LISTED else []),
+        *tip_notes(plan),
         f"Next: {escape(to_type('fit', run / 'study.toml'))}",
         f"Recording: {escape(to_type('review', run.path))}",
     )

@@ -28,7 +28,9 @@ def draw_scene(
 
     plan, body = laboratory.plan, laboratory.body
     place = plan.body_in_world
-    shapes = arm_shapes(build_arm(plan.tip_radius_m, plan.body_size_m, place).model)
+    shapes = arm_shapes(
+        build_arm(plan.widest_m, plan.body_size_m, place, round_tip=plan.round_tips).model
+    )
     drawn = link_names(shapes)
     order = [LINKS.index(name) for name in drawn]
     modulus = laboratory.hidden.body.modulus  # with what is hidden in it

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -132,10 +132,12 @@ def build_laboratory(
         block or (plan.body.vertices_m, plan.body.triangles),
         hidden.pressed.modulus if plant else truth,
         hidden.pressed.poisson_ratio,
-        plan.tip_radius_m,
+        [plan.tip_of(press) for press in range(len(plan))],
         plan.points_m,
         plan.directions,
         support=support_of(study.body),
+        force_n=np.array([plan.force_of(press) for press in range(len(plan))]),
+        bend_per_m=plan.body.bends(plan.points_m, -plan.directions, 0.5 * plan.radii_m),
     )
     return Laboratory(plan, settings, body, hidden, len(truth.inclusions), motion)
 
@@ -150,8 +152,25 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
             "noise": noise,
             "map": Map(inclusions=laboratory.inclusions),
             "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
-            "probe": Probe(tip="flat", radius_m=laboratory.plan.tip_radius_m),
+            "probe": probe_of(laboratory.plan),
         }
+    )
+
+
+def probe_of(plan: ScanPlan) -> Probe:
+    """Return the tip that a study of a plan's scan states: a ball, or a flat one."""
+    balls = all(plan.tip_of(press).kind == "ball" for press in range(len(plan)))
+    return Probe(tip="sphere" if balls else "flat", radius_m=plan.tip_of(0).radius_m)
+
+
+def tip_notes(plan: ScanPlan) -> tuple[str, ...]:
+    """Say what the study of a plan's scan cannot state of its tips."""
+    kinds = sorted({plan.tip_of(press).kind for press in range(len(plan))})
+    if kinds in (["ball"], ["flat"]):
+        return ()
+    return (
+        f"Tips: {', '.join(kinds)}. A study knows one kind, flat or sphere; this one says flat, so "
+        "that a fit of these presses together is off by what the others differ.",
     )
 
 
@@ -164,23 +183,21 @@ def default_study() -> Study:
     )
 
 
+def kind_of(study: Study) -> Literal["flat", "ball"]:
+    """Return the laboratory's word for a study's tip."""
+    return "ball" if study.probe.tip == "sphere" else "flat"
+
+
 def surface_of(study: Study) -> BodySurface:
     """Return the surface of a study's body, body frame.
 
     Raises
     ------
-    InputError
-        A tip that the laboratory does not have.
     fem.errors.MeshError
         A surface that cannot be used.
     """
     from sim.motion import BodySurface
 
-    if study.probe.tip != "flat":
-        raise InputError(
-            'the laboratory presses with a flat tip; the study has probe.tip = "sphere": give '
-            'probe.tip = "flat" to scan'
-        )
     if study.body.size_m is not None:
         return BodySurface.block(study.body.size_m)
     return BodySurface(*outside_of(study.body))
@@ -190,7 +207,6 @@ def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:
     """Plan a grid of presses on a study's body: level rows on a block, else spread evenly."""
     if study.body.size_m is None:
         return cover_plan_of(study, force_n, per_side**2)
-    surface_of(study)
     points = _grid(study.body.size_m, per_side)
     down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
     return _plan(study, points, down, force_n)
@@ -202,23 +218,29 @@ def cover_plan_of(
     presses: int,
     steepest_deg: float | None = None,
     seed: int = 0,
+    radius_m: float | None = None,
 ) -> ScanPlan:
     """Plan presses that cover the upper surface of a study's body evenly, along its normals.
+
+    Parameters
+    ----------
+    steepest_deg : largest angle of a press to the vertical
+    radius_m : of the widest tip, None is the study's
 
     Raises
     ------
     InputError
-        A tip that the laboratory does not have, or a body without room for the presses.
+        A body without room for the presses.
     """
     from sim.motion import STEEPEST_DEG
 
     steepest = STEEPEST_DEG if steepest_deg is None else steepest_deg
-    footing = surface_of(study).cover(presses, study.probe.radius_m, steepest, seed)
+    footing = surface_of(study).cover(presses, radius_m or study.probe.radius_m, steepest, seed)
     return _plan(study, footing.points_m, -footing.normals, force_n)
 
 
 def _plan(study: Study, points: np.ndarray, directions: np.ndarray, force_n: float) -> ScanPlan:
-    from sim.motion import ScanPlan
+    from sim.motion import ScanPlan, Tip
 
     surface = surface_of(study)
     block = study.body.size_m
@@ -227,6 +249,7 @@ def _plan(study: Study, points: np.ndarray, directions: np.ndarray, force_n: flo
         directions,
         force_n=force_n,
         tip_radius_m=study.probe.radius_m,
+        tips=(Tip(kind_of(study), study.probe.radius_m),) * len(points),
         body_size_m=block or tuple(surface.extent_m),
         body_in_world=stand_of(surface),
         surface=None if block else surface,
@@ -263,7 +286,9 @@ def reachable(
     from sim.motion import Motion, plan_motion
     from sim.robot import build_laboratory as build_arm
 
-    arm = build_arm(plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s)
+    arm = build_arm(
+        plan.widest_m, plan.body_size_m, plan.body_in_world, settings.timestep_s, plan.round_tips
+    )
     motion = plan_motion(plan, arm, settings)
     if not motion.refused:
         return plan, motion, ()
@@ -282,7 +307,7 @@ def program_plan_of(study: Study, program: PressProgram, **settings: object) -> 
     Raises
     ------
     InputError
-        A tip that the laboratory does not have, presses beside the body, or tips of several radii.
+        Presses beside the body.
     """
     from sim.motion import program_plan
 
@@ -290,7 +315,11 @@ def program_plan_of(study: Study, program: PressProgram, **settings: object) -> 
     x, y, z = study.body.origin_m
     moved = replace(program, x_m=program.x_m - x, y_m=program.y_m - y, z_m=program.z_m - z)
     return program_plan(
-        moved, study.body.size_m or surface, body_in_world=stand_of(surface), **settings
+        moved,
+        study.body.size_m or surface,
+        kind_of(study),
+        body_in_world=stand_of(surface),
+        **settings,
     )
 
 

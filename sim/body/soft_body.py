@@ -13,7 +13,7 @@ exchange, not a law fitted to it. The tip's travel on a block is that of two mes
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -30,8 +30,12 @@ from fem import (
     tetrahedralize_surface,
 )
 from fem.contact import half_space_matrix, patch_grid
+from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
 from fem.palpation import RefinedResponse, Response, travel_under
+from models import InputError
+from sim.body.law import Creep, LawCurve, growing_contact, solved_radii
 from sim.body.true_body import HiddenBody
+from sim.motion import Tip
 
 DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
@@ -40,12 +44,15 @@ PATCHES = 12  # across a tip, where its pressure is solved for
 UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
 CELLS = float(np.prod(DIVISIONS))
+CHANGED, LEAST_FORCE_N, CREPT_M = 0.02, 1e-5, 2e-8  # from which the contact asks for the law again
+LEVELS = (0.125, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.08)  # of the set force, of a hyperelastic path
+RING_PATCHES = 40  # across a ring
 SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
 Divisions = tuple[int, int, int]
 
 
 class SoftBody:
-    """A body on its support, pressed by a flat tip.
+    """A body on its support, pressed by rigid tips.
 
     Parameters
     ----------
@@ -53,16 +60,20 @@ class SoftBody:
         (t, 3) of a closed surface
     modulus : Young's modulus (p,) Pa at points (p, 3) m
     poisson_ratio : of the whole body
-    tip_radius_m : of the flat tip, one or (j,)
+    tips : radius of a flat tip, m, or one tip a press (j)
     points_m, directions : (j, 3) contacts, body frame, in the order of the presses
     divisions : of a block's finer mesh, see `fem.block_mesh`; another shape gets as many cells
     support : of the base, None is bonded
-    profile : of the pressure, see `fem.Contacts`
+    force_n : set forces, (j,) or one: contacts that grow are solved around them
+    law : hyperelastic law of the material, `fem.finite_strain.hyperelastic`; None is linear
+    creep : of the travel, None is elastic
+    bend_per_m : (j,) mean curvature of the surface under the tips, convex positive
 
     Attributes
     ----------
-    compliance_m_per_n : (j,) of the presses
+    compliance_m_per_n : (j,) of the presses at small depth; of growing contacts at the set force
     modulus : the truth
+    curves : law of each press
     surface_nodes_m : (n, 3) nodes of the free surface, undeformed
     surface_triangles : (t, 3) corners of its triangles, seen from outside anticlockwise
     """
@@ -72,22 +83,59 @@ class SoftBody:
         shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray],
         modulus: Callable[[np.ndarray], np.ndarray],
         poisson_ratio: float,
-        tip_radius_m: float | np.ndarray,
+        tips: float | Sequence[Tip],
         points_m: np.ndarray,
         directions: np.ndarray,
         divisions: tuple[int, int, int] = DIVISIONS,
         support: Support | None = None,
-        profile: str = "flat",
+        force_n: float | np.ndarray = 0.3,
+        law: HyperelasticLaw | None = None,
+        creep: Creep | None = None,
+        bend_per_m: np.ndarray | None = None,
     ) -> None:
-        radius = np.broadcast_to(tip_radius_m, len(points_m))
-        contacts = Contacts(points_m, directions, radius, profile)
+        count = len(points_m)
+        each = list(tips) if isinstance(tips, Sequence) else [Tip("flat", tips)] * count
+        force = np.broadcast_to(force_n, count)
+        plane = modulus(np.asarray(points_m, float)) / (1 - poisson_ratio**2)
+        radii = [
+            solved_radii(tip, f, e) if tip.grows else np.array([tip.radius_m])
+            for tip, f, e in zip(each, force, plane, strict=True)
+        ]
+        owner = np.repeat(np.arange(count), [len(r) for r in radii])
+        self._first = np.searchsorted(owner, np.arange(count))
+        contacts = Contacts(
+            np.asarray(points_m)[owner], np.asarray(directions)[owner], np.concatenate(radii)
+        )
         meshes = true_meshes(shape, divisions)
         models = [PalpationModel(m, poisson_ratio, contacts, support=support) for m in meshes]
         model = RefinedModel(*models) if len(models) == 2 else models[0]
         self.modulus = modulus
         solved = model.evaluate(modulus(model.points_m))
         self._response = solved.fine if isinstance(solved, RefinedResponse) else solved
-        self.compliance_m_per_n = np.asarray(solved.compliance)
+        punch = np.asarray(solved.compliance)
+        self._punch = punch[self._first]
+        bend = np.zeros(count) if bend_per_m is None else bend_per_m
+        self.curves = [LawCurve.line(c) for c in punch[self._first]]
+        for j, tip in enumerate(each):
+            own = owner == j
+            if tip.grows:
+                self.curves[j] = growing_contact(tip, radii[j], punch[own], bend[j])
+            elif tip.kind == "ring":
+                near = 1 / (2 * plane[j] * tip.radius_m)
+                more = (ring_share(round(tip.inner_share, 3)) - 1) * near
+                self.curves[j] = LawCurve.line(punch[self._first[j]] + more)
+        if law is not None:
+            self._stiffen(law, modulus, contacts, meshes[0], poisson_ratio, support, force, each)
+        self.compliance_m_per_n = np.array(
+            [
+                c.at(0.0 if tip.kind == "flat" else f)[1]
+                for c, tip, f in zip(self.curves, each, force, strict=True)
+            ]
+        )
+        self._creep = creep
+        self._press, self._time_s, self._last = -1, 0.0, 0.0
+        self._lag = np.zeros(len(creep.shares) if creep else 0)
+        self._history: list[tuple[float, float]] = []
         mesh = meshes[-1]
         self.nodes, self.cells = len(mesh.nodes), len(mesh.cells)
         free = np.vstack([mesh.surface(s) for s in ("top", "sides") if s in mesh.surfaces])
@@ -100,24 +148,101 @@ class SoftBody:
         self._unit_displacement = lru_cache(maxsize=4)(self._solve_surface)
 
     def displacement(self, press: int, force_n: float) -> float:
-        """Depth of the tip at a press under a force, m."""
-        return float(self.compliance_m_per_n[press]) * force_n
+        """Depth of the tip at a press under a force, m, with the creep up to now."""
+        return self.curves[press].at(force_n)[0] + float(self._lag.sum())
 
     def tangent(self, press: int, force_n: float) -> float:
-        """Local stiffness at a press, N/m; the same at every force."""
-        del force_n
-        return 1.0 / float(self.compliance_m_per_n[press])
+        """Local stiffness at a press, N/m, of a quick change."""
+        return 1.0 / self.curves[press].at(force_n)[1]
+
+    def advance(self, press: int, time_s: float, force_n: float) -> bool:
+        """Creep on to a time under a force; True if the law has to be asked again.
+
+        A press begins on a body that has recovered.
+        """
+        if press != self._press:
+            self._press, self._time_s, self._last = press, time_s, 0.0
+            self._lag[:] = 0.0
+            self._history = []
+        moved = abs(force_n - self._last) > CHANGED * max(abs(force_n), LEAST_FORCE_N)
+        if self._creep is not None:
+            quick = self.curves[press].at(max(force_n, 0.0))[0]
+            before = float(self._lag.sum())
+            shares, times = np.array(self._creep.shares), np.array(self._creep.times_s)
+            left = np.exp(-(time_s - self._time_s) / times)
+            self._lag = left * self._lag + (1 - left) * shares * quick
+            lag = float(self._lag.sum())
+            self._history.append((time_s, lag))
+            moved = moved or abs(lag - before) > CREPT_M
+        self._time_s = time_s
+        if moved:
+            self._last = force_n
+        return moved
+
+    def displacement_at(self, press: int, force_n: float, time_s: float) -> float:
+        """Depth of the tip under a force at an earlier time of the press just made, m."""
+        quick = self.curves[press].at(force_n)[0]
+        if not self._history or press != self._press:
+            return quick
+        times, lags = np.transpose(self._history)
+        return quick + float(np.interp(time_s, times, lags))
 
     def surface_displacement(self, press: int, force_n: float) -> np.ndarray:
         """Displacement of `surface_nodes_m` under a force at a press, (n, 3) m.
 
-        The mesh's own field: the sharp dimple at the tip's rim, which `displacement` has in it,
-        is rounded off.
+        The mesh's own field, in proportion to the tip's depth: the sharp dimple at the tip's rim,
+        which `displacement` has in it, is rounded off.
         """
-        return force_n * self._unit_displacement(press)
+        depth = self.curves[press].at(force_n)[0]
+        return self._unit_displacement(press) * depth / self._punch[press]
 
     def _solve_surface(self, press: int) -> np.ndarray:
-        return self._response.displacement(press)[self._surface]
+        return self._response.displacement(int(self._first[press]))[self._surface]
+
+    def _stiffen(
+        self,
+        law: HyperelasticLaw,
+        modulus: Callable[[np.ndarray], np.ndarray],
+        contacts: Contacts,
+        mesh: Mesh,
+        poisson_ratio: float,
+        support: Support | None,
+        force: np.ndarray,
+        tips: Sequence[Tip],
+    ) -> None:
+        """Replace the lines by paths of hyperelastic finite elements up to the set forces."""
+        if support is not None and not support.bonded:
+            raise InputError("A hyperelastic body is bonded to its base here; give that support.")
+        if any(tip.kind != "flat" for tip in tips):
+            raise InputError(
+                "A hyperelastic body is pressed by flat tips here; give --tips flat:..."
+            )
+        model = FiniteStrainModel(mesh, poisson_ratio, contacts, law, tip=RigidTip())
+        compliance = np.array([curve.at(0.0)[1] for curve in self.curves])
+        levels = force[:, None] * np.array(LEVELS)
+        found = model.evaluate(modulus(model.points_m), levels, compliance)
+        found.require_complete()
+        for j in range(len(tips)):
+            self.curves[j] = LawCurve(
+                np.r_[0.0, levels[j]],
+                np.r_[0.0, found.readings_m[j]],
+                np.r_[compliance[j], found.tangent_compliance[j]],
+            )
+
+
+@lru_cache(maxsize=64)
+def ring_share(inner_share: float) -> float:
+    """Compliance of a rigid ring over that of a full disc of its radius, on a half-space (1).
+
+    Both by the same patches, so that the error of their size falls out.
+    """
+    both = []
+    for inner in (0.0, inner_share):
+        centres, side = patch_grid(1.0, RING_PATCHES, disc=True)
+        kept = centres[np.hypot(*centres.T) > inner]
+        matrix = half_space_matrix(kept, side, 0.3)
+        both.append(1 / float(np.linalg.solve(matrix, np.ones(len(kept))).sum()))
+    return both[1] / both[0]
 
 
 def true_meshes(

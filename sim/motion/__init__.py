@@ -4,6 +4,7 @@ from sim.motion.body_surface import STEEPEST_DEG, BodySurface
 from sim.motion.planner import Motion, Refusal, plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
+from sim.motion.tip import Tip, read_tips
 
 __all__ = [
     "STEEPEST_DEG",
@@ -12,6 +13,8 @@ __all__ = [
     "Refusal",
     "ScanPlan",
     "ScanSettings",
+    "Tip",
     "plan_motion",
     "program_plan",
+    "read_tips",
 ]

@@ -156,6 +156,19 @@ class BodySurface:
                 normals[j], borne[j] = self._mean_normal(point, normals[j], float(radius))
         return Footing(placed, normals, borne)
 
+    def bends(self, points: np.ndarray, normals: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
+        """Mean curvature of the surface under discs of given radii (j,), convex positive, 1/m."""
+        angle = 2 * np.pi * np.arange(SECTORS) / SECTORS
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        found = np.zeros(len(points))
+        for j, (point, normal, radius) in enumerate(zip(points, normals, radius_m, strict=True)):
+            near, frame = self._near(point, 2.5 * radius), _tangents(normal)
+            way = near.along(point + radius * circle @ frame, -normal)
+            way = np.where((near.normals @ normal > 0) & (np.abs(way) < radius), way, np.nan)
+            depth = np.nanmin(np.where(np.isnan(way), np.inf, way), axis=1)
+            found[j] = 2 * depth[np.isfinite(depth)].mean() / radius**2
+        return found
+
     def bears(self, points: np.ndarray, normals: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
         """Return True where a tip pressed against given normals (j, 3) lies on the surface."""
         rows = zip(points, normals, radius_m, strict=True)
@@ -164,10 +177,7 @@ class BodySurface:
     def _mean_normal(
         self, point: np.ndarray, normal: np.ndarray, radius: float
     ) -> tuple[np.ndarray, bool]:
-        helper = np.eye(3)[np.abs(normal).argmin()]
-        first = np.cross(normal, helper)
-        first /= np.linalg.norm(first)
-        frame = np.array([first, np.cross(normal, first)])
+        frame = _tangents(normal)
         angle = 2 * np.pi * np.arange(SECTORS) / SECTORS
         disc = (RINGS[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)).reshape(
             -1, 2
@@ -243,6 +253,13 @@ class BodySurface:
         points = self._corner[face] + u[:, None] * first[face] + (v - u)[:, None] * second[face]
         floor = self.lowest_m[2] + EDGE_SHARE * self.extent_m[2]
         return points[points[:, 2] > floor]
+
+
+def _tangents(normal: np.ndarray) -> np.ndarray:
+    """Two unit vectors across a normal, (2, 3)."""
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
 
 
 def _even(points: np.ndarray, count: int) -> np.ndarray:

@@ -18,6 +18,7 @@ from sim.motion.press_path import PressPath, press_path
 from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
+from sim.motion.tip import Tip
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S
 from sim.robot.inverse_kinematics import Reached, TipKinematics
@@ -189,6 +190,7 @@ class _Planner:
         self.kinematics = TipKinematics(laboratory.arm)
         self.clearance = Clearance(laboratory, plan.body, plan.body_in_world)
         self.tilts = plan.tilts_rad()
+        self.tip: Tip | None = None  # that the arm carries after the presses planned so far
         # Largest turn of each joint for a metre of depth
         self.most_turn = LIMIT_FRACTION * np.minimum(
             laboratory.speed_limit / fastest, laboratory.acceleration_limit / hardest
@@ -203,7 +205,7 @@ class _Planner:
         first: _CannotPress | None = None
         for touch in self._touches(point, direction, before[-1].touch if before else None):
             try:
-                return self._from(touch, point, direction, depth, before)
+                return self._from(touch, number, point, direction, depth, before)
             except _CannotPress as reason:
                 first = first or reason
         assert first is not None  # no configuration at all raises itself
@@ -212,6 +214,7 @@ class _Planner:
     def _from(
         self,
         touch: np.ndarray,
+        number: int,
         point: np.ndarray,
         direction: np.ndarray,
         depth: float,
@@ -231,7 +234,9 @@ class _Planner:
         distance = self._check_clearance(approach, touch)
         self._check_speed(path)
         last = before[-1].approach if before else self.laboratory.home
-        waypoints = self._transit(last, approach, point, direction)
+        changed = bool(before) and self.tip != self.plan.tip_of(number)
+        waypoints = self._transit(last, approach, point, direction, changed)
+        self.tip = self.plan.tip_of(number)
         return PlannedPress(point, direction, path, approach, touch, waypoints, distance)
 
     def _check_friction(self, number: int) -> None:
@@ -328,19 +333,30 @@ class _Planner:
                 )
 
     def _transit(
-        self, start: np.ndarray, end: np.ndarray, point: np.ndarray, direction: np.ndarray
+        self,
+        start: np.ndarray,
+        end: np.ndarray,
+        point: np.ndarray,
+        direction: np.ndarray,
+        change: bool,
     ) -> tuple[tuple[np.ndarray, float], ...]:
-        """Straight to the approach pose, or by poses drawn back from it and from start, or home."""
+        """Straight to the approach pose, or by poses drawn back from it and from start, or home.
+
+        To change the tip the arm goes home and stands there.
+        """
         tip, turn = self.kinematics.pose(start)
         back_start = self.kinematics.reach(tip - DRAW_BACK_M * turn[:, 2], turn[:, 2], start).q
         back_end = self.kinematics.reach(point - DRAW_BACK_M * direction, direction, end).q
         nearest = (-np.inf, "", "")
         home = self.laboratory.home
-        for via in ([], [back_end], [back_start, back_end], [back_start, home, back_end]):
+        by_home = [back_start, home, back_end]
+        for via in [by_home] if change else [[], [back_end], [back_start, back_end], by_home]:
             legs = list(pairwise([start, *via, end]))
             found = min(self._nearest_on_way(a, b) for a, b in legs)
             if found[0] >= TRANSIT_CLEARANCE_M:
-                return tuple((b, transit_duration(self.laboratory, a, b)) for a, b in legs)
+                way = [(b, transit_duration(self.laboratory, a, b)) for a, b in legs]
+                stop = [(home, self.settings.tip_change_s)] if change else []
+                return (*way[:2], *stop, *way[2:])
             nearest = max(nearest, found)
         raise _CannotPress(
             f"collision on the way there: {nearest[1]} would come within "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from models import InputError, PressProgram
 from sim.motion.body_surface import BodySurface
+from sim.motion.tip import Kind, Tip
 from sim.robot.laboratory import Placement
 
 UNIT_TOLERANCE = 1e-6
@@ -24,12 +26,14 @@ class ScanPlan:
     points_m : (j, 3) m, contact points on the undeformed surface, body frame
     directions : (j, 3) unit, into the body, body frame
     force_n : N, set force of every press; of a program, the largest
-    tip_radius_m : m, of the flat tip
+    forces_n : (j,) where they differ without a program
+    tip_radius_m : m, of the flat tip, where no tips are given
     body_size_m : edges of the block, from the body frame's origin
     surface : of the body, where it is no block
     body_in_world : where the body stands
     program : force, durations and rest of each press, where they differ; see `program_plan`
     press_ids : (j,) numbers of the presses in the scan; None counts from 0
+    tips : (j) of the presses; the arm changes them at its home pose
     """
 
     points_m: np.ndarray
@@ -41,6 +45,8 @@ class ScanPlan:
     program: PressProgram | None = None
     surface: BodySurface | None = None
     press_ids: np.ndarray | None = None
+    tips: tuple[Tip, ...] = ()
+    forces_n: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         for name in ("points_m", "directions"):
@@ -56,6 +62,11 @@ class ScanPlan:
             raise InputError(
                 f"The plan has {len(self.points_m)} points and {len(self.directions)} directions; "
                 "give one direction for each of at least one point."
+            )
+        if self.tips and len(self.tips) != len(self.points_m):
+            raise InputError(
+                f"The plan has {len(self.points_m)} points and {len(self.tips)} tips; give one tip "
+                "a press, or none."
             )
         length = np.linalg.norm(self.directions, axis=1)
         worst = int(np.abs(length - 1).argmax())
@@ -73,7 +84,28 @@ class ScanPlan:
 
     def force_of(self, press: int) -> float:
         """Set force of a press, N."""
-        return self.force_n if self.program is None else float(self.program.force_n[press])
+        if self.program is not None:
+            return float(self.program.force_n[press])
+        return self.force_n if self.forces_n is None else float(self.forces_n[press])
+
+    def tip_of(self, press: int) -> Tip:
+        """Return the tip of a press."""
+        return self.tips[press] if self.tips else Tip("flat", self.tip_radius_m)
+
+    @property
+    def radii_m(self) -> np.ndarray:
+        """Radii of the tips, (j,) m."""
+        return np.array([self.tip_of(press).radius_m for press in range(len(self))])
+
+    @property
+    def round_tips(self) -> bool:
+        """True if no tip has a flat face."""
+        return all(self.tip_of(press).grows for press in range(len(self)))
+
+    @property
+    def widest_m(self) -> float:
+        """Radius of the largest tip, m."""
+        return float(self.radii_m.max())
 
     @property
     def ids(self) -> np.ndarray:
@@ -91,11 +123,25 @@ class ScanPlan:
 
     def tilts_rad(self) -> np.ndarray:
         """Angles between the presses and the surface's inward normals, (j,) rad."""
-        radii = np.full(len(self), self.tip_radius_m)
-        cosine = -np.einsum(
-            "ji,ji->j", self.body.footing(self.points_m, radii).normals, self.directions
-        )
+        normals = self.body.footing(self.points_m, self.radii_m).normals
+        cosine = -np.einsum("ji,ji->j", normals, self.directions)
         return np.arccos(np.clip(cosine, -1, 1))
+
+    def with_tips(self, tips: Sequence[Tip]) -> ScanPlan:
+        """Return the plan with tips that take turns from press to press, each carried once.
+
+        Forces are in proportion to the radii, so that all go about as deep; the widest has the
+        plan's.
+        """
+        turn = np.arange(len(self)) % len(tips)
+        order = np.argsort(turn, kind="stable")
+        radii = np.array([tip.radius_m for tip in tips])[turn]
+        forces = np.array([self.force_of(press) for press in range(len(self))])
+        return replace(
+            self,
+            tips=tuple(tips[k] for k in turn),
+            forces_n=forces * radii / radii.max(),
+        ).only(order)
 
     def only(self, presses: np.ndarray) -> ScanPlan:
         """Return the plan of some of the presses (their numbers), in that order."""
@@ -106,33 +152,31 @@ class ScanPlan:
             directions=self.directions[presses],
             program=program,
             press_ids=self.ids[presses],
+            tips=tuple(self.tips[int(press)] for press in presses) if self.tips else (),
+            forces_n=None if self.forces_n is None else self.forces_n[presses],
         )
 
 
 def program_plan(
     program: PressProgram,
     body: tuple[float, float, float] | BodySurface,
+    kind: Kind = "flat",
     **settings: object,
 ) -> ScanPlan:
     """Plan the presses of a program on a body.
 
     Parameters
     ----------
-    program : the presses, in the body's frame
+    program : the presses, in the body's frame; its radii are those of tips of a kind
     body : edges of a block, or a surface
+    kind : of the tips
     **settings : further fields of `ScanPlan`
 
     Raises
     ------
     InputError
-        Tips of several radii: the arm carries one; or a tip that does not lie on the body.
+        A tip that does not lie on the body.
     """
-    radii = np.unique(program.radius_m)
-    if len(radii) > 1:
-        raise InputError(
-            f"The program has tips of {len(radii)} radii ({radii[0]:g} to {radii[-1]:g} m) and the "
-            "robot carries one: split the program by radius_m and make one scan of each."
-        )
     surface = body if isinstance(body, BodySurface) else None
     size: tuple[float, ...] = tuple(body.extent_m) if isinstance(body, BodySurface) else body
     shape = surface or BodySurface.block(size)  # pyright: ignore[reportArgumentType]
@@ -156,7 +200,8 @@ def program_plan(
         points,
         directions,
         force_n=float(program.force_n.max()),
-        tip_radius_m=float(radii[0]),
+        tip_radius_m=float(program.radius_m.max()),
+        tips=tuple(Tip(kind, float(radius)) for radius in program.radius_m),
         body_size_m=size,  # pyright: ignore[reportArgumentType]
         program=program,
         surface=surface,

@@ -37,6 +37,7 @@ class ScanSettings:
         0.5 N
     on_fault : what follows a press that cannot be made or is broken off: "skip" goes on with the
         next one, "retry" tries it twice more before, "stop" ends the scan
+    tip_change_s : the arm stands at home while a tip is changed
     friction : coefficient of friction between tip and body; a push further from the surface's
         normal than it holds is refused
     timestep_s : of simulation and control
@@ -70,6 +71,7 @@ class ScanSettings:
     deepest_share: float = 0.5
     force_limit_n: float | None = None
     on_fault: Literal["skip", "retry", "stop"] = "skip"
+    tip_change_s: float = 10.0
     friction: float = 0.6
     timestep_s: float = 0.002
     frames_per_s: float = 25.0

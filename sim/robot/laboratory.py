@@ -13,6 +13,8 @@ import pinocchio as pin
 from models import SCENE_XML, InputError
 from sim.robot.pinocchio_model import pinocchio_model
 
+CAPSULE_M = 0.008  # length of a round tip's straight part
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -83,15 +85,17 @@ def build_laboratory(
     body_size_m: tuple[float, float, float] = (0.096, 0.096, 0.048),
     body_in_world: Placement | None = None,
     timestep_s: float = 0.002,
+    round_tip: bool = False,
 ) -> Laboratory:
     """Compile the scene with a tip, a body and a time step.
 
     Parameters
     ----------
-    tip_radius_m : of the flat tip
+    tip_radius_m : of the tip
     body_size_m : edges of the box that bounds the body; it starts at the body frame's origin
     body_in_world : where the body stands
     timestep_s : of the simulation
+    round_tip : the tip ends in a ball of its radius
 
     Raises
     ------
@@ -110,6 +114,10 @@ def build_laboratory(
     spec.option.timestep = timestep_s
     tip = spec.geom("probe_tip")
     tip.size = [tip_radius_m, *tip.size[1:]]
+    if round_tip:  # a capsule whose end is where the cylinder's face was
+        tip.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+        ball = float(tip.fromto[5]) - tip_radius_m
+        tip.fromto = [0.0, 0.0, ball - CAPSULE_M, 0.0, 0.0, ball]
     half = np.asarray(body_size_m) / 2
     box = spec.geom("soft_body")
     box.pos, box.size = half, half

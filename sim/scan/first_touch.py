@@ -6,8 +6,9 @@ through all rising and falling samples leads back to the touch. A ball, a stiffe
 that creeps does not lie on a line; then the samples from before the touch on, loading and
 unloading, are fitted by several laws of the depth since touch, see `LAWS`. The touch is their mean,
 weighted by the Bayesian information criterion (Kass & Raftery, J. Am. Stat. Assoc. 1995), so that a
-parameter that the noise hides does not blur it. Where none holds, as on a body that creeps, the
-loading is fitted alone, or its first part.
+parameter that the noise hides does not blur it. Where none holds, the loading is fitted alone, or
+its first part. A body that goes on sinking while the force is held is described by the force's
+history.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ LEAST_NOISE = 1e-4
 """Of the range of force: without noise, deviations below are of no account."""
 
 ITERATIONS = 25
+
+CREEP_TIMES_S = (0.1, 0.3, 1.0, 3.0, 10.0)
+"""Times of retardation by which creep is described."""
 
 POWERS = 0.9, 2.0
 
@@ -80,6 +84,10 @@ def first_touch(
     if _is_line(depth_m[moving], force_n[moving], part[moving] == 3, *noise):
         return line
     size = max(1, round(BLOCK_S / step_s))
+    if _creeps(depth_m[part == 2], depth_noise_m):
+        touch, holds = _creeping_start(depth_m, force_n, part, step_s, size, *noise)
+        if holds:
+            return touch
     sd = depth_noise_m / np.sqrt(size), force_noise_n / np.sqrt(size)
     touch = line
     for share, back in PARTS:
@@ -94,6 +102,50 @@ def first_touch(
         if holds:
             break
     return touch
+
+
+def _creeps(depth: np.ndarray, noise: float) -> bool:
+    """Whether the tip sinks while the force is held."""
+    third = len(depth) // 3
+    if third == 0:
+        return False
+    change = float(depth[-third:].mean() - depth[third : 2 * third].mean())
+    return change > CURVED * max(noise, LEAST_NOISE * 1e-2) * np.sqrt(2 / third)
+
+
+def _creeping_start(
+    depth: np.ndarray,
+    force: np.ndarray,
+    part: np.ndarray,
+    step_s: float,
+    size: int,
+    depth_noise: float,
+    noise: float,
+) -> tuple[float, bool]:
+    """Touch of a linear body that creeps: depth = touch + C (F + sum_i s_i F lagging by t_i).
+
+    Linear in all that is unknown, for given times; and whether it holds.
+    """
+    count = len(depth) // size
+    mean_depth, mean_force, last = (
+        values[: count * size].reshape(count, size).mean(axis=1) for values in (depth, force, part)
+    )
+    columns = [np.ones(count), mean_force]
+    for time in CREEP_TIMES_S:
+        kept, lagging, state = np.exp(-size * step_s / time), np.empty(count), 0.0
+        for i, value in enumerate(mean_force):
+            state = kept * state + (1 - kept) * value
+            lagging[i] = state
+        columns.append(lagging)
+    rows = last >= 1
+    matrix = np.column_stack(columns)[rows]
+    found, *_ = np.linalg.lstsq(matrix, mean_depth[rows], rcond=1e-8)
+    floor = LEAST_NOISE * float(np.ptp(mean_depth[rows]))
+    sd = max(float(np.hypot(depth_noise, found[1] * noise)) / np.sqrt(size), floor)
+    misfit = mean_depth[rows] - matrix @ found
+    free = int(rows.sum()) - len(found)
+    excess = (float(misfit @ misfit) / sd**2 - free) / np.sqrt(2 * free)
+    return float(found[0]), bool(excess < HOLDS)
 
 
 def depth_at_zero_force(

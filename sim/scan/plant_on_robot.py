@@ -204,7 +204,7 @@ def _given(plan: ScanPlan, settings: ScanSettings) -> PressProgram:
     return plan.program or PressProgram(
         plan.points_m[:, 0],
         plan.points_m[:, 1],
-        plan.tip_radius_m * same,
+        plan.radii_m * same,
         plan.force_n * same,
         settings.ramp_s * same,
         settings.hold_s * same,
@@ -225,7 +225,7 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
         body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
     )
     laboratory = build_laboratory(
-        plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
+        plan.widest_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
     )
     moved = plan_motion(plan, laboratory, settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])

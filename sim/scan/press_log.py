@@ -217,7 +217,7 @@ def _scan(
         direction=np.tile(direction, (count, 1)),
         force_n=force @ direction,
         displacement_m=displacement,
-        probe_radius_m=np.full(count, plan.tip_radius_m),
+        probe_radius_m=np.full(count, plan.tip_of(log.press).radius_m),
         force_vector_n=force,
         tip_pose=np.hstack([position, np.roll(turned, 1, axis=1)]),
         outcome=np.full(count, log.outcome),
@@ -239,7 +239,8 @@ def _statistics(
     outside = np.flatnonzero(np.abs(force[hold] / wanted - 1) > 0.01)
     last = outside[-1] + 1 if len(outside) else 0
     offset = log.tip_m[hold[-1]] - planned.point_m
-    own = np.array([body.displacement(log.press, f) for f in force[settled[::50]]])
+    law = getattr(body, "displacement_at", lambda press, f, _: body.displacement(press, f))
+    own = np.array([law(log.press, force[i], log.time_s[i]) for i in settled[::50]])
     step = float(log.time_s[1] - log.time_s[0])
     return PressStatistics(
         press=log.press,

@@ -129,7 +129,11 @@ class _Program:
             )
         refuse_too_deep(plan, body, settings)
         laboratory = build_laboratory(
-            plan.tip_radius_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
+            plan.widest_m,
+            plan.body_size_m,
+            plan.body_in_world,
+            settings.timestep_s,
+            plan.round_tips,
         )
         motion = motion or plan_motion(plan, laboratory, settings)
         self.presses = motion.require_all()

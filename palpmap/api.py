@@ -38,6 +38,7 @@ from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Noise
+from palpmap.study.truth_file import Truth
 
 if TYPE_CHECKING:
     from sim.motion import ScanSettings
@@ -279,7 +280,7 @@ def scan(
         spots = ((i.weight_pa, (i.x_m, i.y_m, i.z_m), i.radius_m) for i in map.inclusions)
         truth = TruthMap(map.background_pa, tuple(Inclusion(*spot) for spot in spots))
     settings = replace(arm or ScanSettings(), seed=seed)
-    laboratory = virtual_lab.build_laboratory(study, plan, settings, plant, truth)
+    laboratory = virtual_lab.build_laboratory(study, plan, settings, plant, truth and Truth(truth))
     _, made = laboratory.press(on_press=on_press and (lambda result, _: on_press(result)))
     return made.moved(np.array(study.body.origin_m))
 

@@ -17,6 +17,7 @@ from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import Study, load_study, write_study
+from palpmap.study.truth_file import Truth, read_truth
 from palpmap.study.virtual_lab import (
     DEFAULT_FORCE_N,
     PRESSES_PER_SIDE,
@@ -36,7 +37,6 @@ from palpmap.study.virtual_lab import (
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from sim.body import TruthMap
     from sim.motion import Motion, Refusal, ScanPlan, ScanSettings
     from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun
 
@@ -116,7 +116,7 @@ def run_scan_command(
         settings["plant"] = [list(one) for one in plant]
     if truth:
         settings["truth"] = truth
-    true_map = _true_map(truth, known, plan, seed)
+    true_body = _truth(truth, known, plan, seed)
     inputs = [path for path in (study, program) if path is not None]
     if truth and truth != RANDOM:
         inputs.append(Path(truth))
@@ -136,7 +136,7 @@ def run_scan_command(
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
-        laboratory, _ = planned_laboratory(run.path, known, plan, robot, plant, true_map, motion)
+        laboratory, _ = planned_laboratory(run.path, known, plan, robot, plant, true_body, motion)
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
         progress.update(task, description="done")
@@ -159,7 +159,7 @@ def planned_laboratory(
     plan: "ScanPlan",
     settings: "ScanSettings",
     plant: Sequence[tuple[str, float]] = (),
-    truth: "TruthMap | None" = None,
+    truth: Truth | None = None,
     motion: "Motion | None" = None,
 ) -> tuple[Laboratory, Study]:
     """Solve the body of a planned scan; write study.toml and truth.json into the run folder.
@@ -190,13 +190,12 @@ def scan_settings(
     return ScanSettings(seed=seed, deepest_share=share, on_fault=on_fault)
 
 
-def _true_map(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> "TruthMap":
-    from palpmap.study.truth_file import read_truth
+def _truth(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> Truth:
     from sim.body import drawn_truth
 
     if truth is None:
-        return default_truth(plan.body, seed)
-    return drawn_truth(plan.body, seed) if truth == RANDOM else read_truth(truth, study)
+        return Truth(default_truth(plan.body, seed))
+    return Truth(drawn_truth(plan.body, seed)) if truth == RANDOM else read_truth(truth, study)
 
 
 def make_scan(

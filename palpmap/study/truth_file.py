@@ -8,6 +8,14 @@
     z_m = 0.018
     radius_m = 0.009
 
+    [law]                 # optional: hyperelastic in place of linear
+    kind = "fung"         # neo-hookean, yeoh or fung
+    coefficient = 2.0
+
+    [creep]               # optional: the travel grows to 1 + sum(shares) under a held force
+    shares = [0.2, 0.1]
+    times_s = [0.5, 5.0]
+
 Positions are in the scan's frame, as in the study.
 """
 
@@ -15,18 +23,24 @@ from __future__ import annotations
 
 import os
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from models import InputError
-from palpmap.study.body import Positive, Real, Table
+from palpmap.study.body import NotNegative, Positive, Real, Table
 from palpmap.study.study import Study, fault_sentence
 
 if TYPE_CHECKING:
-    from sim.body import TruthMap
+    from fem.finite_strain import HyperelasticLaw
+    from sim.body import Creep, TruthMap
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 class TrueInclusion(Table):
@@ -39,22 +53,54 @@ class TrueInclusion(Table):
     radius_m: Positive = Field(description="standard deviation of the Gaussian, m")
 
 
+class TrueLaw(Table):
+    """`[law]`: stress over strain of the whole body."""
+
+    kind: Literal["neo-hookean", "yeoh", "fung"]
+    coefficient: NotNegative = Field(0.0, description="of the stiffening; see fem.finite_strain")
+
+
+class TrueCreep(Table):
+    """`[creep]`: parts of the immediate travel by which it grows, with their times."""
+
+    shares: tuple[Positive, ...]
+    times_s: tuple[Positive, ...]
+
+    @model_validator(mode="after")
+    def _one_time_a_share(self) -> TrueCreep:
+        if len(self.shares) != len(self.times_s) or not self.shares:
+            raise ValueError("one time for each share, at least one")
+        return self
+
+
 class TruthFile(Table):
-    """A true map."""
+    """A true body."""
 
     background_pa: Positive
-    inclusions: tuple[TrueInclusion, ...] = ()
+    inclusions: Annotated[tuple[TrueInclusion, ...], BeforeValidator(_tuple)] = ()
+    law: TrueLaw | None = None
+    creep: TrueCreep | None = None
 
 
-def read_truth(path: str | os.PathLike[str], study: Study) -> TruthMap:
-    """Read a true map, moved into the frame of the study's body.
+@dataclass(frozen=True)
+class Truth:
+    """A true body: its map in the body's frame, its law, its creep (None: linear, elastic)."""
+
+    map: TruthMap
+    law: HyperelasticLaw | None = None
+    creep: Creep | None = None
+
+
+def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
+    """Read a true body, its map moved into the frame of the study's body.
 
     Raises
     ------
     InputError
         Naming file and key, what was found and what is expected.
     """
-    from sim.body import Inclusion, TruthMap
+    from fem.finite_strain import Fung, NeoHookean, Yeoh
+    from sim.body import Creep, Inclusion, TruthMap
 
     path = Path(path)
     try:
@@ -74,4 +120,7 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> TruthMap:
         )
         for spot in found.inclusions
     )
-    return TruthMap(found.background_pa, spots)
+    laws = {"neo-hookean": lambda _: NeoHookean(), "yeoh": Yeoh, "fung": Fung}
+    law = found.law and laws[found.law.kind](found.law.coefficient)
+    creep = found.creep and Creep(found.creep.shares, found.creep.times_s)
+    return Truth(TruthMap(found.background_pa, spots), law, creep)

@@ -13,6 +13,7 @@ from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
 from palpmap.study.body_model import outside_of, support_of
 from palpmap.study.study import About, Map, Noise, Probe, Study
+from palpmap.study.truth_file import Truth
 
 if TYPE_CHECKING:
     from models import PressProgram
@@ -103,7 +104,7 @@ def build_laboratory(
     plan: ScanPlan,
     settings: ScanSettings,
     plant: Sequence[tuple[str, float]] = (),
-    truth: TruthMap | None = None,
+    truth: Truth | None = None,
     motion: Motion | None = None,
 ) -> Laboratory:
     """Solve the body of a planned scan.
@@ -111,13 +112,13 @@ def build_laboratory(
     Parameters
     ----------
     plant : effects to hide, with their sizes
-    truth : map in the body's frame; None is `default_truth`
+    truth : of the body; None is `default_truth`
     motion : of the plan, where it is known already
     """
     from sim.body import HiddenBody, SoftBody
     from sim.scan import plant_on_robot
 
-    truth = truth or default_truth(plan.body, settings.seed)
+    truth = truth or Truth(default_truth(plan.body, settings.seed))
     block = study.body.size_m
     if plant and block is None:
         raise InputError(
@@ -126,20 +127,23 @@ def build_laboratory(
         )
     size = block or tuple(plan.body.extent_m)
     hidden = plant_on_robot(
-        plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth)
+        plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth.map)
     )
     body = SoftBody(
         block or (plan.body.vertices_m, plan.body.triangles),
-        hidden.pressed.modulus if plant else truth,
+        hidden.pressed.modulus if plant else truth.map,
         hidden.pressed.poisson_ratio,
+
         [plan.tip_of(press) for press in range(len(plan))],
         plan.points_m,
         plan.directions,
         support=support_of(study.body),
         force_n=np.array([plan.force_of(press) for press in range(len(plan))]),
+        law=truth.law,
+        creep=truth.creep,
         bend_per_m=plan.body.bends(plan.points_m, -plan.directions, 0.5 * plan.radii_m),
     )
-    return Laboratory(plan, settings, body, hidden, len(truth.inclusions), motion)
+    return Laboratory(plan, settings, body, hidden, len(truth.map.inclusions), motion)
 
 
 def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:

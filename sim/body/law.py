@@ -8,8 +8,8 @@ surface under the punch's pressure,
 
     F(a) = -g'(a) / C'(a),        depth(a) = C(a) F(a) + g(a),        d depth/dF = C(a).
 
-The compliance is solved at a few radii and interpolated as C = c0/a + c1 + c2 a. The surface's own
-curvature adds to the gap.
+The compliance is solved at three radii and interpolated as C = 1/(2 E* a) + c1 + c2 a + c3 a^2,
+whose first term is exact for a small contact. The surface's own curvature adds to the gap.
 """
 
 from __future__ import annotations
@@ -84,7 +84,11 @@ def solved_radii(tip: Tip, force_n: float, plane_modulus_pa: float) -> np.ndarra
 
 
 def growing_contact(
-    tip: Tip, radii_m: np.ndarray, compliance: np.ndarray, bend_per_m: float = 0.0
+    tip: Tip,
+    radii_m: np.ndarray,
+    compliance: np.ndarray,
+    plane_modulus_pa: float,
+    bend_per_m: float = 0.0,
 ) -> LawCurve:
     """Return the law of a tip whose contact grows.
 
@@ -92,18 +96,22 @@ def growing_contact(
     ----------
     tip : ball or cone
     radii_m, compliance : (3,) of flat punches on this body, m and m/N
+    plane_modulus_pa : E / (1 - nu^2) at the contact point
     bend_per_m : mean curvature of the surface under the tip, positive where it is convex
     """
-    columns = np.column_stack([1 / radii_m, np.ones(3), radii_m])
-    c0, c1, c2 = np.linalg.solve(columns, compliance)
+    near = 1 / (2 * plane_modulus_pa)
+    scaled = radii_m / radii_m[-1]
+    columns = np.column_stack([np.ones(3), scaled, scaled**2])
+    c1, c2, c3 = np.linalg.solve(columns, compliance - near / radii_m)
+    c2, c3 = c2 / radii_m[-1], c3 / radii_m[-1] ** 2
     largest = min(1.3 * radii_m[-1], tip.widest_m)
     a = np.geomspace(LEAST * largest, largest, POINTS)
     share = np.sqrt(1 - _S**2)
     r = a[:, None] * share
     gap = (tip.gap_m(r) + bend_per_m * r**2 / 2) @ _W
     by_radius = ((tip.slope(r) + bend_per_m * r) * share) @ _W
-    punch = c0 / a + c1 + c2 * a
-    force = by_radius / (c0 / a**2 - c2)
+    punch = near / a + c1 + c2 * a + c3 * a**2
+    force = by_radius / (near / a**2 - c2 - 2 * c3 * a)
     depth = punch * force + gap
     rising = np.r_[True, (np.diff(np.maximum.accumulate(force)) > 0) & (np.diff(depth) > 0)]
     rising &= (force > 0) & (punch > 0)

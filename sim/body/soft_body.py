@@ -119,7 +119,7 @@ class SoftBody:
         for j, tip in enumerate(each):
             own = owner == j
             if tip.grows:
-                self.curves[j] = growing_contact(tip, radii[j], punch[own], bend[j])
+                self.curves[j] = growing_contact(tip, radii[j], punch[own], plane[j], bend[j])
             elif tip.kind == "ring":
                 near = 1 / (2 * plane[j] * tip.radius_m)
                 more = (ring_share(round(tip.inner_share, 3)) - 1) * near

@@ -139,7 +139,7 @@ class ScanPlan:
         forces = np.array([self.force_of(press) for press in range(len(self))])
         return replace(
             self,
-            tips=tuple(tips[k] for k in turn),
+            tips=tuple(tips[int(k)] for k in turn),
             forces_n=forces * radii / radii.max(),
         ).only(order)
 

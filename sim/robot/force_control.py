@@ -5,10 +5,11 @@ and the local stiffness K,
 
     dh/dt = dF/dt / K + (F_filtered - f) / (K T).
 
-With the right K the first term alone would do; the second removes the remaining error. F passes
-the same filter as f, so that the filter's delay makes no error and no overshoot. K is learnt while
-the force rises, as the slope of the filtered force over the servo's depth since touch; the servo is
-known (two poles), so its lag is modelled, not guessed.
+While the force is held, the speed at which a creeping body sinks is learnt from the second term's
+integral. With the right K the first term alone would do; the second removes the remaining error. F
+passes the same filter as f, so that the filter's delay makes no error and no overshoot. K is learnt
+while the force rises, as the slope of the filtered force over the servo's depth since touch; the
+servo is known (two poles), so its lag is modelled, not guessed.
 
 All changes of speed are bounded. So that the bound never takes hold while the force is followed,
 which would make it overshoot, a straight line of force has rounded ends (`line`).
@@ -28,6 +29,7 @@ from sim.robot.simulated_arm import SERVO_RAD_PER_S
 FILTER_HZ = 10.0
 RETURN_S = 0.15
 LEARN_S = 0.03
+SINKING_S = 0.4
 FASTEST_M_PER_S = 0.1
 ACCELERATION_M_PER_S2 = 0.5
 STIFFNESS_RANGE = (5.0, 2e5)
@@ -107,7 +109,7 @@ class ForceControl:
         """Stand still at a depth, out of contact."""
         self.depth_m, self.speed_m_per_s = depth_m, 0.0
         self._servo, self._servo_speed, self._servo_filtered = depth_m, 0.0, depth_m
-        self.force_n = self._wanted = 0.0
+        self.force_n = self._wanted = self._sinking = 0.0
         self._origin = (0.0, depth_m)
 
     def line(self, change_n: float, duration_s: float) -> RoundedLine:
@@ -128,7 +130,7 @@ class ForceControl:
 
     def touch(self) -> None:
         """Note that the tip has come into contact: stiffness is learnt from here on."""
-        self._wanted = self.force_n
+        self._wanted, self._sinking = self.force_n, 0.0
         self._origin = (self.force_n, self._servo_filtered)
 
     def stop(self) -> None:
@@ -142,7 +144,12 @@ class ForceControl:
         self._wanted += self._filter * (wanted_n - self._wanted)
         if learn:
             self._learn_stiffness()
-        speed = (rate_n_per_s + (self._wanted - self.force_n) / RETURN_S) / self.stiffness
+        missing = (self._wanted - self.force_n) / RETURN_S
+        # A body that creeps sinks on while the force is held
+        held = rate_n_per_s == 0
+        self._sinking += held * missing * self._dt / (self.stiffness * SINKING_S)
+        self._sinking *= held
+        speed = (rate_n_per_s + missing) / self.stiffness + self._sinking
         self._advance(max(-FASTEST_M_PER_S, min(FASTEST_M_PER_S, speed)))
 
     def _advance(self, speed: float) -> None:

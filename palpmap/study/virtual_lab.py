@@ -133,7 +133,6 @@ def build_laboratory(
         block or (plan.body.vertices_m, plan.body.triangles),
         hidden.pressed.modulus if plant else truth.map,
         hidden.pressed.poisson_ratio,
-
         [plan.tip_of(press) for press in range(len(plan))],
         plan.points_m,
         plan.directions,

@@ -3,8 +3,8 @@
 import numpy as np
 
 from identify.effects.base import Advice, Effect, EffectParameter, Pressing, Values, WorkedExample
-from identify.effects.hertz import beyond_fixed
 from identify.effects.readings import Readings
+from identify.effects.sphere import beyond_fixed
 from identify.effects.units import length, percent
 
 
@@ -13,7 +13,7 @@ class SphericalTip(Advice, Effect):
 
     On a half-space of plane modulus E* = E / (1 - nu^2) the model's fixed contact travels
     F / (2 E* Re), Re the radius of a flat tip, 5/6 of that of a Hertz pressure; a ball travels
-    (3 F / (4 E*))^(2/3) R^(-1/3) (`identify.effects.hertz`). Only this near part of C depends on
+    (3 F / (4 E*))^(2/3) R^(-1/3) (`identify.effects.sphere`). Only this near part of C depends on
     the tip. What the contact's growth changes far from it, and that a ball is no paraboloid (at a
     contact radius of 0.8 R the force is 9 % less), is left out. Between 0 and 1 the share stands
     for tips that are neither: domed, or flat with a rounded rim.
@@ -27,13 +27,18 @@ class SphericalTip(Advice, Effect):
         "one contact for all forces. It sinks easily at first and ever harder later."
     )
     formula = (
-        "d = C F + share ((3 F / (4 E*))^(2/3) R^(-1/3) - F / (2 E* Re)),  E* = E / (1 - nu^2)"
+        "d = C F + share ((a/2) L - F / (2 E* Re)),  F = E* ((a^2 + R^2) L / 2 - a R),  "
+        "L = ln((R + a)/(R - a)),  E* = E / (1 - nu^2)"
     )
     latex = (
-        r"\begin{array}{l} d = C F + \text{share} \left(\left(\frac{3 F}{4 E^*}\right)^{2/3} "
-        r"R^{-1/3} - \frac{F}{2 E^* R_e}\right) \\ E^* = E / (1 - \nu^2) \end{array}"
+        r"\begin{array}{l} d = C F + \text{share} \left(\frac{a}{2} L "
+        r"- \frac{F}{2 E^* R_e}\right) \\ F = E^* \left(\frac{a^2 + R^2}{2} L - a R\right),"
+        r"\quad L = \ln\frac{R + a}{R - a} \\ E^* = E / (1 - \nu^2) \end{array}"
     )
-    source = "K. L. Johnson, Contact Mechanics, Cambridge 1985, sections 3.8 and 4.2"
+    source = (
+        "I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47; K. L. Johnson, Contact Mechanics, "
+        "Cambridge 1985, sections 3.8 and 4.2"
+    )
     gives_away = "travel grows less than in proportion to the force, most so at small forces"
     cure = "Use a flat tip, or state tip = 'sphere' in the study; press to several forces."
     parameters = (
@@ -45,8 +50,8 @@ class SphericalTip(Advice, Effect):
     examples = (
         WorkedExample(
             "Half-space of E = 7.5 kPa, nu = 0.5: E* = 10 kPa. 0.2 N on a flat tip of 5 mm go "
-            "0.2 / (2 x 10000 x 0.005) = 2 mm deep; a ball of 5 mm radius has "
-            "a^3 = 3 x 0.2 x 0.005 / (4 x 10000), a = 4.217 mm, and goes a^2 / R = 3.557 mm deep.",
+            "0.2 / (2 x 10000 x 0.005) = 2 mm deep; under a ball of 5 mm radius a = 3.786 mm and "
+            "L = 1.9794 give F = 10000 ((a^2 + R^2) L / 2 - a R) = 0.2 N, and a L / 2 = 3.747 mm.",
             {"share": 1.0},
             {
                 "force_n": 0.2,
@@ -57,7 +62,7 @@ class SphericalTip(Advice, Effect):
                 "radius_m": 5e-3,
                 "contact_radius_m": 5e-3,
             },
-            {"travel_m": 3.55686e-3},
+            {"travel_m": 3.747295e-3},
         ),
         WorkedExample(
             "A body in which 0.5 mm of the 2.5 mm are far from the tip: only the near 2 mm change.",
@@ -71,7 +76,7 @@ class SphericalTip(Advice, Effect):
                 "radius_m": 5e-3,
                 "contact_radius_m": 5e-3,
             },
-            {"travel_m": 4.05686e-3},
+            {"travel_m": 4.247295e-3},
         ),
     )
 

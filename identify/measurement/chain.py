@@ -23,8 +23,8 @@ from identify.effects.base import (
     TouchEffect,
     Values,
 )
-from identify.effects.hertz import beyond_fixed
 from identify.effects.readings import Readings
+from identify.effects.sphere import beyond_fixed
 from identify.measurement.noise import Noise
 from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 

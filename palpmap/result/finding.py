@@ -27,7 +27,7 @@ from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
 
 _BALL = (
-    "The tip is a ball. Its near travel follows Hertz's law; further off, its contact "
+    "The tip is a ball. Its near travel is that of a rigid ball; further off, its contact "
     "is held at the size that it has at half of the press's depth."
 )
 

@@ -7,7 +7,7 @@ import numpy as np
 from sim.planted.bench import Bench
 from sim.planted.effect import on_contact
 
-SHARES = (0.25, 0.45, 0.7, 1.0, 1.5)
+SHARES = (0.2, 0.4, 0.6, 0.8, 0.99)
 """Contact radii at which the truth is solved, in units of the tip's radius."""
 
 
@@ -29,12 +29,13 @@ def strain_stiffening(bench, travel_m, values):
     return np.log1p(scale * travel_m) / scale if values["exponent"] else travel_m
 
 
-@on_contact("structured", "(1 - share) u + share (F C(a) + a^2/(5 R))", "share", 0.1, limit=1.0)
+@on_contact("structured", "(1 - share) u + share (F C(a) + m(a))", "share", 0.1, limit=1.0)
 def spherical_tip(bench, travel_m, values):
     """The tip is rounded: a share of the travel is that of a sphere, whose contact grows.
 
     For each force the contact radius minimises the complementary energy
-    F^2 C(a)/2 + F a^2/(5 R) with C(a) under Hertz's pressure from the truth's finite elements.
+    F^2 C(a)/2 + F m(a), with C(a) under Hertz's pressure from the truth's finite elements and m(a)
+    the mean height of the sphere under that pressure (a^2/(5 R) for a << R).
     """
     share = values["share"]
     return (1 - share) * travel_m + share * sphere_travel(bench)
@@ -50,14 +51,20 @@ def sphere_travel(bench: Bench) -> np.ndarray:
     known = np.array([bench.compliance(radius, "hertz") * radius for radius in radii])
     shares = np.array(radii) / tip
     travel = np.empty_like(bench.force_n)
-    fine = np.linspace(0.01, 2.0, 4000)
+    fine = np.linspace(0.01, 0.99, 4000)
+    # With s^2 = 1 - r^2/a^2 the pressure has the weight 3 s^2 ds
+    s, weight = np.polynomial.legendre.leggauss(40)
+    s, weight = (s + 1) / 2, 1.5 * weight * ((s + 1) / 2) ** 2
+    below = 1 - np.sqrt(1 - fine[:, None] ** 2 * (1 - s**2))
+    mean_height = below @ weight  # in tip radii
     for j, radius in enumerate(tip):
         a = fine * radius
         smooth = np.polynomial.Polynomial.fit(shares[:, j], known[:, j], 3)
         compliance = smooth(fine) / a
-        # Stationary: F dC/da / 2 + 2 a/(5 R) = 0 gives the force of each contact radius
-        force = -4 * a / (5 * radius) / np.gradient(compliance, a)
-        depth = force * compliance + a**2 / (5 * radius)
+        # Stationary: F dC/da / 2 + dm/da = 0 gives the force of each contact radius
+        work = mean_height * radius
+        force = -2 * np.gradient(work, a) / np.gradient(compliance, a)
+        depth = force * compliance + work
         rising = np.append(True, np.diff(np.maximum.accumulate(force)) > 0) & (force > 0)
         travel[j] = np.interp(  # Hertz: depth ~ F^(2/3)
             bench.force_n[j] ** (2 / 3),

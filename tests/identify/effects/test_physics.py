@@ -15,6 +15,8 @@ from identify.catalogue.viscoelasticity import lagging
 from identify.effects.base import Pressing
 from identify.effects.conformance.example_scan import trial
 from identify.effects.conformance.worked_example import Inputs
+from identify.effects.sphere import depth_over_hertz
+from tests.fem.reference.hayes import sphere_on_layer
 
 BOX = ((0.0, 0.0, 0.0), (0.096, 0.096, 0.048))
 
@@ -93,10 +95,12 @@ def test_candidates_of_the_time_constant_span_the_scan():
 
 @pytest.mark.parametrize("profile", ["flat", "hertz"])
 @pytest.mark.parametrize("contact_radius", [2e-3, 5e-3])
-def test_a_ball_on_a_half_space_is_hertz_whatever_contact_the_model_assumed(
+def test_a_ball_on_a_half_space_is_sneddons_whatever_contact_the_model_assumed(
     profile, contact_radius
 ):
-    force, ball, modulus, nu = np.array([0.1, 0.2, 0.3]), 4e-3, 9000.0, 0.4
+    ball, modulus, nu = 4e-3, 9000.0, 0.4
+    exact = [sphere_on_layer(share * ball, ball, modulus, nu) for share in (0.3, 0.6, 0.95)]
+    force = np.array([contact.force_n for contact in exact])
     own = readings(force_n=tuple(force), radius_m=ball)
     plane = modulus / (1 - nu**2)
     # Johnson 3.36 and 3.42a: rigid punch 1/(2 E* a); Hertz pressure, force over mean travel, 0.6
@@ -104,7 +108,19 @@ def test_a_ball_on_a_half_space_is_hertz_whatever_contact_the_model_assumed(
     compliance = share / (plane * contact_radius)
     given = pressing(3, compliance, modulus, contact_radius, nu, profile)
     travel = CATALOGUE["spherical_tip"].contact(own, given, force, compliance * force, share=1.0)
-    assert_allclose(4 / 3 * plane * np.sqrt(ball) * travel**1.5, force, rtol=3e-4)
+    expected = [contact.travel_m for contact in exact]
+    assert_allclose(travel[-1], expected[-1], rtol=2e-5)  # the line through no force: s/F squared/6
+    steeper = ((force / force[-1]) ** -2 * 1e-4 / 6)[:-1]
+    assert (np.abs(travel[:-1] / expected[:-1] - 1) < 1.2 * steeper).all()
+
+
+def test_a_ball_hardly_pressed_is_hertz_and_one_beyond_its_equator_goes_on():
+    assert_allclose(depth_over_hertz(np.array([0.0, 1e-9, 1e-6])), 1, rtol=1e-5)
+    loads = np.linspace(0.01, 20, 4000)
+    depth = depth_over_hertz(loads) * (0.75 * loads) ** (2 / 3)
+    slope = np.diff(depth) / np.diff(loads)
+    assert (np.diff(slope) < 1e-9).all()
+    assert slope[-1] == pytest.approx(0.5, rel=1e-6)
 
 
 def test_a_ball_is_smooth_through_no_force():

@@ -47,9 +47,13 @@ class BodyModel:
     fine: PalpationModel | RefinedModel
     note: str
 
-    def under(self, scan: Scan) -> BodyModel:
-        """Return the models on the same meshes, under the presses of another placed scan."""
-        contacts, note = contacts_of(scan, sphere=self.coarse.contacts.profile == "hertz")
+    def under(self, scan: Scan, most_m: float = np.inf) -> BodyModel:
+        """Return the models on the same meshes, under the presses of another placed scan.
+
+        `most_m` see `contacts_of`.
+        """
+        sphere = self.coarse.contacts.profile == "hertz"
+        contacts, note = contacts_of(scan, sphere, most_m)
 
         def pressed(model: PalpationModel, near_field: bool = True) -> PalpationModel:
             return PalpationModel(
@@ -66,17 +70,19 @@ class BodyModel:
         return BodyModel(search, coarse, pressed(self.fine), note)
 
 
-def contacts_of(scan: Scan, sphere: bool) -> tuple[Contacts, str]:
+def contacts_of(scan: Scan, sphere: bool, most_m: float = np.inf) -> tuple[Contacts, str]:
     """Return the presses as contacts of fixed size, and a note for the report.
 
     A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
-    a = sqrt(R d) that the sphere has at half the press's largest depth.
+    a = sqrt(R d) that the sphere has at half the press's largest depth, or at half of `most_m` in
+    a deeper one: a fit's model of a press deeper than its own is that of its own.
     """
     points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
     if not sphere:
         return Contacts(points, directions, radii), ""
     deepest = np.zeros(len(points))
     np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    deepest = np.minimum(deepest, most_m)
     typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
     contact = np.minimum(np.sqrt(radii * typical / 2), radii)
     note = (

@@ -10,7 +10,7 @@ from palpmap.cli.blind import blind, press, reveal
 from palpmap.cli.check import check
 from palpmap.cli.check_effect import check_effect
 from palpmap.cli.check_rig import check_rig
-from palpmap.cli.compare import compare
+from palpmap.cli.compare import compare, predict
 from palpmap.cli.demo import demo
 from palpmap.cli.diagnose import diagnose
 from palpmap.cli.effects import effects
@@ -61,6 +61,7 @@ _COMMANDS = (
     scan,
     fit,
     compare,
+    predict,
     diagnose,
     add,
     history,

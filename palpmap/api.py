@@ -26,17 +26,21 @@ from identify.design import BetterScans, assess, better_scans, detection_limits
 from identify.effects import Effect, Readings
 from identify.fit import FitIteration, fit_jointly, fit_map, read_fit
 from identify.map import GaussianMap
+from identify.measurement import scan_noise
 from identify.optimize import Optimizer, minimize_gauss_newton
+from identify.residual import predict as predict_scan
 from identify.select import Step, refuse_effect, start_fit, step_of, with_effects
 from identify.select import explain as explain_scan
-from models import Catalogue, InputError, PressProgram, Scan, read_program
+from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study
+from palpmap.prediction_results import Prediction
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
-from palpmap.study.open_study import Problem
+from palpmap.study.open_study import Problem, catalogue_with
+from palpmap.study.other_scan import placed_on_body_of
 from palpmap.study.study import Noise
 from palpmap.study.truth_file import Truth
 
@@ -100,6 +104,41 @@ def compare(fit: FitResult) -> Comparison:
     (False, 'force')
     """
     return Comparison(fit, fit.finding.comparison)
+
+
+def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = silent) -> Prediction:
+    """Predict a scan that the fit has not seen, with bands, and compare it with the measurement.
+
+    The fitted body and effects are pressed as the other scan was: deeper, at other places, with
+    another tip. The other study must state the same body, in its own scan's frame.
+
+    Parameters
+    ----------
+    fit : made by `fit`, or read back by `read_run`
+    experiment : scan and study to be predicted
+    progress : called with the present task, in words
+
+    Raises
+    ------
+    InputError
+        The studies state different bodies, or a press does not lie on the body.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> fit = pm.read_run("tests/data/twelve_presses").fit
+    >>> found = pm.predict(fit, fit.experiment)
+    >>> found.verdict, found.holds
+    ('calibrated', True)
+    """
+    own = fit.experiment
+    scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)
+    noise = experiment.study.noise
+    known = scan_noise(scan.used(), noise.displacement_m, noise.force_n, noise.touch_m or 0.0)
+    opened = own.opened(progress, thin=len(fit.force_n) != len(touching(own.scan).used()))
+    progress("predicting the other scan")
+    found = predict_scan(opened, fit, catalogue_with(own.own_effects), scan, known)
+    return Prediction.of(found, fit, experiment, notes)
 
 
 def start(
@@ -319,12 +358,14 @@ __all__ = [
     "FitResult",
     "Limits",
     "Noise",
+    "Prediction",
     "Run",
     "compare",
     "diagnose",
     "explain",
     "fit",
     "limits",
+    "predict",
     "read_run",
     "scan",
 ]

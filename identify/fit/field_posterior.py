@@ -101,6 +101,21 @@ class FieldPosterior:
         whole[np.diag_indices_from(whole)] += 1
         return float(gap @ cho_solve((cholesky(whole, lower=True), True), gap))
 
+    def predicted_covariance(self, by_field: np.ndarray) -> np.ndarray:
+        """Covariance (n' + q) of other numbers of a press, s', and of the effects' parameters.
+
+        `by_field` (n', g) is the derivative of s' by the field; their own error is not in it.
+        """
+        data = self.data
+        half = solve_triangular(self._factor, data.root.T @ self._of_s, lower=True)
+        seen = self.seen @ by_field.T
+        of_s = self.prior.product(by_field) @ by_field.T - seen.T @ seen
+        across = self.spread_by @ by_field.T - half.T @ seen
+        of_effects = np.zeros((0, len(by_field)))
+        if data.effects.count:
+            of_effects = -data.effects.solve(data.effects.coupling.T @ across)
+        return np.block([[of_s, of_effects.T], [of_effects, self.effects_covariance()]])
+
     @property
     def prior_cost(self) -> float:
         """Square of the prior's distance of the most probable field from its mean."""

@@ -1,4 +1,4 @@
-"""`palpmap compare`."""
+"""`palpmap compare` and `palpmap predict`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -27,3 +27,22 @@ def compare(
     from palpmap.commands.compare import run_compare
 
     return run_compare(source=source, out=out, output=Output(quiet=quiet, json=json))
+
+
+def predict(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder with a fit.")],
+    study: Annotated[
+        Path,
+        typer.Argument(metavar="STUDY", help="Study of another scan of the same body (.toml)."),
+    ],
+    out: Out = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> bool:
+    """Predict a scan that the fit has not seen: deeper, at other places, with another tip.
+
+    Example: palpmap predict runs/phantom deeper/study.toml
+    """
+    from palpmap.commands.predict import run_predict
+
+    return run_predict(run=run, study=study, out=out, output=Output(quiet=quiet, json=json))

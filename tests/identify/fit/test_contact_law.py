@@ -27,8 +27,8 @@ NOISE = Noise(2e-6, 2.5e-3)
 @cache
 def layer() -> tuple[np.ndarray, np.ndarray]:
     """Force and travel of the ball on a layer of 1 Pa, at rising contact radii."""
-    radii = BALL * np.linspace(0.05, 1.0, 25)
-    met = [sphere_on_layer(a, BALL, 1.0, NU, THICKNESS, paraboloid=True) for a in radii]
+    radii = BALL * np.linspace(0.05, 0.97, 25)
+    met = [sphere_on_layer(a, BALL, 1.0, NU, THICKNESS) for a in radii]
     return tuple(np.r_[0.0, [getattr(m, n) for m in met]] for n in ("force_n", "travel_m"))
 
 

@@ -1,0 +1,350 @@
+"""Prediction of a scan that the fit has not seen, with bands, and whether these are calibrated.
+
+The fitted map, with the fitted effects at their estimates, is pressed as the other scan was. The
+band of a reading holds the noise of both its columns; the covariance of the map (parameters, or the
+field's posterior) and of the effects, jointly; the map's own error of each press, which holds that
+of the meshes; and the error of the laws at depths that the fit has not seen (`law_error`).
+
+Readings of a press share most of their error. The test therefore takes one number a press, the
+error of the travel at its largest forces, with the covariance of all presses. With as many as there
+are presses degrees of freedom, its chi-square says whether the errors are those of the bands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import chdtr, chdtrc
+
+from identify.body.mechanics import BodyMechanics
+from identify.effects.base import Effect
+from identify.effects.readings import Readings
+from identify.experiment import Experiment
+from identify.fit.field_data import FieldData, PressSums, field_derivatives
+from identify.fit.field_posterior import FieldPosterior
+from identify.fit.result import FitResult
+from identify.fit.settings import FREE_MAP
+from identify.map import FreeMap, MaternField
+from identify.map.parameters import ParameterSpace, parameter_space
+from identify.measurement.model import EffectInModel, Linearised, MeasurementModel
+from identify.measurement.noise import Noise
+from models import Catalogue, InputError, Scan
+
+LEVEL = 0.01  # of the test
+LEAST_REACH, DEEP = 0.35, 0.8  # shares of a press's depth, for the error of the laws
+UNEVEN = 0.5  # part of a common error of the laws that may differ from press to press
+_WITHIN = 1.96
+
+Verdict = Literal["calibrated", "too narrow", "too wide"]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A scan of m readings in j presses, predicted by a fit to another one.
+
+    Attributes
+    ----------
+    scan : as placed on the fit's body
+    predicted_m : (m,) travel
+    sd_m : (m,) standard deviation of measured less predicted travel
+    error_n : (m,) measured less predicted travel as a force, over the slope of the press's curve
+    parts_m : (m,) of `sd_m` by cause: noise, map and effects, own error of the map, laws
+    press_error_m, press_sd_m : (j,) error of the travel at the largest forces, and its band
+    chi2 : of these, with their covariance
+    """
+
+    scan: Scan
+    predicted_m: np.ndarray
+    sd_m: np.ndarray
+    error_n: np.ndarray
+    parts_m: Mapping[str, np.ndarray]
+    press_error_m: np.ndarray
+    press_sd_m: np.ndarray
+    chi2: float
+
+    @property
+    def residual_m(self) -> np.ndarray:
+        """Measured less predicted travel, (m,)."""
+        return self.scan.displacement_m - self.predicted_m
+
+    @property
+    def presses(self) -> int:
+        """Number of presses."""
+        return len(self.press_error_m)
+
+    @property
+    def p_too_narrow(self) -> float:
+        """Probability of a chi-square this large or larger, were the bands right."""
+        return float(chdtrc(self.presses, self.chi2))
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the errors are those of the bands, at the level `LEVEL` on both sides."""
+        if self.p_too_narrow < LEVEL:
+            return "too narrow"
+        return "too wide" if chdtr(self.presses, self.chi2) < LEVEL else "calibrated"
+
+    @property
+    def within95(self) -> float:
+        """Share of the presses inside their 95 % band."""
+        return float(np.mean(np.abs(self.press_error_m) < _WITHIN * self.press_sd_m))
+
+    @property
+    def force_error_share(self) -> np.ndarray:
+        """Error (j,) of the force at the largest forces over the press's largest force."""
+        near, press = self.scan.near_largest_force, self.scan.press_index
+        largest = np.full(self.presses, -np.inf)
+        np.maximum.at(largest, press, self.scan.force_n)
+        return _means(self.error_n, near, press) / largest
+
+
+def predict(
+    experiment: Experiment, fit: FitResult, catalogue: Catalogue[Effect], scan: Scan, noise: Noise
+) -> Prediction:
+    """Predict a scan.
+
+    Parameters
+    ----------
+    experiment : of the fit, with its body
+    fit : to its scan
+    catalogue : where the fit's effects are looked up
+    scan : to be predicted, placed on the same body
+    noise : of that scan
+
+    Raises
+    ------
+    InputError
+        The fit has an effect that is in no catalogue.
+    """
+    seen = fitted_model(experiment, fit, catalogue)
+    u = seen.start(fit.map)
+    there = seen.linearise(u)
+    used = scan.used()
+    depth_m = _depth_m(experiment.scan.used())
+    body = experiment.body.under(used, depth_m)
+    readings = Readings.of(scan)
+    alone = replace(noise, touch_m=0.0)
+    model = replace(
+        seen,
+        readings=readings,
+        displacement_m=used.displacement_m,
+        noise=alone,
+        mechanics=BodyMechanics.of(body.coarse, body.fine),
+        press_error=0.0,
+    ).corrected(u)
+    at = model.linearise(u)
+    press = readings.press
+    by_press = _by_press(at, press)
+    by_unknown = at.jacobian * at.sigma_m[:, None]
+    if isinstance(fit.map, FreeMap):
+        assert fit.field is not None
+        own_error = fit.field.hyper.error
+        joint = _free_covariance(seen, there, fit, at)
+        columns = np.hstack([_spread(by_press, press), by_unknown])
+    else:
+        own_error = map_error(seen, there)
+        joint, columns = fit.covariance, by_unknown / model.unknowns.slope(u)
+        joint, columns = _matched(joint, columns, fit.covariance_names, model.names)
+    of_map = np.einsum("mk,kl,ml->m", columns, joint, columns)
+    of_press = by_press[:, 0] - (by_press[:, 1] if by_press.shape[1] > 1 else 0.0)
+    of_error = (own_error * of_press) ** 2 + noise.touch_m**2
+    laws = law_error(seen, there, min(depth_m / _depth_m(used), 1.0))
+    of_laws = (laws.common**2 + laws.own**2) * used.displacement_m**2
+    total = at.sigma_m**2 + of_map + of_error + of_laws
+    near = used.near_largest_force
+    error = _means(used.displacement_m - at.predicted_m, near, press)
+    middle = _means(columns, near, press)
+    count = np.bincount(press, near)
+    travel = _means(used.displacement_m, near, press)
+    own = _means(of_error, near, press) + _means(at.sigma_m**2, near, press) / count
+    own += (laws.own * travel) ** 2
+    covariance = middle @ joint @ middle.T + laws.common**2 * np.outer(travel, travel)
+    covariance[np.diag_indices_from(covariance)] += own
+    return Prediction(
+        scan=used,
+        predicted_m=at.predicted_m,
+        sd_m=np.sqrt(total),
+        error_n=(used.displacement_m - at.predicted_m) / _slope(model, at, readings),
+        parts_m={
+            "noise": at.sigma_m,
+            "map and effects": np.sqrt(of_map),
+            "own error of the map": np.sqrt(of_error),
+            "laws": np.sqrt(of_laws),
+        },
+        press_error_m=error,
+        press_sd_m=np.sqrt(np.diag(covariance)),
+        chi2=float(error @ cho_solve(cho_factor(covariance), error)),
+    )
+
+
+def fitted_model(
+    experiment: Experiment, fit: FitResult, catalogue: Catalogue[Effect]
+) -> MeasurementModel:
+    """Return the model of a fit, also of one that was read from a file, at its estimate.
+
+    Raises
+    ------
+    InputError
+        An effect that is in no catalogue.
+    """
+    readings, body = Readings.of(experiment.scan), experiment.body
+    mechanics = BodyMechanics.of(body.coarse, body.fine)
+    free = [name for name, estimate in fit.parameters.items() if estimate.free]
+    if isinstance(fit.map, FreeMap):
+        space = ParameterSpace(fit.map, (), ())
+    else:
+        names = [name for name in free if name in fit.map.names]
+        space = parameter_space(fit.map, body.coarse.mesh.box_m, names)
+    values: dict[str, dict[str, float]] = {}
+    for name, estimate in fit.parameters.items():
+        effect, _, parameter = name.partition(".")
+        if parameter and name not in fit.map.names:
+            values.setdefault(effect, {})[parameter] = estimate.value
+    known = {effect.name for effect in catalogue}
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise InputError(
+            f"the fit has the effect '{unknown[0]}', which is not in the catalogue; give the file "
+            "that it came from in the study"
+        )
+    state = mechanics.state().changed(background_pa=fit.map.background_pa)
+    parts = tuple(
+        EffectInModel(catalogue[name], catalogue[name].bounded(readings, state), given)
+        for name, given in values.items()
+    )
+    model = MeasurementModel(
+        readings, experiment.scan.used().displacement_m, replace(fit.noise, touch_m=0.0),
+        mechanics, space, parts,
+    )  # fmt: skip
+    return model.corrected(model.start(fit.map))
+
+
+def map_error(model: MeasurementModel, at: Linearised) -> float:
+    """Relative error of a map in a press's compliance beyond what the noise explains.
+
+    The best change of ln C of each press alone, robustly, less its own variance and that of the
+    unknowns that followed it.
+    """
+    press, presses = model.readings.press, model.readings.presses
+    own = _own_change(at, press)
+    square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
+    change = np.bincount(press, own * at.residual, presses) / square
+    freedom = max(1 - at.jacobian.shape[1] / presses, 1 / presses)
+    variance = (1.4826 * np.median(np.abs(change))) ** 2 / freedom
+    return float(np.sqrt(max(variance - np.median(1 / square), 0.0)))
+
+
+class LawError(NamedTuple):
+    """Error of the laws as shares of the travel: common to all presses, and of each alone."""
+
+    common: float
+    own: float
+
+
+def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError:
+    """Error that the laws of a fit make at depths that it has not seen.
+
+    Measured on the fit's own scan: each press's compliance follows its readings up to a share
+    `reach` of its depth, and predicts the deepest of them. With a reach of 1 it is the error of the
+    curves' shape itself.
+
+    Parameters
+    ----------
+    reach : depth of the fit's presses over that of the predicted ones, at most 1
+    """
+    press, presses = model.readings.press, model.readings.presses
+    travel, own = model.displacement_m, _own_change(at, press)
+    deepest = np.zeros(presses)
+    np.maximum.at(deepest, press, travel)
+    shallow = travel <= max(reach, LEAST_REACH) * deepest[press]
+    deep = travel >= (reach if reach < 1 else DEEP) * deepest[press]
+    square = np.bincount(press, shallow * own**2, presses)
+    known = square > 0
+    weight = shallow * own / np.where(known, square, np.inf)[press]
+    change = np.bincount(press, weight * at.residual, presses)
+    left = (at.residual - own * change[press]) * at.sigma_m
+    count = np.maximum(np.bincount(press, deep, presses), 1)
+    mean = np.bincount(press, deep * left, presses) / count
+    pull = np.bincount(press, deep * own * at.sigma_m, presses) / count
+    # Noise of the deep readings, and of the compliance that the shallow ones give
+    noise = np.bincount(press, deep * at.sigma_m**2, presses) / count**2
+    noise += pull**2 / np.where(known, square, np.inf)
+    share, noise = (mean / deepest)[known], float(np.median((noise / deepest**2)[known]))
+    common, many = float(np.median(share)), max(int(known.sum()), 1)
+    spread = (1.4826 * np.median(np.abs(share - common))) ** 2
+    # What noise makes is none: two standard deviations of the median, and of the squared spread
+    common = 0.0 if common**2 < 4 * np.pi / 2 * noise / many else abs(common)
+    excess = 0.0 if spread - noise < 2 * 1.65 * np.sqrt(2 / many) * noise else spread - noise
+    # The predicted presses are deeper than these by 1/reach, and a law's error grows with depth
+    return LawError(common / reach, float(np.hypot(np.sqrt(excess), UNEVEN * common)) / reach)
+
+
+def _own_change(at: Linearised, press: np.ndarray) -> np.ndarray:
+    """Change (m,) of the whitened prediction by ln C of its press, the modulus going with it."""
+    by_press = _by_press(at, press)
+    return (by_press[:, 0] - by_press[:, 1:].sum(axis=1)) / at.sigma_m
+
+
+def _depth_m(scan: Scan) -> float:
+    """Largest travel of the middle press, m."""
+    deepest = np.zeros(len(scan.press_ids))
+    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    return float(np.median(deepest))
+
+
+def _by_press(at: Linearised, press: np.ndarray) -> np.ndarray:
+    """Change (m, 1 or 2) of the travel by ln C and ln of the local modulus of the press, m."""
+    columns = [at.by_compliance * at.body.compliance[press]]
+    if at.by_modulus.any():
+        columns.append(at.by_modulus * at.body.local_modulus[press])
+    return np.column_stack(columns)
+
+
+def _spread(by_press: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Return them as columns (m, 2 j) of all presses, first by ln C, then by local modulus."""
+    m, own = by_press.shape
+    j = int(press.max()) + 1
+    found = np.zeros((m, own, j))
+    found[np.arange(m)[:, None], np.arange(own), press[:, None]] = by_press
+    return found.reshape(m, own * j)
+
+
+def _free_covariance(
+    seen: MeasurementModel, there: Linearised, fit: FitResult, at: Linearised
+) -> np.ndarray:
+    """Covariance of s at the predicted presses and of the effects' scaled parameters."""
+    assert isinstance(fit.map, FreeMap)
+    assert fit.field is not None
+    hyper = fit.field.hyper
+    sums = PressSums.of(seen, there)
+    by_field = field_derivatives(there, sums.of_press)
+    data = FieldData.of(sums, by_field, np.zeros(len(fit.map.log_pa)))
+    prior = MaternField(fit.map.grid, hyper.length_m, hyper.spread, FREE_MAP.level_spread)
+    posterior = FieldPosterior(data, prior, hyper.error)
+    return posterior.predicted_covariance(field_derivatives(at, 2 if at.by_modulus.any() else 1))
+
+
+def _matched(
+    covariance: np.ndarray, columns: np.ndarray, names: tuple[str, ...], own: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Bring columns of a model's unknowns into the order of a covariance's names."""
+    return covariance, columns[:, [own.index(name) for name in names]]
+
+
+def _slope(model: MeasurementModel, at: Linearised, readings: Readings) -> np.ndarray:
+    """Slope (m,) of travel over force, m/N."""
+    c, e = at.body.compliance, at.body.local_modulus
+    slope = model.chain.by_force(c, e, at.latent_force_n, at.values)
+    return np.maximum(slope, 1e-3 * c[readings.press])
+
+
+def _means(values: np.ndarray, rows: np.ndarray, press: np.ndarray) -> np.ndarray:
+    """Mean over some rows (m,) bool of each press, (j, ...)."""
+    count = np.bincount(press[rows], minlength=int(press.max()) + 1)
+    total = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(total, press[rows], values[rows])
+    return total / count.reshape(-1, *[1] * (values.ndim - 1))

@@ -1,0 +1,143 @@
+"""Bands of predicted scans: calibrated where model and truth agree, exceeded where they do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body import BodyMechanics
+from identify.catalogue import CATALOGUE
+from identify.effects import Readings
+from identify.experiment import BodyModel, Experiment, MapGuess
+from identify.fit import FitResult
+from identify.fit.field_evidence import Hyper
+from identify.fit.free_map_fit import FreeMapFit
+from identify.fit.map_fit import fit_scan
+from identify.map import FreeMap, GaussianMap, Grid, Inclusion, MaternField
+from identify.map.parameters import ParameterSpace
+from identify.measurement.model import MeasurementModel
+from identify.measurement.noise import Noise
+from identify.residual import Prediction, predict
+from models import Scan
+
+SIZE_M = (0.06, 0.06, 0.03)
+NOISE = Noise(2e-5, 5e-3)
+FORCES_N = np.linspace(0.1, 0.8, 8)
+TRUTH = GaussianMap(8e3, (Inclusion(12e3, 0.03, 0.035, 0.02, 0.009),))
+LEVEL, PRIOR = np.log(8e3), (0.02, 0.3)
+
+
+def contacts(per_side: int, radius_m: float = 0.004) -> Contacts:
+    axis = np.linspace(0.01, 0.05, per_side)
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis))
+    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
+    return Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, radius_m))
+
+
+MESH = block_mesh(SIZE_M, (5, 5, 3))
+FITTED, OTHERS = (
+    PalpationModel(MESH, 0.45, contacts(5)), PalpationModel(MESH, 0.45, contacts(4, 0.003))
+)  # fmt: skip
+
+
+def scan_of(model: PalpationModel, truth: GaussianMap, rng, reach: float = 1.0) -> Scan:
+    """Noisy readings of a true map on the same mesh: the bands are tested, not the elements."""
+    j, k = len(model.contacts), len(FORCES_N)
+    press = np.repeat(np.arange(j), k)
+    force = reach * np.tile(FORCES_N, j)
+    travel = model.evaluate(truth.modulus(model.points_m)).compliance[press] * force
+    return Scan(
+        press=press, time_s=np.full(j * k, np.nan), phase=np.full(j * k, "load"),
+        force_n=force + rng.normal(0, NOISE.force_n, j * k),
+        displacement_m=travel + rng.normal(0, NOISE.displacement_m, j * k),
+        point_m=model.contacts.points_m[press], direction=model.contacts.directions[press],
+        probe_radius_m=model.contacts.radius_m[press],
+    )  # fmt: skip
+
+
+def experiment_of(scan: Scan) -> Experiment:
+    return Experiment(scan, BodyModel(FITTED, FITTED, FITTED, ""), NOISE, MapGuess(1))
+
+
+def fitted(scan: Scan) -> FitResult:
+    free = ["background_pa", "inclusion_1.weight_pa", "inclusion_1.z_m"]
+    return fit_scan(scan, FITTED, noise=NOISE, fine_model=FITTED, start=TRUTH, free=free)
+
+
+def predicted(seed: int) -> Prediction:
+    rng = np.random.default_rng(seed)
+    scan = scan_of(FITTED, TRUTH, rng)
+    other = scan_of(OTHERS, TRUTH, rng, reach=1.5)
+    return predict(experiment_of(scan), fitted(scan), CATALOGUE, other, NOISE)
+
+
+def test_bands_of_other_places_a_smaller_tip_and_more_force_are_calibrated():
+    found = [predicted(seed) for seed in range(6)]
+    squares = np.array([p.chi2 / p.presses for p in found])
+    # 96 errors: one standard deviation of the mean is 0.14; spurious errors of laws widen
+    assert 0.6 < squares.mean() < 1.3
+    assert np.mean([p.within95 for p in found]) > 0.9
+    assert all(p.verdict != "too narrow" for p in found)
+    near = found[0].scan.near_largest_force
+    share = found[0].parts_m["map and effects"][near] / found[0].parts_m["noise"][near]
+    assert share.max() > 0.3  # of a part that is there
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
+    rng = np.random.default_rng(seed)
+    grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
+    field = MaternField(grid, *PRIOR).draws(rng, 1)[0]
+    truth = FreeMap(grid, LEVEL + field)
+    scan = scan_of(FITTED, truth, rng)
+    start = FreeMap(grid, np.full(len(grid), LEVEL))
+    model = MeasurementModel(
+        Readings.of(scan), scan.displacement_m, NOISE, BodyMechanics.of(FITTED),
+        ParameterSpace(start, (), ()),
+    )  # fmt: skip
+    hyper = Hyper(*PRIOR, 0.0, ("length_m", "spread"))
+    fit = FreeMapFit(model, hyper, (0.01, 0.06)).run()
+    found = predict(
+        experiment_of(scan), fit, CATALOGUE, scan_of(OTHERS, truth, rng, reach=1.5), NOISE
+    )
+    assert found.verdict == "calibrated"
+    assert 0.2 < found.chi2 / found.presses < 2.2  # one standard deviation is 0.35
+    near = found.scan.near_largest_force
+    assert found.parts_m["map and effects"][near].mean() > found.parts_m["noise"][near].mean()
+
+
+def test_errors_of_another_body_exceed_the_bands():
+    rng = np.random.default_rng(3)
+    scan = scan_of(FITTED, TRUTH, rng)
+    harder = GaussianMap(1.1 * TRUTH.background_pa, TRUTH.inclusions)
+    found = predict(
+        experiment_of(scan), fitted(scan), CATALOGUE, scan_of(OTHERS, harder, rng), NOISE
+    )
+    assert found.verdict == "too narrow"
+    assert np.median(found.force_error_share) == pytest.approx(-0.09, abs=0.03)
+
+
+def test_a_law_that_fails_deeper_is_foreseen_by_the_fits_own_presses():
+    """A body that stiffens: the shallow presses show it less, and the bands count it."""
+    rng = np.random.default_rng(4)
+
+    def stiffened(scan: Scan) -> Scan:
+        return scan.replace(displacement_m=scan.displacement_m / (1 + scan.displacement_m / 0.02))
+
+    scan, other = stiffened(scan_of(FITTED, TRUTH, rng)), scan_of(FITTED, TRUTH, rng, reach=1.5)
+    deeper = predict(experiment_of(scan), fitted(scan), CATALOGUE, stiffened(other), NOISE)
+    again = predict(experiment_of(scan), fitted(scan), CATALOGUE, scan, NOISE)
+    laws = [p.parts_m["laws"][p.scan.near_largest_force].mean() for p in (deeper, again)]
+    assert laws[0] > 2 * laws[1]
+    assert deeper.verdict != "too narrow"
+    assert np.sqrt(np.mean(deeper.press_error_m**2)) > 5 * NOISE.displacement_m
+
+
+def test_an_effect_that_nobody_knows_is_refused_by_name():
+    scan = scan_of(FITTED, TRUTH, np.random.default_rng(5))
+    fit = fitted(scan)
+    known = dict(fit.parameters)
+    strange = replace(fit, estimates={**known, "cable.drag_n": known["background_pa"]})
+    with pytest.raises(ValueError, match="the effect 'cable', which is not in the catalogue"):
+        predict(experiment_of(scan), strange, CATALOGUE, scan, NOISE)

@@ -1,0 +1,88 @@
+"""`palpmap predict`: the same body pressed again, a harder one, another body's study."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import palpmap as pm
+from models import InputError
+from palpmap.__main__ import app
+from palpmap.prediction_results import PredictionRecord
+from palpmap.schemas import schemas
+from tests.paths import TESTS
+
+RUN = TESTS / "data" / "twelve_presses"
+
+
+def study(folder: Path, share: float = 1.0, **changes: str) -> Path:
+    """Another session on the twelve presses' body: the travel times a share."""
+    scan = pm.read_scan(RUN / "scan.csv")
+    kept = scan.rows(scan.press_index % 2 == 0)
+    folder.mkdir(exist_ok=True)
+    pm.write_scan(kept.replace(displacement_m=share * kept.displacement_m), folder / "scan.csv")
+    text = (RUN / "study.toml").read_text()
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+def run(*words: object, code: int):
+    done = CliRunner().invoke(app, ["predict", *map(str, words)])
+    assert done.exit_code == code, done.output
+    return done
+
+
+def test_a_softer_body_fails_with_exit_code_1_and_a_report_that_says_so(tmp_path):
+    other, out = study(tmp_path / "other", share=1.25), tmp_path / "run"
+    record = json.loads(run(RUN, other, "--out", out, "--json", code=1).stdout)
+    assert record["verdict"] == "too narrow"
+    assert record["force_error_median"] == pytest.approx(0.25, abs=0.04)
+    written = PredictionRecord.read(out / "prediction.json")
+    assert written.chi2_per_press == record["chi2_per_press"] > 2.5
+    assert len(written.presses) == 6
+    assert set(schemas()["prediction"]["required"]) <= set(record)
+    table = np.loadtxt(out / "prediction.csv", delimiter=",", skiprows=1)
+    assert table.shape[1] == 6
+    page = (out / "report.html").read_text()
+    assert "The errors exceed the bands" in page
+    assert 0 < page.index("<img") < page.index("What the bands hold")
+    assert (out / "prediction.png").stat().st_size > 20_000
+
+
+def test_the_same_body_holds_from_python_and_shows_itself(tmp_path):
+    other = pm.read_study(study(tmp_path / "other"))
+    found = pm.predict(pm.read_run(RUN).fit, other)
+    assert found.holds
+    assert found.to_dict()["verdict"] in ("calibrated", "too wide")
+    assert "6 of 6 presses lie in their 95 % bands" in found.summary()
+    folder = found.write(tmp_path / "run")
+    assert {"report.html", "prediction.json", "run.json"} <= {p.name for p in folder.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "poisson_ratio = 0.45",
+            "poisson_ratio = 0.3",
+            r"body.poisson_ratio = 0.3, the fitted one",
+        ),
+        ('tip = "flat"', 'tip = "sphere"', r'probe.tip = "sphere", the fitted one "flat"'),
+        ('support = "base-bonded"', 'support = "base-sliding"', "body.support"),
+    ],
+)
+def test_a_study_of_another_body_is_refused(tmp_path, old, new, said):
+    other = pm.read_study(study(tmp_path / "other", **{old: new}))
+    with pytest.raises(InputError, match=said):
+        pm.predict(pm.read_run(RUN).fit, other)
+
+
+def test_a_folder_without_a_fit_is_refused(tmp_path):
+    shutil.copy(RUN / "study.toml", tmp_path / "study.toml")
+    assert "found no fit.json" in run(tmp_path, RUN / "study.toml", code=2).stderr

@@ -29,11 +29,13 @@ from identify.map import GaussianMap
 from identify.measurement import scan_noise
 from identify.optimize import Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
+from identify.residual import run_difference
 from identify.select import Step, refuse_effect, start_fit, step_of, with_effects
 from identify.select import explain as explain_scan
 from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study
-from palpmap.prediction_results import Prediction
+from palpmap.prediction_results import MapChange, Prediction
+from palpmap.result.finding import study_outline
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
 from palpmap.selection_results import Diagnosis, Explanation, Limits
@@ -139,6 +141,29 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     progress("predicting the other scan")
     found = predict_scan(opened, fit, catalogue_with(own.own_effects), scan, known)
     return Prediction.of(found, fit, experiment, notes)
+
+
+def compare_runs(one: FitResult, other: FitResult) -> MapChange:
+    """Compare the maps and effects of two fits of one body, in standard errors.
+
+    Raises
+    ------
+    InputError
+        The bodies share no place.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> fit = pm.read_run("tests/data/twelve_presses").fit
+    >>> pm.compare_runs(fit, fit).to_dict()["ratio"]
+    1.0
+    """
+    boxes = [study_outline(fit.experiment.study) for fit in (one, other)]
+    low, high = (np.array([box.lower_m, box.upper_m]) for box in boxes)
+    try:
+        return MapChange(one, other, run_difference(one, other, low, high))
+    except ValueError as error:
+        raise InputError(str(error)) from error
 
 
 def start(
@@ -357,10 +382,12 @@ __all__ = [
     "Explanation",
     "FitResult",
     "Limits",
+    "MapChange",
     "Noise",
     "Prediction",
     "Run",
     "compare",
+    "compare_runs",
     "diagnose",
     "explain",
     "fit",

@@ -1,4 +1,4 @@
-"""A prediction of the Python door: it shows and writes itself."""
+"""Fits against other scans and other fits, for the Python door: they show and write themselves."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from identify.residual import Prediction as PredictionOfScan
+from identify.residual import RunDifference
 from palpmap.experiment import Experiment
 from palpmap.record import FileRecord, Record
 from palpmap.results import FitResult, Shown, drawn, values_of
@@ -179,4 +180,109 @@ class Prediction(Shown, PredictionOfScan):
             self, folder / "report.html", name=self.fit.experiment.study.name,
             other=self.experiment.study.name, origin_m=self._origin_m, notes=self.notes,
             pictures=pictures, how=how_made(folder),
+        )  # fmt: skip
+
+
+class ChangeRecord(Record):
+    """A parameter of two fits."""
+
+    name: str
+    unit: str
+    one: float | None = Field(description="in the one fit; null if it is not in it")
+    other: float | None = Field(description="in the other fit; null if it is not in it")
+    standard_errors: float | None = Field(description="difference over its standard error")
+
+
+class DifferenceRecord(FileRecord):
+    """difference.json: two runs on one body."""
+
+    maps_differ: bool
+    statement: str
+    p_value: float = Field(description="of the largest difference, were the maps the same")
+    place_m: tuple[float, float, float] = Field(description="of it, in the scan's frame, m")
+    ratio: float = Field(description="other modulus over the one, there")
+    standard_errors: float = Field(description="difference of ln E over its standard error, there")
+    changes: tuple[ChangeRecord, ...] = Field(description="of the parameters")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MapChange(Shown):
+    """Difference of two fits of one body, in standard errors.
+
+    Attributes
+    ----------
+    one, other : the fits
+    difference : of maps and effects (`identify.residual.two_runs.RunDifference`)
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> fit = pm.read_run("tests/data/twelve_presses").fit
+    >>> pm.compare_runs(fit, fit).maps_differ
+    False
+    """
+
+    one: FitResult
+    other: FitResult
+    difference: RunDifference
+
+    def __repr__(self) -> str:
+        return f"MapChange({self.maps_differ})"
+
+    @property
+    def maps_differ(self) -> bool:
+        """Whether the maps differ by more than their errors."""
+        return self.difference.maps_differ
+
+    @property
+    def _origin_m(self) -> np.ndarray:
+        return np.array(self.one.experiment.study.body.origin_m)
+
+    def _renderables(self) -> Sequence[RenderableType]:
+        from palpmap.report.difference_report import difference_summary
+
+        return difference_summary(self.difference, self._origin_m)
+
+    def _picture(self) -> Figure:
+        return self.plot()
+
+    def plot(self) -> Figure:
+        """Draw the ratio of the maps and their difference in standard errors."""
+        from palpmap.figures.run_difference import draw_difference
+
+        return drawn(draw_difference, self.difference, self._origin_m)
+
+    @property
+    def record(self) -> DifferenceRecord:
+        """Content of difference.json."""
+        from palpmap.report.difference_report import statement_of
+
+        d, at = self.difference, self.difference.largest
+        x, y, z = (d.grid.points_m[at] + self._origin_m).tolist()
+        return DifferenceRecord(
+            maps_differ=d.maps_differ,
+            statement=statement_of(d, self._origin_m),
+            p_value=d.p_value,
+            place_m=(x, y, z),
+            ratio=float(np.exp(d.log_ratio[at])),
+            standard_errors=float(d.standard_errors[at]),
+            changes=tuple(ChangeRecord(**vars(change)) for change in d.changes),
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the difference as plain data, as difference.json holds it."""
+        return dict(self.record.to_dict())
+
+    def write_files(self, folder: Path) -> None:
+        """Write difference.json, the picture and report.html into a folder that is there."""
+        from palpmap.figures.style import png
+        from palpmap.report.difference_report import write_difference_report
+
+        self.record.write(folder / "difference.json")
+        picture = png(self.plot())
+        (folder / "difference.png").write_bytes(picture)
+        names = [fit.experiment.study.name for fit in (self.one, self.other)]
+        write_difference_report(
+            self.difference, folder / "report.html", names=names, origin_m=self._origin_m,
+            pictures={"difference": picture}, how=how_made(folder),
         )  # fmt: skip

@@ -21,7 +21,7 @@ from palpmap.blind.records import (
 from palpmap.commands.check import CheckRecord
 from palpmap.commands.scan import ScanRecord
 from palpmap.paper.command import PaperRecord
-from palpmap.prediction_results import PredictionRecord
+from palpmap.prediction_results import DifferenceRecord, PredictionRecord
 from palpmap.record import FileRecord, Record
 from palpmap.result.history import HistoryRecord
 from palpmap.result.press_outcomes import PressesRecord
@@ -111,6 +111,7 @@ RECORDS: Mapping[str, type[FileRecord] | type[TrialLine]] = {
     "paper": PaperRecord,
     "presses": PressesRecord,
     "result": ExplainRecord,
+    "difference": DifferenceRecord,
     "prediction": PredictionRecord,
     "reveal": RevealRecord,
     "run": RunsRecord,

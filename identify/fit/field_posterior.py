@@ -111,10 +111,13 @@ class FieldPosterior:
         seen = self.seen @ by_field.T
         of_s = self.prior.product(by_field) @ by_field.T - seen.T @ seen
         across = self.spread_by @ by_field.T - half.T @ seen
-        of_effects = np.zeros((0, len(by_field)))
-        if data.effects.count:
-            of_effects = -data.effects.solve(data.effects.coupling.T @ across)
-        return np.block([[of_s, of_effects.T], [of_effects, self.effects_covariance()]])
+        effects = data.effects
+        if not effects.count:
+            return of_s
+        gain = effects.solve(effects.coupling.T)
+        of_effects = effects.solve(np.eye(effects.count))
+        of_effects = of_effects + gain @ (self._of_s - half.T @ half) @ gain.T
+        return np.block([[of_s, -(gain @ across).T], [-gain @ across, of_effects]])
 
     @property
     def prior_cost(self) -> float:

@@ -20,15 +20,18 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtr, chdtrc
 
+from fem import PalpationModel
+from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.experiment import Experiment
-from identify.fit.field_data import FieldData, PressSums, field_derivatives
+from identify.fit.field_data import FieldData, PressSums
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.result import FitResult
 from identify.fit.settings import FREE_MAP
-from identify.map import FreeMap, MaternField
+from identify.map import FreeMap, GaussianMap, MaternField
+from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.model import EffectInModel, Linearised, MeasurementModel
 from identify.measurement.noise import Noise
@@ -135,22 +138,24 @@ def predict(
         noise=alone,
         mechanics=BodyMechanics.of(body.coarse, body.fine),
         press_error=0.0,
+        unit_compliance=_unit_compliance(body.coarse, fit),
     ).corrected(u)
     at = model.linearise(u)
     press = readings.press
-    by_press = _by_press(at, press)
+    of_press = model.by_log_compliance(at)
     by_unknown = at.jacobian * at.sigma_m[:, None]
     if isinstance(fit.map, FreeMap):
         assert fit.field is not None
         own_error = fit.field.hyper.error
         joint = _free_covariance(seen, there, fit, at)
-        columns = np.hstack([_spread(by_press, press), by_unknown])
+        by_press = np.zeros((len(press), readings.presses))
+        by_press[np.arange(len(press)), press] = of_press
+        columns = np.hstack([by_press, by_unknown])
     else:
         own_error = map_error(seen, there)
         joint, columns = fit.covariance, by_unknown / model.unknowns.slope(u)
         joint, columns = _matched(joint, columns, fit.covariance_names, model.names)
     of_map = np.einsum("mk,kl,ml->m", columns, joint, columns)
-    of_press = by_press[:, 0] - (by_press[:, 1] if by_press.shape[1] > 1 else 0.0)
     of_error = (own_error * of_press) ** 2 + noise.touch_m**2
     laws = law_error(seen, there, min(depth_m / _depth_m(used), 1.0))
     of_laws = (laws.common**2 + laws.own**2) * used.displacement_m**2
@@ -218,9 +223,16 @@ def fitted_model(
     )
     model = MeasurementModel(
         readings, experiment.scan.used().displacement_m, replace(fit.noise, touch_m=0.0),
-        mechanics, space, parts,
+        mechanics, space, parts, unit_compliance=_unit_compliance(body.coarse, fit),
     )  # fmt: skip
     return model.corrected(model.start(fit.map))
+
+
+def _unit_compliance(model: PalpationModel, fit: FitResult) -> np.ndarray | None:
+    """Compliance (j,) of a body of 1 Pa, from which a free map's modulus under a tip follows."""
+    if not isinstance(fit.map, FreeMap):
+        return None
+    return REFERENCE_PA * compliance(model, GaussianMap(REFERENCE_PA))
 
 
 def map_error(model: MeasurementModel, at: Linearised) -> float:
@@ -230,7 +242,7 @@ def map_error(model: MeasurementModel, at: Linearised) -> float:
     unknowns that followed it.
     """
     press, presses = model.readings.press, model.readings.presses
-    own = _own_change(at, press)
+    own = model.by_log_compliance(at) / at.sigma_m
     square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
     change = np.bincount(press, own * at.residual, presses) / square
     freedom = max(1 - at.jacobian.shape[1] / presses, 1 / presses)
@@ -257,7 +269,7 @@ def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError
     reach : depth of the fit's presses over that of the predicted ones, at most 1
     """
     press, presses = model.readings.press, model.readings.presses
-    travel, own = model.displacement_m, _own_change(at, press)
+    travel, own = model.displacement_m, model.by_log_compliance(at) / at.sigma_m
     deepest = np.zeros(presses)
     np.maximum.at(deepest, press, travel)
     shallow = travel <= max(reach, LEAST_REACH) * deepest[press]
@@ -283,34 +295,11 @@ def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError
     return LawError(common / reach, float(np.hypot(np.sqrt(excess), UNEVEN * common)) / reach)
 
 
-def _own_change(at: Linearised, press: np.ndarray) -> np.ndarray:
-    """Change (m,) of the whitened prediction by ln C of its press, the modulus going with it."""
-    by_press = _by_press(at, press)
-    return (by_press[:, 0] - by_press[:, 1:].sum(axis=1)) / at.sigma_m
-
-
 def _depth_m(scan: Scan) -> float:
     """Largest travel of the middle press, m."""
     deepest = np.zeros(len(scan.press_ids))
     np.maximum.at(deepest, scan.press_index, scan.displacement_m)
     return float(np.median(deepest))
-
-
-def _by_press(at: Linearised, press: np.ndarray) -> np.ndarray:
-    """Change (m, 1 or 2) of the travel by ln C and ln of the local modulus of the press, m."""
-    columns = [at.by_compliance * at.body.compliance[press]]
-    if at.by_modulus.any():
-        columns.append(at.by_modulus * at.body.local_modulus[press])
-    return np.column_stack(columns)
-
-
-def _spread(by_press: np.ndarray, press: np.ndarray) -> np.ndarray:
-    """Return them as columns (m, 2 j) of all presses, first by ln C, then by local modulus."""
-    m, own = by_press.shape
-    j = int(press.max()) + 1
-    found = np.zeros((m, own, j))
-    found[np.arange(m)[:, None], np.arange(own), press[:, None]] = by_press
-    return found.reshape(m, own * j)
 
 
 def _free_covariance(
@@ -319,13 +308,13 @@ def _free_covariance(
     """Covariance of s at the predicted presses and of the effects' scaled parameters."""
     assert isinstance(fit.map, FreeMap)
     assert fit.field is not None
-    hyper = fit.field.hyper
-    sums = PressSums.of(seen, there)
-    by_field = field_derivatives(there, sums.of_press)
-    data = FieldData.of(sums, by_field, np.zeros(len(fit.map.log_pa)))
+    hyper, field = fit.field.hyper, np.zeros(len(fit.map.log_pa))
+    weight = np.where(fit.field.errs, 0.0, 1.0) if len(fit.field.errs) else 1.0
+    sums = PressSums.of(seen, there).weighted(weight * np.ones(seen.readings.presses))
+    data = FieldData.of(sums, there.body.by_field(), field)
     prior = MaternField(fit.map.grid, hyper.length_m, hyper.spread, FREE_MAP.level_spread)
     posterior = FieldPosterior(data, prior, hyper.error)
-    return posterior.predicted_covariance(field_derivatives(at, 2 if at.by_modulus.any() else 1))
+    return posterior.predicted_covariance(at.body.by_field())
 
 
 def _matched(

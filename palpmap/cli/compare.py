@@ -14,19 +14,26 @@ def compare(
         Path,
         typer.Argument(metavar="RUN|STUDY", help="Run folder with a fit, or a study to fit first."),
     ],
+    other: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RUN]", help="Another run on the same body, to compare maps with."),
+    ] = None,
     out: Out = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Say what of a scan the model does not explain.
+    """Say what of a scan the model does not explain, or how two runs on one body differ.
 
-    Residuals by place, force level, time and order, and whether they are noise.
+    Of one run: residuals by place, force level, time and order, and whether they are noise.
 
     Example: palpmap compare runs/phantom
     """
-    from palpmap.commands.compare import run_compare
+    from palpmap.commands.compare import run_compare, run_compare_runs
 
-    return run_compare(source=source, out=out, output=Output(quiet=quiet, json=json))
+    output = Output(quiet=quiet, json=json)
+    if other is not None:
+        return run_compare_runs(one=source, other=other, out=out, output=output)
+    return run_compare(source=source, out=out, output=output)
 
 
 def predict(

@@ -56,5 +56,28 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
     return comparison.is_noise
 
 
+def run_compare_runs(*, one: Path, other: Path, out: Path | None, output: Output) -> bool:
+    """Compare the fits of two runs on one body, and leave a run folder with the report.
+
+    Returns
+    -------
+    bool
+        Whether the maps agree (the exit code is 1 if not).
+    """
+    from rich.markup import escape
+
+    fits = [api.read_run(run).fit for run in (one, other)]
+    found = api.compare_runs(*fits)
+    inputs = [run / name for run in (one, other) for name in ("fit.json", "study.toml")]
+    with RunFolder("compare", out, inputs=inputs) as folder:
+        found.write_files(folder.path)
+        output.result(
+            {**found.to_dict(), "run": str(folder.path)},
+            *found.renderables(),
+            f"Report: {escape(str(folder / 'report.html'))}",
+        )
+    return not found.maps_differ
+
+
 def _study(source: Path) -> Path:
     return source / "study.toml" if source.is_dir() else source

@@ -86,3 +86,14 @@ def test_a_study_of_another_body_is_refused(tmp_path, old, new, said):
 def test_a_folder_without_a_fit_is_refused(tmp_path):
     shutil.copy(RUN / "study.toml", tmp_path / "study.toml")
     assert "found no fit.json" in run(tmp_path, RUN / "study.toml", code=2).stderr
+
+
+def test_two_runs_are_compared_with_a_report(tmp_path):
+    done = CliRunner().invoke(
+        app, ["compare", str(RUN), str(RUN), "--out", str(tmp_path / "run"), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    record = json.loads(done.stdout)
+    assert (record["maps_differ"], record["ratio"]) == (False, 1.0)
+    assert set(schemas()["difference"]["required"]) <= set(record)
+    assert "The maps agree" in (tmp_path / "run" / "report.html").read_text()

@@ -1,0 +1,89 @@
+"""Report and console tables of two runs on one body."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identify.residual import RunDifference
+from palpmap import units
+from palpmap.report.draw import console, write_page
+from palpmap.result.tables import Cell, Table, number
+from palpmap.study.frame import frame_shift_m
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def title_of(d: RunDifference) -> str:
+    """Return the outcome in a few words."""
+    return "The maps differ" if d.maps_differ else "The maps agree"
+
+
+def statement_of(d: RunDifference, origin_m: np.ndarray) -> str:
+    """Return the outcome in two sentences."""
+    at, ratio = d.largest, float(np.exp(d.log_ratio[d.largest]))
+    x, y, z = 1e3 * (d.grid.points_m[at] + origin_m)
+    where = (
+        f"The largest difference is at ({x:.0f}, {y:.0f}, {z:.0f}) mm: the other map is "
+        f"{ratio:.3g} times the one there, {abs(d.standard_errors[at]):.1f} standard errors off "
+        f"(p {units.p_value(d.p_value)} among {d.independent})"
+    )
+    names = dict.fromkeys(c.name.rpartition(".")[0] for c in d.changed if "." in c.name)
+    names = [name for name in names if not name.startswith("inclusion_")]
+    instrument = f"Of the effects, {', '.join(names)} differ." if names else "No effect differs."
+    return f"{where}. {instrument}"
+
+
+def changes_table(d: RunDifference, origin_m: np.ndarray) -> Table:
+    """Return the parameters of both runs, positions in the scan's frame."""
+    rows = []
+    for change in d.changes:
+        shift = frame_shift_m(change.name, origin_m)
+        one, other = (
+            "not in it" if value is None else units.quantity(value + shift, change.unit)
+            for value in (change.one, change.other)
+        )
+        error = change.standard_errors
+        far = error is None or abs(error) > 3
+        rows.append(
+            (change.name, one, other, Cell("" if error is None else f"{error:+.1f}",
+             "bad" if far else ""))
+        )  # fmt: skip
+    head = ("Parameter", *map(number, ("The one", "The other", "Standard errors")))
+    return Table.of(head, rows)
+
+
+def difference_summary(d: RunDifference, origin_m: np.ndarray) -> "list[RenderableType]":
+    """Return the outcome for a console."""
+    return [
+        f"[bold]{title_of(d)}[/bold]",
+        statement_of(d, origin_m),
+        console(changes_table(d, origin_m)),
+    ]
+
+
+def write_difference_report(
+    d: RunDifference,
+    path: Path,
+    *,
+    names: Sequence[str],
+    origin_m: np.ndarray,
+    pictures: Mapping[str, bytes],
+    how: Mapping[str, str],
+) -> None:
+    """Write the report: the outcome with its picture, and the parameters of both runs."""
+    name, other = names
+    write_page(
+        path,
+        "difference.html",
+        name=name,
+        other=other,
+        title=title_of(d),
+        differ=d.maps_differ,
+        statement=statement_of(d, origin_m),
+        changes=changes_table(d, origin_m),
+        pictures=pictures,
+        how=Table.of(("", ""), how.items()),
+    )

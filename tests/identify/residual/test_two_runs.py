@@ -1,0 +1,59 @@
+"""Two fits of one body: maps that agree within their errors, and one that was changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.fit import Estimate
+from identify.map import GaussianMap, Inclusion
+from identify.residual import run_difference
+from identify.residual.two_runs import log_modulus_sd
+from tests.identify.residual.test_prediction import FITTED, TRUTH, fitted, scan_of
+
+BOX = FITTED.mesh.box_m
+
+
+@pytest.fixture(scope="module")
+def fits():
+    return [fitted(scan_of(FITTED, TRUTH, np.random.default_rng(seed))) for seed in (10, 11)]
+
+
+def test_two_scans_of_one_body_agree_within_their_errors(fits):
+    found = run_difference(*fits, BOX, BOX)
+    assert not found.maps_differ
+    assert np.abs(found.standard_errors).max() < 4
+    assert not found.changed
+
+
+def test_the_standard_error_is_that_of_the_parameters(fits):
+    at = np.array([[0.001, 0.001, 0.001]])  # where no inclusion is: the background alone
+    background = fits[0].std["background_pa"] / fits[0].values["background_pa"]
+    birge = np.sqrt(max(fits[0].chi2_per_dof, 1.0))
+    assert log_modulus_sd(fits[0], at)[0] == pytest.approx(background * birge, rel=0.01)
+
+
+def test_a_harder_inclusion_is_found_at_its_place(fits):
+    harder = GaussianMap(8e3, (Inclusion(15e3, 0.03, 0.035, 0.02, 0.009),))
+    other = fitted(scan_of(FITTED, harder, np.random.default_rng(12)))
+    found = run_difference(fits[0], other, BOX, BOX)
+    assert found.maps_differ
+    place = found.grid.points_m[found.largest]
+    assert np.linalg.norm(place - [0.03, 0.035, 0.02]) < 0.012
+    assert found.log_ratio[found.largest] > 0.1
+
+
+def test_an_effect_of_one_run_alone_and_another_value_are_named(fits):
+    drag = Estimate(0.01, 0.001, "N", 0.008, 0.012, free=True)
+    one = replace(fits[0], estimates={**fits[0].parameters, "force_bias.bias_n": drag})
+    other = replace(drag, value=0.02)
+    two = replace(fits[1], estimates={**fits[1].parameters, "force_bias.bias_n": other})
+    names = [c.name for c in run_difference(one, two, BOX, BOX).changed]
+    assert names == ["force_bias.bias_n"]
+    (alone,) = run_difference(one, fits[1], BOX, BOX).changed
+    assert (alone.one, alone.other, alone.standard_errors) == (0.01, None, None)
+
+
+def test_bodies_in_different_frames_are_refused(fits):
+    with pytest.raises(ValueError, match="share no place"):
+        run_difference(*fits, BOX, BOX + 1.0)

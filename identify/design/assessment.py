@@ -19,6 +19,7 @@ from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
 from identify.select.form_average import Form, averaged, forms_of
+from identify.select.form_curve import FormCurve, form_curves
 from identify.select.forward_selection import Explanation
 from identify.select.outlying_presses import WithoutSuspects, suspects_left
 from identify.select.verdicts import effect_verdict
@@ -36,6 +37,7 @@ class Assessment:
     parameters : estimates of the last step, with intervals that follow the misfit's valley, those
         of the map averaged over the forms
     forms : the last model and those that the scan does not separate from it
+    curves : the effects of the last model, drawn
     confounders : lengths of the study whose error would look like an effect that is offered
     redundant_inclusions : numbers, from one, of inclusions without evidence in the readings
     limits : detection limits of the first step
@@ -51,6 +53,7 @@ class Assessment:
 
     parameters: Mapping[str, Estimate]
     forms: tuple[Form, ...]
+    curves: tuple[FormCurve, ...]
     confounders: tuple[GeometryConfounder, ...]
     redundant_inclusions: tuple[int, ...]
     limits: tuple[Limit, ...]
@@ -94,6 +97,7 @@ def assess(
     return Assessment(
         parameters=averaged(explained, forms),
         forms=forms,
+        curves=form_curves(last),
         confounders=tuple(c for c in geometry_confounders(explained) if c.effect in offered),
         redundant_inclusions=redundant_inclusions(last) if known else (),
         limits=limits,

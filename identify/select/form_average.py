@@ -139,10 +139,15 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
     return found
 
 
+def posterior_covariance(fit: FitResult) -> np.ndarray:
+    """Covariance (k, k) of a fit's scaled unknowns, from noise and the effects' prior."""
+    return np.linalg.inv(_information(fit))
+
+
 def _posterior(fit: FitResult) -> tuple[np.ndarray, np.ndarray]:
     """Mean and variance (k,) of a fit's scaled unknowns, from noise and prior."""
     centre, width, first = _prior(fit)
-    covariance = np.linalg.inv(_information(fit))
+    covariance = posterior_covariance(fit)
     pull = np.zeros(len(fit.u))
     pull[first:] = (fit.u[first:] - centre) / width**2
     return fit.u - covariance @ pull, np.diag(covariance)

@@ -13,6 +13,7 @@ from palpmap.result.records import (
     CandidateRecord,
     DiagnosisRecord,
     ExplainRecord,
+    FormCurveRecord,
     FormRecord,
     LimitRecord,
     LimitsRecord,
@@ -45,6 +46,7 @@ def explain_record(
             FormRecord(in_place_of=form.effect, effect=form.name, weight=form.weight)
             for form in assessment.forms
         ),
+        form_curves=tuple(FormCurveRecord(**vars(curve)) for curve in assessment.curves),
         residual=final.comparison.statement,
         suspect_presses=explained.ladder[0].comparison.bad_presses,
         suspects_left=assessment.outlying,

@@ -161,6 +161,20 @@ class FormRecord(Record):
     weight: float = Field(description="share of the evidence of all these models, 0 to 1")
 
 
+class FormCurveRecord(Record):
+    """What an effect of the last model adds, along its argument, with its 95 % band."""
+
+    effect: str
+    along: str = Field(description="the argument in words")
+    at_unit: str = Field(description="its unit")
+    of: str = Field(description="the quantity in words")
+    unit: str = Field(description="its unit; 1 of a share")
+    at: tuple[float, ...] = Field(description="places along the argument")
+    value: tuple[float, ...] = Field(description="added there")
+    lower95: tuple[float, ...] = Field(description="lower end of the band")
+    upper95: tuple[float, ...] = Field(description="upper end of the band")
+
+
 class WithoutSuspectsRecord(Record):
     """The result without the outlying presses."""
 
@@ -196,6 +210,9 @@ class ExplainRecord(CountRecord, FileRecord):
     )
     forms: tuple[FormRecord, ...] = Field(
         default=(), description="models that the scan does not separate, the last one first"
+    )
+    form_curves: tuple[FormCurveRecord, ...] = Field(
+        default=(), description="effects of the last model that can be drawn"
     )
     residual: str = Field(default="", description="the last model's residual in one sentence")
     suspect_presses: tuple[int, ...] = Field(

@@ -9,6 +9,7 @@ from identify.design import Assessment
 from identify.fit import write_fit
 from identify.select import Explanation
 from palpmap.figures.fit import save_figures
+from palpmap.figures.forms import draw_forms
 from palpmap.figures.ladder import draw_cosines, draw_evidence, draw_ladder, draw_residuals
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.residual import draw_along, draw_tests
@@ -25,7 +26,7 @@ from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
 from palpmap.study.versions import version_of
 
-_RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion")
+_RECORDED = ("ladder", "residuals", "evidence", "maps", "parameters", "confusion", "forms")
 
 
 def write_explanation(
@@ -101,6 +102,8 @@ def explain_pictures(
         parameters = draw_parameters(finding, explained, record)
         if parameters is not None:
             pictures["parameters"] = png(parameters)
+        if record.form_curves:
+            pictures["forms"] = png(draw_forms(record.form_curves))
         cosines = draw_cosines(first.diagnosis)
         if cosines is not None:
             pictures["confusion"] = png(cosines)

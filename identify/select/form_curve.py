@@ -1,0 +1,122 @@
+"""The form of an effect as a curve with its 95 % band: a drift's course, a creep's, a loop's."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from identify.effects.base import Effect, ReadingEffect, ResponseEffect
+from identify.fit.profile_intervals import NORMAL_95
+from identify.fit.result import FitResult
+from identify.select.form_average import posterior_covariance
+
+_MOST = 60  # points of a curve
+_STEP = 1e-3  # of a scaled parameter, for difference quotients
+
+
+@dataclass(frozen=True)
+class FormCurve:
+    """What an effect adds, along its argument.
+
+    Attributes
+    ----------
+    effect : name
+    along, at_unit : argument in words, and its unit
+    of, unit : quantity in words, and its unit
+    at, value, lower95, upper95 : (p,)
+    """
+
+    effect: str
+    along: str
+    at_unit: str
+    of: str
+    unit: str
+    at: tuple[float, ...]
+    value: tuple[float, ...]
+    lower95: tuple[float, ...]
+    upper95: tuple[float, ...]
+
+
+def form_curves(fit: FitResult) -> tuple[FormCurve, ...]:
+    """Return the curve of each effect of a fit that has one: drifts, preconditioning, response."""
+    curves = (form_curve(fit, part.effect) for part in fit.model.effects)
+    return tuple(curve for curve in curves if curve is not None)
+
+
+def form_curve(fit: FitResult, effect: Effect) -> FormCurve | None:
+    """Return what an effect adds along the session or within a press; None of other effects."""
+    drawn = _drawn(fit, effect)
+    if drawn is None:
+        return None
+    (along, at_unit, of, unit), at, added = drawn
+    names = list(fit.model.names)
+    own = [names.index(f"{effect.name}.{p.name}") for p in effect.parameters]
+    parameters = [fit.model.unknowns.unknowns[i] for i in own]
+
+    def course(u: np.ndarray) -> np.ndarray:
+        values = [p.to_value(float(x)) for p, x in zip(parameters, u, strict=True)]
+        return added(**{p.name: v for p, v in zip(effect.parameters, values, strict=True)})
+
+    u = fit.u[own]
+    value = course(u)
+    slopes = np.column_stack([(course(u + h) - course(u - h)) / (2 * _STEP)
+                              for h in _STEP * np.eye(len(own))])  # fmt: skip
+    covariance = posterior_covariance(fit)[np.ix_(own, own)]
+    reach = NORMAL_95 * np.sqrt(np.einsum("pi,ij,pj->p", slopes, covariance, slopes))
+    ends = (value, value - reach, value + reach)
+    return FormCurve(effect.name, along, at_unit, of, unit, tuple(at.tolist()),
+                     *(tuple(end.tolist()) for end in ends))  # fmt: skip
+
+
+Words = tuple[str, str, str, str]
+Drawn = tuple[Words, np.ndarray, Callable[..., np.ndarray]]
+
+
+def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
+    """Words of both axes, places (p,) and what the effect adds there by its parameters."""
+    readings, hooks = fit.model.readings, cast(Any, effect)
+    none = np.zeros(len(readings))
+    if effect.family in ("force_drift", "displacement_drift"):
+        if readings.time_s is None:
+            return None
+        rows = _spread(readings.elapsed_s)
+        at, along = readings.elapsed_s[rows], ("time of the session", "s")
+        if isinstance(effect, ReadingEffect):
+            words = (*along, "added to the displacement", "m")
+            return words, at, lambda **p: hooks.reading(readings, none, none, **p)[rows]
+        words = (*along, "added to the force", "N")
+        return words, at, lambda **p: -hooks.force(readings, none, **p)[rows]
+    if not isinstance(effect, ResponseEffect):
+        return None
+    force, travel = fit.at.latent_force_n, fit.at.body.compliance[readings.press]
+    travel = travel * force
+    largest = np.maximum(readings.peak_of(travel), 1e-12)
+
+    def share(**parameters: float) -> np.ndarray:
+        return (hooks.response(readings, force, travel, **parameters) - travel) / largest
+
+    what = ("added to the travel, as a share of the press's largest", "1")
+    if effect.family == "preconditioning":
+        steady = np.array([np.argmax(np.where(readings.press == j, force, -np.inf))
+                           for j in range(readings.presses)])  # fmt: skip
+        rows = steady[_spread(readings.order.astype(float))]
+        at = readings.order[readings.press[rows]].astype(float)
+        return ("press, in the order of making", "", *what), at, lambda **p: share(**p)[rows]
+    # Of the press to which the effect adds most
+    added = np.abs(share(**fit.at.values[effect.name]))
+    rows = np.flatnonzero(readings.press == readings.press[int(np.argmax(added))])
+    if readings.time_s is None:
+        return (
+            ("reading of a press", "", *what),
+            np.arange(len(rows)) + 1.0,
+            (lambda **p: share(**p)[rows]),
+        )
+    at = readings.time_s[rows] - readings.touch_time_s[readings.press[rows[0]]]
+    return ("time since touch, in one press", "s", *what), at, lambda **p: share(**p)[rows]
+
+
+def _spread(at: np.ndarray) -> np.ndarray:
+    """Return indices of at most `_MOST` values, evenly through their order."""
+    order = np.argsort(at, kind="stable")
+    return order[np.unique(np.linspace(0, len(order) - 1, _MOST).round().astype(int))]

@@ -223,8 +223,10 @@ class ReducedResponse:
 
     @property
     def error(self) -> float:
-        """Bound of the relative error of all compliances."""
-        return float(np.max(self.high / self.compliance - 1))
+        """Bound of the relative error of all compliances; infinite where a basis fails."""
+        with np.errstate(all="ignore"):
+            bound = float(np.max(np.abs(self.high / self.compliance - 1)))
+        return bound if np.isfinite(bound) and self.compliance.min() > 0 else np.inf
 
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).
@@ -302,7 +304,16 @@ def _samples(material: Material) -> np.ndarray | None:
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (j, m) of positive definite matrices (j, m, m), scaled to a diagonal of one."""
-    scale = 1 / np.sqrt(np.einsum("jaa->ja", matrix))
+    """Solutions (j, m) of positive definite matrices (j, m, m), scaled to a diagonal of one.
+
+    Not a number where they are not positive definite: far from all snapshots.
+    """
+    diagonal = np.einsum("jaa->ja", matrix)
+    if not (np.isfinite(matrix).all() and diagonal.min() > 0):
+        return np.full(right.shape, np.nan)
+    scale = 1 / np.sqrt(diagonal)
     scaled = matrix * scale[:, :, None] * scale[:, None, :]
-    return scale * np.linalg.solve(scaled, (right * scale)[..., None])[..., 0]
+    try:
+        return scale * np.linalg.solve(scaled, (right * scale)[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.nan)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import Contacts, PalpationModel, SolverError, Support, block_mesh
-from fem.reduced import ReducedBases, ReducedModel
+from fem.reduced import ReducedBases, ReducedModel, ReducedResponse
 
 CENTRE = np.array([5e3, 1.2e4, 0.020, 0.022, 0.012, 0.008])
 HALF = np.array([500, 4000, 0.003, 0.003, 0.003, 0.0012])
@@ -43,6 +43,10 @@ def full(request):
 
 def solved(full, parameters):
     return full.evaluate(field(parameters, full.points_m))
+
+
+def bounded_by(low, high) -> ReducedResponse:
+    return ReducedResponse(low, high, None, np.ones((4, 1)), (0,))  # pyright: ignore[reportArgumentType]
 
 
 def answered(model, *arguments):
@@ -160,6 +164,19 @@ def test_a_field_too_steep_for_a_cell_is_left_to_the_full_model():
     bases.add(solved(full, CENTRE))
     assert bases.evaluate(steep, np.inf) is None
     assert bases.evaluate(field(CENTRE, full.points_m), 1e-5) is not None
+
+
+@pytest.mark.filterwarnings("error")
+def test_far_from_all_snapshots_the_bound_is_never_small(full, reduced):
+    points = full.points_m
+    hole = field(np.array([5e3, -4.99e3, 0.014, 0.016, 0.020, 0.006]), points)
+    spike = np.where(points[:, 2] > 0.0235, 1e9, 5e3)
+    for modulus in (np.full(len(points), 1e-3), 1 / field(CENTRE, points), hole, spike):
+        found = reduced.evaluate(modulus)
+        assert found is None or found.error > 1e-2 or np.ptp(modulus) == 0
+    assert bounded_by(-np.ones(4), -np.ones(4)).error == np.inf
+    assert bounded_by(np.ones(4), np.full(4, np.nan)).error == np.inf
+    assert bounded_by(np.ones(4), np.full(4, 0.9)).error == pytest.approx(0.1)
 
 
 def test_a_body_on_springs_is_refused():

@@ -53,14 +53,16 @@ class CarriedFine(NamedTuple):
         there: ChangedMap,
         coarse: PalpationModel,
         coarse_compliance: np.ndarray,
+        slack: float,
         settings: BodySettings = BODY,
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the finer model's compliance (j,) m/N and error (j,), as `fine_solution` does.
 
-        None where the compliance might be off by more than `ratio_error`. Unevenness and tip gain
-        are those of the map that is carried: they change by a tenth where the compliance is sure.
+        None where the compliance might be off by more than `slack` times `ratio_error`. Unevenness
+        and tip gain are those of the map that is carried: they change by a tenth where the
+        compliance is sure.
         """
-        tolerance = settings.ratio_error / settings.fine_bend
+        tolerance = slack * settings.ratio_error / settings.fine_bend
         log_ratio = self.ratio.log_at(there, coarse_compliance, tolerance)
         if log_ratio is None:
             return None

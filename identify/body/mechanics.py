@@ -101,30 +101,34 @@ class BodyMechanics:
         return BodyState((tuple(low), tuple(high)), self.poisson_ratio)
 
     def evaluate(
-        self, stiffness: GaussianMap, state: BodyState, reduced: bool = False
+        self, stiffness: GaussianMap, state: BodyState, slack: float = 0.0
     ) -> BodyResponse:
         """Solve for a map and a state.
 
         Parameters
         ----------
-        reduced : a reduced basis will do, where its error is below `reduced_error`
+        slack : factor on `reduced_error` and `ratio_error`, within which reduced bases and ratios
+            carried from other maps will do; 0 for the full model, with carried ratios alone
 
         Raises
         ------
         InadmissibleError
             The modulus is not positive everywhere.
         """
-        find = self._found if reduced else self._solved
-        response = find(stiffness, state)
+        if slack:
+            response = self._found(stiffness, state, slack)
+        else:
+            response = self._solved(stiffness, state)
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
         factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
             nu = state.poisson_ratio
-            factor = factor * self.poisson_factor(stiffness, state, nu, response.compliance)
+            factor = factor * self.poisson_factor(stiffness, state, nu, response.compliance, slack)
         if any(state.shift_m):
             base = response.compliance
-            factor *= np.exp(self.log_shift_factor(stiffness, state, state.shift_m, base))
+            moved = self.log_shift_factor(stiffness, state, state.shift_m, base, slack=slack)
+            factor *= np.exp(moved)
         changed = ChangedMap(stiffness, state)
         return BodyResponse(
             compliance=factor * response.compliance,
@@ -138,7 +142,7 @@ class BodyMechanics:
         )
 
     def corrected(
-        self, stiffness: GaussianMap, state: BodyState, carried: bool = False
+        self, stiffness: GaussianMap, state: BodyState, slack: float = 0.0
     ) -> BodyMechanics:
         """Return the mechanics with the coarse model carried to the finer one at this estimate.
 
@@ -146,7 +150,8 @@ class BodyMechanics:
 
         Parameters
         ----------
-        carried : the correction of a map nearby will do, where its error is below `ratio_error`
+        slack : factor on `ratio_error`, within which the correction of a map nearby will do; 0 for
+            a correction at this one
         """
         plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
         changed = ChangedMap(stiffness, plain)
@@ -155,11 +160,11 @@ class BodyMechanics:
             return replace(self, tip_gain=_tip_gain(coarse, changed))
         shift = self.shifted.near(state.shift_m)
         if any(shift):
-            return self._corrected_elsewhere(shift, stiffness, plain, carried)
-        if carried and self._fine:
-            compliance = self._found(stiffness, plain).compliance
+            return self._corrected_elsewhere(shift, stiffness, plain, slack)
+        if slack and self._fine:
+            compliance = self._found(stiffness, plain, slack).compliance
             for known in reversed(self._fine.values()):
-                at = known.at(self.fine, changed, self.coarse, compliance, self.settings)
+                at = known.at(self.fine, changed, self.coarse, compliance, slack, self.settings)
                 if at is not None:
                     return self._with_ratio(at[0] / compliance, at[1], known.tip_gain, True)
         coarse = self._solved(stiffness, plain)
@@ -172,16 +177,17 @@ class BodyMechanics:
         return self._with_ratio(fine.compliance / coarse.compliance, fine.error, gain)
 
     def _corrected_elsewhere(
-        self, shift: Shift, stiffness: GaussianMap, plain: BodyState, carried: bool
+        self, shift: Shift, stiffness: GaussianMap, plain: BodyState, slack: float
     ) -> BodyMechanics:
         """`corrected` of a body elsewhere, whose finer model is made for that place.
 
         Making it costs as much as thirty solutions, so that a search takes the correction of a
         place and a map nearby.
         """
-        coarse = (self._found if carried else self._solved)(stiffness, plain).compliance
+        found = self._found(stiffness, plain, slack) if slack else self._solved(stiffness, plain)
+        coarse = found.compliance
         reach, grown = self.settings.carried_shift_m, self.settings.carried_change
-        for place, known, corrected in reversed(self._elsewhere if carried else []):
+        for place, known, corrected in reversed(self._elsewhere if slack else []):
             apart = np.abs(np.subtract(place, shift)).max()
             if apart <= reach and np.abs(np.log(coarse / known)).max() <= grown:
                 return self._with_ratio(*corrected, carried=True)
@@ -189,7 +195,7 @@ class BodyMechanics:
         changed = ChangedMap(stiffness, plain)
         known = self._solve(there, stiffness, plain).compliance
         fine = fine_solution(finer, changed, there, known, self.settings)
-        factor = np.exp(self.log_shift_factor(stiffness, plain, shift, coarse))
+        factor = np.exp(self.log_shift_factor(stiffness, plain, shift, coarse, slack=slack))
         corrected = (
             fine.compliance / (coarse * factor),
             fine.error,
@@ -217,7 +223,12 @@ class BodyMechanics:
         )
 
     def poisson_factor(
-        self, stiffness: GaussianMap, state: BodyState, nu: float, base: np.ndarray
+        self,
+        stiffness: GaussianMap,
+        state: BodyState,
+        nu: float,
+        base: np.ndarray,
+        slack: float = 0.0,
     ) -> np.ndarray:
         """Compliance (j,) at another Poisson's ratio over that at the model's own.
 
@@ -232,7 +243,9 @@ class BodyMechanics:
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
         weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
         logs = [
-            self._log_ratio(node, lambda node=node: self._other(node), stiffness, state, base)
+            self._log_ratio(
+                node, lambda node=node: self._other(node), stiffness, state, base, slack
+            )
             for node in nearest.tolist()
         ]
         coarse = np.exp(weights @ logs)
@@ -251,6 +264,7 @@ class BodyMechanics:
         shift_m: Shift,
         base: np.ndarray,
         straight: bool = False,
+        slack: float = 0.0,
     ) -> np.ndarray:
         """Logarithm (j,) of the compliance of the body elsewhere over that at its stated place.
 
@@ -259,7 +273,9 @@ class BodyMechanics:
         shifted = self.shifted
 
         def log_ratio(place: Shift) -> np.ndarray:
-            return self._log_ratio(place, lambda: shifted.coarse_at(place), stiffness, state, base)
+            return self._log_ratio(
+                place, lambda: shifted.coarse_at(place), stiffness, state, base, slack
+            )
 
         return shifted.log_factor(shift_m, straight, log_ratio)
 
@@ -280,28 +296,37 @@ class BodyMechanics:
         stiffness: GaussianMap,
         state: BodyState,
         base: np.ndarray,
+        slack: float = 0.0,
     ) -> np.ndarray:
         """Logarithm (j,) of the compliance of another model over `base`.
 
-        Kept by its name; near the map of its last solution linear in the modulus.
+        Kept by its name; near the map of its last solution linear in the modulus. With much slack,
+        that of a body without fibres, skin and springs: they change the ratio little, and it need
+        not be made anew for each of their values.
         """
+        if slack >= self.settings.plain_slack and not self._is_reducible(stiffness, state):
+            plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
+            base = self._found(stiffness, plain, slack).compliance
+            return self._log_ratio(which, model, stiffness, plain, base, slack)
         key = (which, stiffness, _solved_state(state))
         if key in self._ratios:
             return self._ratios[key]
         changed = ChangedMap(stiffness, state)
         kind = (which, _solved_state(state).without_modulus_changes)
         if kind in self._linear:
-            near = self._linear[kind].log_at(changed, base, self.settings.ratio_error)
+            tolerance = self.settings.ratio_error * max(slack, 1.0)
+            near = self._linear[kind].log_at(changed, base, tolerance)
             if near is not None:
                 return near
         other = self._solve(model(), stiffness, state)
         ratio = other.compliance / base
         if not (np.isfinite(ratio).all() and ratio.min() > 0):
             raise InadmissibleError("the map is finer than the mesh of the body resolves")
-        _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
+        if slack <= 1:
+            _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
         linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
         _keep(self._linear, kind, linear, _KEPT_LINEAR)
-        return self._ratios[key]
+        return np.log(ratio)
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
         """Return the solution on the coarse model, a recent one from memory."""
@@ -310,7 +335,9 @@ class BodyMechanics:
         _keep(self._solutions, key, response, _KEPT_SOLUTIONS)
         return response
 
-    def _found(self, stiffness: GaussianMap, state: BodyState) -> Response | ReducedResponse:
+    def _found(
+        self, stiffness: GaussianMap, state: BodyState, slack: float
+    ) -> Response | ReducedResponse:
         """Return the solution on the coarse model, a recent one or that of a reduced basis."""
         key = (stiffness, _solved_state(state))
         if key in self._solutions or not self._is_reducible(stiffness, state):
@@ -319,7 +346,7 @@ class BodyMechanics:
             self._bases.append(ReducedBases(self.coarse))
         (bases,) = self._bases
         modulus = positive_modulus(ChangedMap(stiffness, state), self.coarse.points_m)
-        near = bases.evaluate(modulus, self.settings.reduced_error)
+        near = bases.evaluate(modulus, slack * self.settings.reduced_error)
         if near is not None:
             return near
         response = self._solved(stiffness, state)

@@ -26,6 +26,8 @@ class BodySettings:
     shifts : shifts of a block with a model, in side lengths; C is interpolated between them
     shift_room : share of the gap between tips and edges that a shift may close
     least_shift_m : gap below which a block cannot be shifted
+    plain_slack : slack of a search from which on ratios to other models leave out fibres, skin and
+        springs
     carried_shift_m, carried_change : distance of the body's place, and change of the logarithm of
         a compliance, up to which a search takes the finer model's correction from another place
     shift_step_m : distance between shifts with a finer model of their own
@@ -46,6 +48,7 @@ class BodySettings:
     shift_room: float = 0.95
     least_shift_m: float = 1e-4
     shift_step_m: float = 1e-4
+    plain_slack: float = 20.0
     carried_shift_m: float = 5e-4
     carried_change: float = 0.05
 

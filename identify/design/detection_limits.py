@@ -314,7 +314,7 @@ def _absorbed(
             break
         here = np.clip(here + step * min(1.0, settings.longest_step / longest), low, high)
         try:
-            there = model.linearise(here, reduced=True)
+            there = model.linearise(here, slack=1.0)
         except InadmissibleError:
             return None
         residual, jacobian = there.residual, there.jacobian

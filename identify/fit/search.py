@@ -51,6 +51,7 @@ class Search:
         self.settings, self.optimizer, self.progress = settings, optimizer, progress
         self.spent = 0
         self.history: list[FitIteration] = []
+        self._slack = 1.0 if settings.confirmed else settings.slack
         self._latest: tuple[MeasurementModel, bytes, Point] | None = None
         self._reported: tuple[MeasurementModel, bytes] | None = None
 
@@ -66,7 +67,7 @@ class Search:
         known = self._latest
         if known is None or known[0] is not model or known[1] != u.tobytes():
             self.spent += 1
-            known = self._latest = (model, u.tobytes(), model.evaluate(u, reduced=True))
+            known = self._latest = (model, u.tobytes(), model.evaluate(u, self._slack))
         return known[2]
 
     def linearise(self, model: MeasurementModel, u: np.ndarray) -> Linearised:
@@ -77,14 +78,14 @@ class Search:
         if self.settings.confirmed:
             return model.linearise(u)
         at = self.evaluate(model, u)
-        return at if isinstance(at, Linearised) else model.linearise(u, reduced=True)
+        return at if isinstance(at, Linearised) else model.linearise(u, self._slack)
 
     def corrected(
         self, model: MeasurementModel, u: np.ndarray, carried: bool = True
     ) -> MeasurementModel:
         """Return the model carried to the finer one at scaled coordinates u (k,)."""
         self.spent += 1
-        return model.corrected(u, carried)
+        return model.corrected(u, self._slack if carried else 0.0)
 
     def gross(self, model: MeasurementModel) -> float:
         """Half of chi-square from which on a misfit is gross."""
@@ -111,7 +112,9 @@ class Search:
         high[:mapped] = np.minimum(high[:mapped], u[:mapped] + radius)
         sought = np.arange(len(u)) != (-1 if held is None else held)
         usual = self.gross(model)
-        above = usual if 0.5 * self.evaluate(model, u).chi2 > usual else 0.0
+        chi2 = self.evaluate(model, u).chi2
+        above = usual if 0.5 * chi2 > usual else 0.0
+        self._loosen(chi2 / len(model.displacement_m))
         rms: dict[bytes, float] = {}
 
         def whole(x: np.ndarray) -> np.ndarray:
@@ -141,6 +144,13 @@ class Search:
         )
         result = replace(result, x=whole(result.x))
         return result, self.evaluate(model, result.x)
+
+    def _loosen(self, chi2_per_reading: float) -> None:
+        """Let reduced bases err by a share of the misfit where it exceeds the noise."""
+        s = self.settings
+        if not s.confirmed:
+            misfit = np.sqrt(max(chi2_per_reading, 1.0))
+            self._slack = s.slack * float(min(misfit, s.most_misfit_slack))
 
     def _accept(self, model: MeasurementModel, u: np.ndarray, chi2: float, rms_m: float) -> None:
         """Keep a step, unless a search goes on from where the last one ended."""

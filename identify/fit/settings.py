@@ -38,6 +38,9 @@ class FitSettings:
         within that
     confirmed : the record of the fit is that of the full model, and its correction is made at the
         estimate; without, both may be those of reduced bases and of a map nearby
+    slack, most_misfit_slack : factor on the tolerances of reduced bases in a fit that is not to be
+        confirmed, and the largest further one, the ratio of misfit to noise: errors of 1e-4 in
+        the worst press's compliance move chi-square by less than one, where models differ by ten
     kept_starts : number of initial maps, among dozens, from which a search starts
     start_evaluations : of each of these, for one inclusion; twice as many for each more, as several
         take longer to separate
@@ -67,6 +70,8 @@ class FitSettings:
     settled_most: float = 10.0
     stops_count: bool = True
     confirmed: bool = True
+    slack: float = 10.0
+    most_misfit_slack: float = 3.0
     kept_starts: int = 3
     start_evaluations: int = 8
     most_inclusions: int = 4

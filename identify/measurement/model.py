@@ -239,12 +239,12 @@ class MeasurementModel:
                 state = part.effect.body(state, **values[part.effect.name])
         return state
 
-    def corrected(self, u: np.ndarray, carried: bool = False) -> MeasurementModel:
+    def corrected(self, u: np.ndarray, slack: float = 0.0) -> MeasurementModel:
         """Return the model carried to the finer body at scaled coordinates u (k,).
 
-        `carried` see `BodyMechanics.corrected`.
+        `slack` see `BodyMechanics.corrected`.
         """
-        mechanics = self.mechanics.corrected(self.map(u), self.state(self.values(u)), carried)
+        mechanics = self.mechanics.corrected(self.map(u), self.state(self.values(u)), slack)
         return replace(self, mechanics=mechanics)
 
     @cached_property
@@ -259,10 +259,10 @@ class MeasurementModel:
         plain = self.press_error == 0 and self.map_uncertainty is None
         return plain and not (self.effects or self.chain.nonlinear or self.noise.touch_m)
 
-    def evaluate(self, u: np.ndarray, reduced: bool = False) -> Compressed | Linearised:
+    def evaluate(self, u: np.ndarray, slack: float = 0.0) -> Compressed | Linearised:
         """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
 
-        `reduced` see `BodyMechanics.evaluate`.
+        `slack` see `BodyMechanics.evaluate`.
 
         Raises
         ------
@@ -270,18 +270,18 @@ class MeasurementModel:
             The body is impossible there.
         """
         if not self.is_linear:
-            return self.linearise(u, reduced)
-        body = self.mechanics.evaluate(self.map(u), self.state({}), reduced)
+            return self.linearise(u, slack)
+        body = self.mechanics.evaluate(self.map(u), self.state({}), slack)
         self._refuse_impossible(body.compliance)
         residual, by_c = self.table.residuals(body.compliance, self.noise)
         by_map = body.by_map[:, list(self.space.free)] * self.space.slope(u)
         jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(-1, len(u))
         return Compressed(residual.ravel(), jacobian, self.table.rms(body.compliance))
 
-    def linearise(self, u: np.ndarray, reduced: bool = False) -> Linearised:
+    def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
 
-        `reduced` see `BodyMechanics.evaluate`.
+        `slack` see `BodyMechanics.evaluate`.
 
         Raises
         ------
@@ -289,7 +289,7 @@ class MeasurementModel:
             The body is impossible there (a modulus that is not positive, a Poisson's ratio of one
             half).
         """
-        return self.around(self.body(u, reduced), u)
+        return self.around(self.body(u, slack), u)
 
     def by_log_compliance(self, at: Linearised) -> np.ndarray:
         """Return the derivative (m,) of the prediction by ln C of its press, m.
@@ -299,9 +299,9 @@ class MeasurementModel:
         press = self.readings.press
         return at.by_compliance * at.compliance[press] - at.by_modulus * at.modulus[press]
 
-    def body(self, u: np.ndarray, reduced: bool = False) -> BodyResponse:
+    def body(self, u: np.ndarray, slack: float = 0.0) -> BodyResponse:
         """Solve the body at scaled coordinates (k,); see `linearise`."""
-        body = self.mechanics.evaluate(self.map(u), self.state(self.values(u)), reduced)
+        body = self.mechanics.evaluate(self.map(u), self.state(self.values(u)), slack)
         self._refuse_impossible(body.compliance)
         return body
 

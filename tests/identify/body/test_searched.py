@@ -1,5 +1,7 @@
 """What a search takes in place of full solutions, against full solutions of the same meshes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,11 +39,11 @@ def counted(monkeypatch, model: PalpationModel) -> list[int]:
 
 
 def test_a_search_takes_the_reduced_basis_within_its_tolerance(mechanics, monkeypatch):
-    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
     solved = counted(monkeypatch, mechanics.coarse)
     state = mechanics.state().changed(inclusion_shape=Shape(edge=0.01))
     for stiffness, body in ((moved(0.02), mechanics.state()), (MAP, state)):
-        near = mechanics.evaluate(stiffness, body, reduced=True)
+        near = mechanics.evaluate(stiffness, body, slack=1.0)
         by_map, (change, _) = near.by_map, near.change(state)
         assert not solved
         full = mechanics.evaluate(stiffness, body)
@@ -56,10 +58,10 @@ def test_a_search_takes_the_reduced_basis_within_its_tolerance(mechanics, monkey
 
 
 def test_a_far_map_is_solved_in_full_and_joins(mechanics, monkeypatch):
-    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
     solved = counted(monkeypatch, mechanics.coarse)
     for _ in range(2):
-        far = mechanics.evaluate(moved(1.0), mechanics.state(), reduced=True)
+        far = mechanics.evaluate(moved(1.0), mechanics.state(), slack=1.0)
         mechanics._solutions.clear()
     assert len(solved) == 1
     full = mechanics.evaluate(moved(1.0), mechanics.state()).compliance
@@ -75,12 +77,12 @@ def test_a_far_map_is_solved_in_full_and_joins(mechanics, monkeypatch):
     ],
 )
 def test_other_laws_are_solved_in_full(mechanics, change):
-    mechanics.evaluate(MAP, mechanics.state(), reduced=True)
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
     state = mechanics.state().changed(**change)
-    near = mechanics.evaluate(MAP, state, reduced=True).compliance
+    near = mechanics.evaluate(MAP, state, slack=1.0).compliance
     assert near.tolist() == mechanics.evaluate(MAP, state).compliance.tolist()
     # ... and their derivatives at the null
-    null = mechanics.evaluate(moved(0.01), mechanics.state(), reduced=True)
+    null = mechanics.evaluate(moved(0.01), mechanics.state(), slack=1.0)
     full = mechanics.evaluate(moved(0.01), mechanics.state())
     assert null.change(state)[0] == pytest.approx(full.change(state)[0], rel=1e-3)
 
@@ -88,9 +90,9 @@ def test_other_laws_are_solved_in_full(mechanics, change):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_correction_is_carried_only_where_it_is_sure(mechanics, monkeypatch, seed):
     state = mechanics.state()
-    assert not mechanics.corrected(MAP, state, carried=True).carried
+    assert not mechanics.corrected(MAP, state, slack=1.0).carried
     solved = counted(monkeypatch, mechanics.fine.fine)
-    near = mechanics.corrected(moved(0.1, seed), state, carried=True)
+    near = mechanics.corrected(moved(0.1, seed), state, slack=1.0)
     assert near.carried
     assert not solved
     exact = mechanics.corrected(moved(0.1, seed), state)
@@ -103,5 +105,30 @@ def test_the_correction_is_carried_only_where_it_is_sure(mechanics, monkeypatch,
     solved.clear()
     mechanics._fine.clear()
     mechanics.corrected(MAP, state)
-    assert not mechanics.corrected(moved(8.0, seed), state, carried=True).carried
+    assert not mechanics.corrected(moved(8.0, seed), state, slack=1.0).carried
     assert len(solved) == 2
+
+
+def test_with_slack_the_error_is_larger_and_still_bounded(mechanics):
+    state, slack = mechanics.state().changed(poisson_ratio=0.46), 10.0
+    mechanics.evaluate(MAP, state, slack=1.0)
+    for stiffness in (moved(0.05), moved(0.1, 2)):
+        near = mechanics.evaluate(stiffness, state, slack=slack).compliance
+        full = replace(mechanics, _ratios={}, _linear={}, _solutions={}).evaluate(stiffness, state)
+        tolerance = slack * (mechanics.settings.ratio_error + mechanics.settings.reduced_error)
+        assert near == pytest.approx(full.compliance, rel=tolerance, abs=0)
+        assert np.abs(near / full.compliance - 1).max() > 1e-7
+
+
+def test_with_much_slack_skins_take_the_ratio_of_the_plain_body(mechanics, monkeypatch):
+    state = mechanics.state().changed(poisson_ratio=0.46)
+    mechanics.evaluate(MAP, state, slack=30.0)
+    other = counted(monkeypatch, mechanics._other(0.47))
+    skin = state.changed(skin_thickness_m=1e-3, skin_factor=3.0)
+    near = mechanics.evaluate(MAP, skin, slack=30.0).compliance
+    assert not other
+    full = mechanics.evaluate(MAP, skin).compliance
+    assert other
+    assert near == pytest.approx(full, rel=5e-3, abs=0)
+    plain = mechanics.evaluate(MAP, state).compliance
+    assert np.abs(full / plain - 1).min() > 0.02

@@ -7,6 +7,7 @@ second order in the error of the assumed pressure p_j.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -125,12 +126,14 @@ def _nearest_nodes(mesh: Mesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return distance[np.arange(len(points)), nearest], used[nearest]
 
 
+@cache
 def disc_quadrature(
     profile: int, rule: tuple[int, int] = DISC_RULE
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (x, y) of the unit disc, and weights that hold the pressure and sum to one.
 
-    With s = sqrt(1 - r^2) the flat punch has uniform weight in s, the Hertz pressure 3 s^2.
+    With s = sqrt(1 - r^2) the flat punch has uniform weight in s, the Hertz pressure 3 s^2. Both
+    arrays are kept, and not to be written to.
     """
     rings, sectors = rule
     s, w = np.polynomial.legendre.leggauss(rings)
@@ -140,7 +143,10 @@ def disc_quadrature(
     angle = 2 * np.pi * (np.arange(sectors) + 0.5) / sectors
     r = np.sqrt(1 - s**2)
     points = np.stack([np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle))], axis=-1)
-    return points.reshape(-1, 2), np.repeat(w / sectors, sectors)
+    points, weights = points.reshape(-1, 2), np.repeat(w / sectors, sectors)
+    for array in (points, weights):
+        array.setflags(write=False)
+    return points, weights
 
 
 class Footprint(NamedTuple):

@@ -27,6 +27,7 @@ Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -39,7 +40,7 @@ from fem.reduced.energies import Fields, by_sample, summed
 
 FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
 _BASES = 3  # the last ones that served
-_BYTES = 100e6  # of a basis's energies
+_BYTES = 64e6  # of a basis's energies
 _MOST = 10  # snapshots of a basis: more are not worth their growth
 SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
 _SPANNED_SLOPE = 1e-3  # ... of a derivative, relative to itself
@@ -140,8 +141,8 @@ class ReducedModel:
             self._unit = modulus
             weight = (alone / response.compliance[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
-            self._primal = _Modes(root, lambda a, b: self._unit)
-            self._dual = _Modes(root, lambda a, b: self._unit * a.modulus * b.modulus)
+            self._primal = _Modes(root, lambda a, b: modulus)
+            self._dual = _Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
         while len(self._snapshots) >= self._most:
             self._drop(min(self._used, key=lambda number: self._used[number]))
         new = _Snapshot(field, modulus / self._unit, np.array(response.compliance))
@@ -190,7 +191,7 @@ class ReducedModel:
         nearest = max(zip(np.abs(weights).max(axis=0), self._snapshots, strict=True))[1]
         self._used[nearest] = self._evaluations
         low.setflags(write=False)
-        return ReducedResponse(low, high, self, weights, tuple(self._snapshots))
+        return ReducedResponse(low, high, weights, weakref.ref(self), tuple(self._snapshots))
 
     def _matrix(self, modes: _Modes, coefficients: np.ndarray) -> np.ndarray:
         """Matrix (j, m, m) of all snapshots for coefficients (q,) of the field."""
@@ -217,9 +218,15 @@ class ReducedResponse:
 
     compliance: np.ndarray
     high: np.ndarray
-    model: ReducedModel
     weights: np.ndarray
+    _model: weakref.ref[ReducedModel]
     _numbers: tuple[int, ...]
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the basis no longer has the snapshots of this response, and no derivatives."""
+        model = self._model()
+        return model is None or not all(number in model._snapshots for number in self._numbers)
 
     @property
     def error(self) -> float:
@@ -234,14 +241,24 @@ class ReducedResponse:
         Parameters
         ----------
         modulus_gradient : (p, k) dE/dtheta at the full model's `points_m`, or (p,) of one
+
+        Raises
+        ------
+        SolverError
+            The response is stale.
         """
-        own, modes = self.model, self.model._primal
+        own = self._model()
+        if own is None or self.is_stale:
+            raise SolverError("the basis has dropped a snapshot of this response; evaluate anew")
+        modes = own._primal
         columns = np.atleast_2d(np.asarray(modulus_gradient).T)[:, : len(own._unit)] / own._unit
         length = np.linalg.norm(columns * modes._root, axis=1)
         by_mode = modes.coefficients(columns, _SPANNED_SLOPE * length, own._pairs)
         place = {number: index for index, number in enumerate(self._numbers)}
         result = np.zeros((len(self.compliance), len(columns)))
         for (a, b), sums in modes.sums.items():
+            if a not in place or b not in place:  # has joined since
+                continue
             product = self.weights[:, place[a]] * self.weights[:, place[b]]
             result -= (1 if a == b else 2) * product[:, None] * (sums @ by_mode.T)
         return result if np.ndim(modulus_gradient) == 2 else result[:, 0]

@@ -48,7 +48,7 @@ class BodyResponse:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
-        return self._scale[:, None] * _gradient(self._response, gradient, self._state)
+        return self._scale[:, None] * _gradient(self._near, gradient, self._state)
 
     @cached_property
     def _full(self) -> Response:
@@ -56,6 +56,12 @@ class BodyResponse:
         if isinstance(self._response, Response):
             return self._response
         return self._mechanics._solved(self._map, self._state)
+
+    @property
+    def _near(self) -> Response | ReducedResponse:
+        """The solution that answers for changes of the modulus."""
+        stale = isinstance(self._response, ReducedResponse) and self._response.is_stale
+        return self._full if stale else self._response
 
     def by_field(self) -> np.ndarray:
         """Return the derivative (j, g) of ln C by a free map, by its logarithm at its g points."""
@@ -77,7 +83,7 @@ class BodyResponse:
         if state.modulus_changes != self._state.modulus_changes:
             new, old = (ChangedMap(self._map, s) for s in (state, self._state))
             moved = new.modulus(points) - old.modulus(points)
-            change += self._scale * self._response.gradient(moved)
+            change += self._scale * self._near.gradient(moved)
             local = new.modulus(own.local_points) - self.local_modulus
         if state.poisson_ratio != self._state.poisson_ratio:
             step = state.poisson_ratio - self._state.poisson_ratio

@@ -46,7 +46,7 @@ def solved(full, parameters):
 
 
 def bounded_by(low, high) -> ReducedResponse:
-    return ReducedResponse(low, high, None, np.ones((4, 1)), (0,))  # pyright: ignore[reportArgumentType]
+    return ReducedResponse(low, high, np.ones((4, 1)), lambda: None, (0,))  # pyright: ignore[reportArgumentType]
 
 
 def answered(model, *arguments):
@@ -132,11 +132,27 @@ def test_the_snapshot_that_went_unused_makes_place(full):
     places = CENTRE + np.outer([0, 1, 2], HALF * [0, 0, 1, 0, 0, 0])
     for parameters in places[:2]:
         model.add(solved(full, parameters))
+    before = answered(model, field(places[1], full.points_m))
+    slope = before.gradient(slopes(places[1], full.points_m))
     assert answered(model, field(places[0], full.points_m)).error < 3e-6
     model.add(solved(full, places[2]))
     assert len(model) == 2
+    assert before.is_stale
+    with pytest.raises(SolverError, match="evaluate anew"):
+        before.gradient(slopes(places[1], full.points_m))
+    assert np.isfinite(slope).all()
     errors = [answered(model, field(one, full.points_m)).error for one in places]
     assert max(errors[0], errors[2]) < 3e-6 < errors[1]
+
+
+def test_a_response_keeps_its_derivatives_while_the_basis_grows(full):
+    model = grown(full, 2)
+    (parameters,) = drawn(1, 8)
+    before = answered(model, field(parameters, full.points_m))
+    slope = before.gradient(slopes(parameters, full.points_m))
+    model.add(solved(full, parameters))
+    assert not before.is_stale
+    assert before.gradient(slopes(parameters, full.points_m)) == pytest.approx(slope, rel=1e-6)
 
 
 def test_bases_answer_only_where_they_are_certain(full):

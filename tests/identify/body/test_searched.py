@@ -132,3 +132,14 @@ def test_with_much_slack_skins_take_the_ratio_of_the_plain_body(mechanics, monke
     assert near == pytest.approx(full, rel=5e-3, abs=0)
     plain = mechanics.evaluate(MAP, state).compliance
     assert np.abs(full / plain - 1).min() > 0.02
+
+
+def test_a_response_outlives_its_basis(mechanics):
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
+    near = mechanics.evaluate(moved(0.02), mechanics.state(), slack=1.0)
+    state = mechanics.state().changed(inclusion_shape=Shape(edge=0.01))
+    before = near.change(state)[0]
+    mechanics._bases.clear()
+    assert near._response.is_stale  # pyright: ignore[reportAttributeAccessIssue]
+    assert near.change(state)[0] == pytest.approx(before, rel=0.02, abs=1e-9)
+    assert near.by_map.shape == (4, 6)

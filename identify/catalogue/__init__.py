@@ -1,6 +1,7 @@
 """The built-in effects, one file an effect, and the loader of a user's own."""
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.catalogue.contained import contains_its_special_cases
 from identify.catalogue.user_effect import load_effect, refuse_effect_file
 
-__all__ = ["CATALOGUE", "load_effect", "refuse_effect_file"]
+__all__ = ["CATALOGUE", "contains_its_special_cases", "load_effect", "refuse_effect_file"]

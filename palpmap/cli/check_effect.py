@@ -27,14 +27,17 @@ def check_effect(
     """
     from dataclasses import asdict
 
-    from identify.catalogue import load_effect
+    from identify.catalogue import contains_its_special_cases, load_effect
     from identify.effects.conformance import check_effect as check
     from identify.effects.conformance import failures
     from identify.select import NOT_PLANTED, plant_and_recover
     from palpmap.commands.effects import findings_table
 
     effect = load_effect(file)
-    further = {"planted and found": plant_and_recover}
+    further = {
+        "contains its special cases": contains_its_special_cases,
+        "planted and found": plant_and_recover,
+    }
     findings = check(effect, further)
     faults = failures(findings)
     not_made = [finding for finding in findings if finding.says.startswith(NOT_PLANTED)]

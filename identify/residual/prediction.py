@@ -40,6 +40,7 @@ from models import Catalogue, InputError, Scan
 LEVEL = 0.01  # of the test
 LEAST_REACH, DEEP = 0.35, 0.8  # shares of a press's depth, for the error of the laws
 UNEVEN = 0.5  # part of a common error of the laws that may differ from press to press
+STEEPEST = 0.2  # least slope of travel over force, of the line to no force: noise makes it less
 _WITHIN = 1.96
 
 Verdict = Literal["calibrated", "too narrow", "too wide"]
@@ -173,7 +174,7 @@ def predict(
         scan=used,
         predicted_m=at.predicted_m,
         sd_m=np.sqrt(total),
-        error_n=(used.displacement_m - at.predicted_m) / _slope(model, at, readings),
+        error_n=(used.displacement_m - at.predicted_m) / _slope(model, at),
         parts_m={
             "noise": at.sigma_m,
             "map and effects": np.sqrt(of_map),
@@ -324,11 +325,11 @@ def _matched(
     return covariance, columns[:, [own.index(name) for name in names]]
 
 
-def _slope(model: MeasurementModel, at: Linearised, readings: Readings) -> np.ndarray:
-    """Slope (m,) of travel over force, m/N."""
-    c, e = at.body.compliance, at.body.local_modulus
-    slope = model.chain.by_force(c, e, at.latent_force_n, at.values)
-    return np.maximum(slope, 1e-3 * c[readings.press])
+def _slope(model: MeasurementModel, at: Linearised) -> np.ndarray:
+    """Slope (m,) of travel over force, m/N, at least a part of the straight line's to no force."""
+    slope = model.chain.by_force(at.compliance, at.modulus, at.latent_force_n, at.values)
+    force = np.maximum(np.abs(at.latent_force_n), 1e-9)
+    return np.maximum(slope, STEEPEST * np.abs(at.predicted_m) / force)
 
 
 def _means(values: np.ndarray, rows: np.ndarray, press: np.ndarray) -> np.ndarray:

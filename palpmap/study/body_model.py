@@ -23,6 +23,8 @@ COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
 MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
 BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
+FEW = 20  # presses that tell it
+THICKER = 1.2  # of an assumed thickness, to tell how far moduli depend on it
 REFINEMENT = 1.5
 FREE_MAP_CELLS = 1000  # most hexahedra under a free map
 FREE_MAP_WORK = 3e5  # hexahedra times presses: eight evaluations in a minute of one core
@@ -46,6 +48,8 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
     contacts, note = contacts_of(scan, study.probe.tip == "sphere")
+    if study.body.thickness_assumed:
+        note = f"{note} {_thickness_note(study.body, contacts)}".strip()
     if study.map.kind == "free":
         return _under_free_map(study, scan, contacts, note)
     refuse_too_large(study.body, len(scan.press_ids))
@@ -97,6 +101,43 @@ def _search_model(study: Study, coarse: Mesh, contacts: Contacts) -> PalpationMo
         contacts,
         near_field=False,
         support=support_of(study.body),
+    )
+
+
+def _thickness_note(body: Body, contacts: Contacts) -> str:
+    """Say how far moduli depend on a thickness that nobody measured."""
+    edges = _edges(body)
+    assert edges is not None  # the study's own rule: no closed surface has an assumed thickness
+    counts = block_divisions(edges, float(np.cbrt(np.prod(edges) / COARSE_CELLS)))
+    some = np.linspace(0, len(contacts) - 1, min(len(contacts), FEW)).round().astype(int)
+    contacts = Contacts(
+        contacts.points_m[some], contacts.directions[some], contacts.radius_m[some],
+        contacts.profile,
+    )  # fmt: skip
+    higher, thicker = contacts, body
+    if body.size_m is not None:
+        x, y, z = body.size_m
+        thicker = body.model_copy(update={"size_m": (x, y, THICKER * z)})
+        up = np.array([0.0, 0.0, (THICKER - 1) * z])
+        higher = Contacts(
+            contacts.points_m + up, contacts.directions, contacts.radius_m, contacts.profile
+        )
+    else:  # with the sides where they are
+        made = contact_body(body)
+        margin_m = float(made.surface.points_m[:, 0].min() - made.corner_m[0])
+        update = {"thickness_m": THICKER * edges[2], "margin_m": margin_m}
+        thicker = body.model_copy(update=update)
+    here, there = (
+        PalpationModel(
+            _divided(one, counts), body.poisson_ratio, pressed, support=support_of(body)
+        ).evaluate(1.0).compliance
+        for one, pressed in ((body, contacts), (thicker, higher))
+    )  # fmt: skip
+    low, middle, high = np.percentile(100 * (there / here - 1), [5, 50, 95])
+    return (
+        f"The thickness is assumed: were it {100 * (THICKER - 1):.0f} % more, an even body would "
+        f"be {middle:.2g} % softer under the presses ({low:.2g} to {high:.2g} %), and the moduli "
+        "found would be higher by as much."
     )
 
 

@@ -26,6 +26,7 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
 
 def refuse_contradictions(placement: Placement, study: Study) -> None:
     """Refuse a placed scan that contradicts itself or the study, however many presses it has."""
+    _refuse_outside(study)
     _refuse_steady(placement.scan.used(), study)
     _refuse_too_deep(placement.scan, study)
 
@@ -47,6 +48,28 @@ def too_few(placement: Placement, study: Study) -> str | None:
         f"radius), expected at least {max(unknowns, FEWEST_PRESSES)}{why}; press at more "
         f"places{fewer}"
     )
+
+
+def _refuse_outside(study: Study) -> None:
+    """Refuse an inclusion that is stated outside the body by more than its radius."""
+    if study.body.size_m is None:
+        return
+    for table in ("initial", "fixed"):
+        given = getattr(study.map, table)
+        for name, value in given.items():
+            inclusion, _, key = name.rpartition(".")
+            axis = ("x_m", "y_m", "z_m").index(key) if key in ("x_m", "y_m", "z_m") else None
+            if axis is None:
+                continue
+            radius = {**study.map.initial, **study.map.fixed}.get(f"{inclusion}.radius_m", 0.0)
+            low = study.body.origin_m[axis]
+            high = low + study.body.size_m[axis]
+            if not low - radius <= value <= high + radius:
+                raise InputError(
+                    f"study, key map.{table}.{name}: found {value:g} m, expected {low:g} to "
+                    f"{high:g} m, inside the body in the scan's frame (body.origin_m and "
+                    "body.size_m); correct the place, or leave it out to have it found"
+                )
 
 
 def _refuse_too_deep(scan: Scan, study: Study) -> None:

@@ -1,5 +1,6 @@
 """From a study to its finite element models: what holds the body."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,16 @@ from identify.map.gaussian_map import GaussianMap, Inclusion
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
-from palpmap.study.body_model import build_body_model, cell_size_m, smallest_cell_m, support_of
+from palpmap.study.body import Body
+from palpmap.study.body_model import (
+    _thickness_note,
+    build_body_model,
+    cell_size_m,
+    smallest_cell_m,
+    support_of,
+)
 from palpmap.study.study import Study, load_study, write_study
+from tests.fem.reference.hayes import punch_factor
 from tests.paths import LAB
 
 CASE_A = LAB / "case_a"
@@ -119,3 +128,14 @@ def test_cells_that_cannot_be_computed_with_are_refused_with_the_least_size():
     assert cell_size_m(study_with(cell_size_m=least).body) == least
     with pytest.raises(InputError, match=rf"cell_size_m: found 0.001 m, .* at least {least:g} m"):
         cell_size_m(study_with(cell_size_m=0.001).body)
+
+
+def test_an_assumed_thickness_is_said_with_its_weight_as_a_bonded_layer_has_it():
+    body = Body(
+        shape="block", size_m=(0.14, 0.14, 0.02), poisson_ratio=0.45, thickness_assumed=True
+    )
+    contacts = Contacts([[0.07, 0.07, 0.02]], [0.0, 0.0, -1.0], 0.005)
+    said = _thickness_note(body, contacts)
+    percent = float(re.search(r"would be ([\d.]+) % softer", said).group(1))
+    thin, thick = (punch_factor(0.005 / h, 0.45) for h in (0.02, 1.2 * 0.02))
+    assert percent == pytest.approx(100 * (thin / thick - 1), rel=0.1)

@@ -105,3 +105,14 @@ def test_a_hold_at_constant_force_with_creep_is_a_scan():
     placement = place_scan(creep, study())
     refuse_unfit(placement, study())
     assert too_few(placement, study()) is None
+
+
+def test_a_guess_outside_the_body_is_refused_in_the_scans_frame():
+    inside = study(initial={"inclusion_1.x_m": 0.05, "inclusion_1.z_m": 0.03})
+    refuse_unfit(place_scan(scan(6), inside), inside)
+    for table in ("initial", "fixed"):
+        out = study(**{table: {"inclusion_1.z_m": -0.068}})
+        said = refused(scan(6), out)
+        assert f"key map.{table}.inclusion_1.z_m: found -0.068 m, expected 0 to" in said
+    near = study(initial={"inclusion_1.z_m": -0.004, "inclusion_1.radius_m": 0.005})
+    refuse_unfit(place_scan(scan(6), near), near)

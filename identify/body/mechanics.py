@@ -32,7 +32,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
-_KEPT_LINEAR = 12  # linear ratios of other models, of 7 MB each
+_KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
 _KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
 _KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
@@ -313,11 +313,13 @@ class BodyMechanics:
             return self._ratios[key]
         changed = ChangedMap(stiffness, state)
         kind = (which, _solved_state(state).without_modulus_changes)
-        if kind in self._linear:
-            tolerance = self.settings.ratio_error * max(slack, 1.0)
-            near = self._linear[kind].log_at(changed, base, tolerance)
-            if near is not None:
-                return near
+        tolerance = self.settings.ratio_error * max(slack, 1.0)
+        for name, linear in reversed(self._linear.items()):
+            if name[:2] == kind:
+                near = linear.log_at(changed, base, tolerance)
+                if near is not None:
+                    _keep(self._linear, name, linear, _KEPT_LINEAR)
+                    return near
         other = self._solve(model(), stiffness, state)
         ratio = other.compliance / base
         if not (np.isfinite(ratio).all() and ratio.min() > 0):
@@ -325,7 +327,7 @@ class BodyMechanics:
         if slack <= 1:
             _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
         linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
-        _keep(self._linear, kind, linear, _KEPT_LINEAR)
+        _keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
         return np.log(ratio)
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:

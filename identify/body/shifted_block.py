@@ -108,8 +108,11 @@ class ShiftedBlock:
         return model
 
     def near(self, shift_m: Shift) -> Shift:
-        """Return the nearest shift with a finer model."""
+        """Return the nearest shift with a finer model; that of the model at hand, if it is near."""
         step = self.settings.shift_step_m
+        for place in self._fine:
+            if max(abs(a - b) for a, b in zip(place, shift_m, strict=True)) <= step:
+                return place
         x, y = (step * round(shift / step) for shift in shift_m)
         return x, y
 

@@ -143,3 +143,12 @@ def test_a_response_outlives_its_basis(mechanics):
     assert near._response.is_stale  # pyright: ignore[reportAttributeAccessIssue]
     assert near.change(state)[0] == pytest.approx(before, rel=0.02, abs=1e-9)
     assert near.by_map.shape == (4, 6)
+
+
+def test_ratios_of_several_maps_are_kept(mechanics, monkeypatch):
+    state = mechanics.state().changed(poisson_ratio=0.46)
+    other = counted(monkeypatch, mechanics._other(0.47))
+    for stiffness in (MAP, moved(2.0), moved(0.01), moved(2.0), MAP):
+        mechanics._ratios.clear()
+        mechanics.evaluate(stiffness, state, slack=1.0)
+    assert len(other) == 2

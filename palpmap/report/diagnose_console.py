@@ -35,6 +35,13 @@ def _best_evidence(record: DiagnosisRecord, diagnosis: Diagnosis) -> str:
     if best is None or best.name not in diagnosis.significant:
         return ""
     candidate = next(c for c in record.candidates if c.name == best.name)
+    family = {c.name: c.family for c in record.candidates}
     alike = [n for n in candidate.confused_with if n in diagnosis.significant]
-    others = f" ({', '.join(alike)} would look much the same: `palpmap explain` decides)"
-    return f"Best: {best.name}. {candidate.evidence}{others if alike else ''}"
+    forms = [n for n in alike if family[n] == candidate.family]
+    causes = [n for n in alike if n not in forms]
+    says = f"Best: {best.name}. {candidate.evidence}"
+    if causes:
+        says += f" ({', '.join(causes)} would look much the same: `palpmap explain` decides)"
+    if forms:
+        says += f" Its form is open: {', '.join(forms)} would be the same cause by another law."
+    return says

@@ -180,6 +180,7 @@ def candidate_record(
         explained_fraction=found.explained_fraction,
         confused_with=found.confused_with,
         evidence=_evidence(score, problem, final),
+        family=problem.catalogue[score.name].family,
     )
 
 

@@ -59,6 +59,7 @@ class CandidateRecord(Record):
     explained_fraction: float = Field(description="share of the unexplained chi-square, 0 to 1")
     confused_with: tuple[str, ...] = Field(description="effects with the same pattern here")
     evidence: str = Field(description="what its values mean, in one sentence")
+    family: str = Field(default="", description="simplest effect of the same cause; forms share it")
 
 
 class CountRecord(Record):

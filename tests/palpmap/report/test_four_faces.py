@@ -222,3 +222,33 @@ def test_the_faces_agree_on_every_verdict(explained_case, tmp_path, verdict):
     assert agree(in_terminal(explained, record, case.problem), wanted)
     assert agree(in_report(report), wanted)
     assert agree(in_recording(about_text("a scan", explained, record)), wanted)
+
+
+def test_another_form_is_told_from_another_cause():
+    from types import SimpleNamespace
+    from typing import Any
+
+    from palpmap.report.diagnose_console import _best_evidence
+
+    def candidate(name: str, family: str) -> SimpleNamespace:
+        return SimpleNamespace(
+            name=name, family=family, evidence="It creeps.",
+            confused_with=("power_law_creep", "hysteresis", "breathing"),
+        )  # fmt: skip
+
+    record: Any = SimpleNamespace(
+        candidates=[
+            candidate("viscoelasticity", "viscoelasticity"),
+            candidate("power_law_creep", "viscoelasticity"),
+            candidate("hysteresis", "hysteresis"),
+            candidate("breathing", "breathing"),
+        ]
+    )
+    diagnosis: Any = SimpleNamespace(
+        scores=record.candidates, significant={"viscoelasticity", "power_law_creep", "hysteresis"}
+    )
+    says = _best_evidence(record, diagnosis)
+    assert "(hysteresis would look much the same" in says
+    assert says.endswith(
+        "Its form is open: power_law_creep would be the same cause by another law."
+    )

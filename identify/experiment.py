@@ -105,13 +105,14 @@ class FieldGuess:
 class MapGuess:
     """Number of inclusions, first guesses and fixed values by parameter name, body frame.
 
-    With a `field` the map is free and has no inclusions.
+    With a `field` the map is free and has no inclusions. `either`: or has, as the evidence says.
     """
 
     inclusions: int | Literal["auto"] = 1
     initial: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     field: FieldGuess | None = None
+    either: bool = False
 
     @property
     def unknowns(self) -> int:

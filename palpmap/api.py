@@ -30,7 +30,14 @@ from identify.measurement import scan_noise
 from identify.optimize import Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
 from identify.residual import run_difference
-from identify.select import Step, refuse_effect, start_fit, step_of, with_effects
+from identify.select import (
+    Step,
+    kind_of_map,
+    refuse_effect,
+    start_fit,
+    step_of,
+    with_effects,
+)
 from identify.select import explain as explain_scan
 from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study
@@ -86,7 +93,14 @@ def fit(
     progress("fitting the map")
     for effect, initial in opened.effects:
         refuse_effect(effect, Readings.of(opened.scan), initial)
-    found = fit_map(opened, optimizer, on_iteration)
+    kind = kind_of_map(opened, on_iteration) if opened.map.either else None
+    if kind is not None and not kind.free:
+        experiment = experiment.of_kind("inclusions")
+        opened = experiment.opened(progress, thin=False)
+    found = fit_map(opened, optimizer, on_iteration) if kind is None or not kind.free else kind.fit
+    if kind is not None:
+        progress(kind.says)
+        found = replace(found, message=f"{found.message}; {kind.says}")
     if opened.effects and opened.map.field is None:
         progress("fitting the effects")
         found = with_effects(opened, found)
@@ -178,12 +192,12 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
-    if experiment.study.map.kind == "free":
-        raise InputError(
-            'study, key map.kind: found "free", expected "inclusions": missing effects are not yet '
-            "sought beside a free map; `palpmap fit` and `palpmap compare` take it"
-        )
     opened = experiment.opened(progress)
+    if opened.map.either:
+        kind = kind_of_map(opened, on_iteration)
+        progress(kind.says)
+        experiment = experiment.of_kind("free" if kind.free else "inclusions")
+        opened = experiment.opened(progress)
     known = (*effects, *(effect for effect, _ in opened.effects), *experiment.own_effects)
     catalogue = Catalogue({effect.name: effect for effect in known}.values())
     return Problem(**vars(start_fit(opened, catalogue, on_iteration)), study=experiment.study)

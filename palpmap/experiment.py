@@ -98,14 +98,24 @@ class Experiment:
         """Return the experiment with another number of inclusions in its map; None keeps it."""
         if inclusions is None:
             return self
-        if self.study.map.kind == "free":
+        if (kind := self.study.map.kind) != "inclusions":
             raise InputError(
-                'study, key map.kind: found "free", which has no inclusions; leave out '
-                'their number or set kind = "inclusions"'
+                f'study, key map.kind: found "{kind}", which takes no number of inclusions; leave '
+                'it out or set kind = "inclusions"'
             )
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
         checked = _checked(Map, **map_table.model_dump())
         study = self.study.model_copy(update={"map": checked})
+        return Experiment.of(self.scan, study, self.source)
+
+    def of_kind(self, kind: Literal["inclusions", "free"]) -> Experiment:
+        """Return the experiment with another kind of map, inclusions of a number to be found."""
+        number = "auto" if kind == "inclusions" else 1
+        study_map = self.study.map
+        table = Map(kind=kind, inclusions=number) if kind == "inclusions" else Map(
+            kind=kind, length_m=study_map.length_m, spread=study_map.spread
+        )  # fmt: skip
+        study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)
 
     def opened(self, say: Progress = silent, thin: bool = True) -> Opened:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem import SolverError
+from identify.fit.field import Field
 from identify.fit.result import FitResult
 from identify.fit.settings import CROSS_VALIDATION, CrossValidationSettings
 from identify.optimize.result import InadmissibleError
@@ -38,6 +39,8 @@ def cross_validate(
     fit: FitResult, settings: CrossValidationSettings = CROSS_VALIDATION
 ) -> CrossValidation:
     """Predict presses and high forces that are left out of a fit."""
+    if fit.field is not None:
+        return _of_free_map(fit, fit.field, settings)
     press = fit.model.readings.press
     fold = folds(fit.model.readings.presses, settings.folds)[press]
     error = np.empty(len(press))
@@ -51,6 +54,17 @@ def cross_validate(
         return CrossValidation(rms, ratio, None, None)
     error[high] = predicted_error(fit, high, settings)
     return CrossValidation(rms, ratio, *_rms(fit, error, high))
+
+
+def _of_free_map(
+    fit: FitResult, field: Field, settings: CrossValidationSettings
+) -> CrossValidation:
+    """Predict the presses of each fold by the map of the others; no high forces alone."""
+    assert field.posterior is not None
+    error = field.posterior.left_out(folds(fit.model.readings.presses, settings.folds))
+    moved = field.by_press_m * (error - field.press_error)[fit.model.readings.press]
+    whole = (fit.residual_m - moved) / fit.at.sigma_m
+    return CrossValidation(*_rms(fit, whole, np.ones(len(whole), bool)), None, None)
 
 
 def folds(presses: int, count: int = CROSS_VALIDATION.folds) -> np.ndarray:

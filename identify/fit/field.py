@@ -117,8 +117,11 @@ class Field:
     def absorbed_m(self, press: np.ndarray) -> np.ndarray:
         """Return the changes (m, k) m of predicted displacements that the field can follow.
 
+        With an error of the map, which every press has for itself, these are all compliances.
         `press` (m,) is the press of each reading.
         """
+        if self.hyper.error > 0:
+            return self.by_press_m[:, None] * (press[:, None] == np.arange(press.max() + 1))
         return self.by_press_m[:, None] * self.followed[press]
 
 

@@ -157,7 +157,7 @@ class FreeMapFit:
             self._accept(point, posterior, number)
             told = (self.weight > 0) & (readings.doubt == 0)
             unit = np.sqrt(error**2 + readings.variance)
-            step = float(np.sqrt(np.mean(np.square(posterior.step / unit)[told])))
+            step = float(np.percentile(np.abs(posterior.step / unit)[told], 95)) / 1.96
             change = float(np.abs(posterior.mean - point.field).max())
             if near and number >= s.evidence_rounds and step < s.settled:
                 message = f"the last step was {step:.2g} standard deviations of a press long"

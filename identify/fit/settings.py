@@ -221,8 +221,9 @@ class FreeMapSettings:
     longest_step : largest change of the map's logarithm in one
     shortest_step : share of a step below which none is tried
     worse : tolerated relative rise of the misfit in a step
-    settled : change of the presses' compliances, in their standard deviations (root mean square),
-        that ends the search
+    settled : change of the presses' compliances, in their standard deviations (the 95th percentile
+        over that of a normal one), that ends the search; the last presses may be on a lump so hard
+        that its modulus is open
     near : largest change of the logarithm from which on the finer model corrects each step
     absorbed : variance over the noise's from which on the field counts as following a direction
         of the readings
@@ -280,6 +281,8 @@ class SpotSettings:
     largest_share : of the body's width, from which on a region is a layer
     draws : of the posterior
     most : regions of either sign
+    levels : heights of a region's edge over that of its peak, in turn
+    resolved : diameter in widths of smearing from which on the size is told
     possible, probable : probability from which on a spot is listed, and offered
     """
 
@@ -288,6 +291,8 @@ class SpotSettings:
     largest_share: float = 0.6
     draws: int = 200
     most: int = 8
+    levels: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9)
+    resolved: float = 1.3
     possible: float = 0.5
     probable: float = 0.95
 

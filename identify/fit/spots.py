@@ -1,7 +1,8 @@
 """Spots of a free map: places that are harder or softer than all around them.
 
 A spot is a region of the most probable field at more than half the height of a peak over the
-median of the seen part of the body, in the seen part itself. Its contrast is that of the means of
+median of the seen part of the body, in the seen part itself, or less of it where the region would
+reach to a higher peak. Its contrast is that of the means of
 ln E inside and in a shell around it; the probability of the spot is the share of posterior draws in
 which this contrast is real. Regions that reach across most of the body are layers, not spots.
 """
@@ -27,7 +28,8 @@ class Spot:
     ----------
     x_m, y_m, z_m : centre, body frame
     place_sd_m : standard deviation of the centre, root mean square over the axes
-    diameter_m : of a ball of the same volume, at half height
+    diameter_m : of a ball of the same volume, at half height, in the map as it is smeared
+    width_m : over which the map is smeared there
     contrast : mean modulus inside over that around it (geometric means)
     lower95, upper95 : interval of the contrast
     probability : that the contrast is at least that of `SpotSettings.least_contrast`
@@ -39,11 +41,19 @@ class Spot:
     z_m: float
     place_sd_m: float
     diameter_m: float
+    width_m: float
     contrast: float
     lower95: float
     upper95: float
     probability: float
     depth_seen: float
+
+    @property
+    def size_m(self) -> float | None:
+        """Diameter without the smearing; None for a spot that is hardly wider than that."""
+        if self.diameter_m < SPOTS.resolved * self.width_m:
+            return None
+        return float(np.sqrt(self.diameter_m**2 - self.width_m**2))
 
     @property
     def found(self) -> bool:
@@ -64,27 +74,49 @@ def find_spots(posterior: FieldPosterior, settings: SpotSettings = SPOTS) -> tup
             spot = _spot(posterior, draws, inside, seen, sign, settings)
             if spot is not None and spot.probability >= settings.possible:
                 found.append(spot)
-    return tuple(sorted(found, key=lambda spot: -spot.probability))
+    own: list[Spot] = []
+    for spot in sorted(found, key=lambda spot: -abs(np.log(spot.contrast))):
+        if not any(_is_halo(spot, stronger) for stronger in own):
+            own.append(spot)
+    return tuple(sorted(own, key=lambda spot: -spot.probability))
+
+
+def _is_halo(spot: Spot, other: Spot) -> bool:
+    """Whether a spot is the rim of a stronger one of the other sign: sharp steps overshoot."""
+    own, more = np.log(spot.contrast), np.log(other.contrast)
+    apart = np.linalg.norm([spot.x_m - other.x_m, spot.y_m - other.y_m, spot.z_m - other.z_m])
+    near = apart < (spot.diameter_m + other.diameter_m) / 2 + other.width_m
+    return bool(own * more < 0 and near)
 
 
 def _regions(
     field: np.ndarray, seen: np.ndarray, grid: Grid, sign: float, settings: SpotSettings
 ) -> Iterator[np.ndarray]:
-    """Yield the regions (g,) bool at more than half the height of each peak, the highest first."""
-    height = sign * (field - np.median(field[seen]))
-    free = seen.copy()
-    for _ in range(settings.most):
-        peak = int(np.argmax(np.where(free, height, -np.inf)))
-        if not free[peak] or height[peak] < np.log(settings.least_contrast):
+    """Yield the regions (g,) bool around the peaks, the highest first.
+
+    A region is what lies above half of the peak's height, or, where that reaches to a higher peak,
+    above the lowest level that does not.
+    """
+    height = np.where(seen, sign * (field - np.median(field[seen])), -np.inf)
+    cube = height.reshape(grid.counts)
+    tops = (cube == ndimage.maximum_filter(cube, size=3)).ravel()
+    least = np.log(settings.least_contrast)
+    peaks = [p for p in np.argsort(-height).tolist() if tops[p] and height[p] >= least]
+    labels, higher, found = np.empty(grid.counts, dtype=int), np.zeros(len(height), bool), 0
+    for peak in peaks:
+        for share in settings.levels:
+            if height[peak] * (1 - share) < least / 2:
+                break  # hardly rises above its surroundings
+            ndimage.label(cube > share * height[peak], output=labels)
+            inside = labels.ravel() == labels.ravel()[peak]
+            if not (inside & higher).any():
+                if _is_compact(inside, grid, settings):
+                    found += 1
+                    yield inside
+                break
+        higher[peak] = True
+        if found == settings.most:
             return
-        above = seen & (height > height[peak] / 2)
-        labels = np.empty(grid.counts, dtype=int)
-        ndimage.label(above.reshape(grid.counts), output=labels)
-        labels = labels.ravel()
-        inside = labels == labels[peak]
-        if free[inside].all() and _is_compact(inside, grid, settings):
-            yield inside
-        free &= ~_dilated(inside, grid)
 
 
 def _is_compact(inside: np.ndarray, grid: Grid, settings: SpotSettings) -> bool:
@@ -124,6 +156,7 @@ def _spot(
         x, y, z,
         place_sd_m=float(np.sqrt(np.mean((places - centre) ** 2))),
         diameter_m=float(diameter),
+        width_m=float(posterior.smearing_m(np.array([at]))[0]),
         contrast=float(np.exp(own)),
         lower95=low,
         upper95=high,

@@ -299,6 +299,14 @@ class MeasurementModel:
         press = self.readings.press
         return at.by_compliance * at.compliance[press] - at.by_modulus * at.modulus[press]
 
+    def moved_by_body(self, at: Linearised, dc: np.ndarray, de: np.ndarray) -> np.ndarray:
+        """Return the change (m,) of the predictions by that of the body's C and moduli (j,), m."""
+        if self.unit_compliance is not None:
+            dc = at.compliance / at.body.compliance * dc
+            de = -at.modulus / at.compliance * dc
+        press = self.readings.press
+        return at.by_compliance * dc[press] + at.by_modulus * de[press]
+
     def body(self, u: np.ndarray, slack: float = 0.0) -> BodyResponse:
         """Solve the body at scaled coordinates (k,); see `linearise`."""
         body = self.mechanics.evaluate(self.map(u), self.state(self.values(u)), slack)

@@ -28,7 +28,7 @@ class ResidualView:
     bad : list of int
         Indices of outlying presses, beyond all smooth patterns.
     chi2, dof : float, int
-        Of the unscaled residual.
+        Of the unscaled residual; of the fit, where that has its own (`Whitened.size`).
     scatter, scale : float
         Reading-to-reading scatter in units of the noise given; the larger of it and 1 where it is
         surely larger, else 1.
@@ -75,6 +75,9 @@ def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Residua
             untestable[dimension.name] = result
         else:
             directions[dimension.name] = result
+    chi2 = float(residual @ residual)
+    if w.size is not None:
+        chi2, dof = w.size
     smooth = orthonormal(np.hstack([beyond, *directions.values()]))
     return ResidualView(
         w=w,
@@ -85,7 +88,7 @@ def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Residua
         directions=directions,
         untestable=untestable,
         bad=bad_presses(w, smooth, scale, settings),
-        chi2=float(residual @ residual),
+        chi2=chi2,
         dof=dof,
         scatter=scatter,
         scale=scale,

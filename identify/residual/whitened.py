@@ -33,6 +33,9 @@ class Whitened:
         Derivatives of the modelled displacement by the fitted parameters at F^, over sigma.
     noise_estimated : bool
         The noise was estimated from this scan.
+    size : (chi-square, degrees of freedom)
+        Of the fit itself, where it is not that of the residual without the absorbed directions:
+        beside a free map that of the readings about the prior's mean.
     """
 
     scan: Scan
@@ -41,6 +44,7 @@ class Whitened:
     force_n: np.ndarray
     absorbed: np.ndarray
     noise_estimated: bool
+    size: tuple[float, int] | None = None
 
     def __post_init__(self) -> None:
         for array in (self.residual_m, self.sigma_m, self.force_n, self.absorbed):
@@ -108,6 +112,7 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
             derivative / fit.sigma_m[:, None], rows.press_index, fit.sigma_m, fit.noise
         ),
         noise_estimated=fit.noise.estimated,
+        size=None if fit.field is None else (fit.chi2, fit.dof),
     )
 
 

@@ -10,7 +10,13 @@ from identify.select.outlying_presses import WithoutSuspects, explain
 from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
 from identify.select.score_test import Score
 from identify.select.settings import SELECTION
-from identify.select.start_fit import StartFit, refuse_effect, start_fit, with_effects
+from identify.select.start_fit import (
+    StartFit,
+    kind_of_map,
+    refuse_effect,
+    start_fit,
+    with_effects,
+)
 from identify.select.step import Step, step_of
 
 __all__ = [
@@ -31,6 +37,7 @@ __all__ = [
     "WithoutSuspects",
     "explain",
     "fit_with",
+    "kind_of_map",
     "plant_and_recover",
     "refuse_effect",
     "start_fit",

@@ -267,6 +267,8 @@ def _eased(fit: FitResult, settings: SelectionSettings) -> GaussianMap:
 
     An inclusion of a wrong shape ends at the surface, held by its bound; from here it finds back.
     """
+    if fit.model.map_uncertainty is not None:
+        return fit.map  # of every shape, and beside every other of its prior
     readings, inclusions = fit.model.readings, []
     for inclusion in fit.map.inclusions:
         centre = np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])

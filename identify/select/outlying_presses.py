@@ -105,7 +105,8 @@ def without_suspects(
 ) -> WithoutSuspects | None:
     """Return the explanation without the outlying presses; None without any."""
     presses = explained.ladder[0].comparison.bad_presses
-    if not presses or explained.map_error:  # beside a wrong map there are many
+    free = start.model.map_uncertainty is not None  # its search weights such presses down itself
+    if not presses or explained.map_error or free:  # beside a wrong map there are many
         return None
     named, say = ", ".join(map(str, presses)), start.experiment.say
 

@@ -94,9 +94,7 @@ def effect_patterns(
     null = effect.null
     rows = np.empty((len(shapes), len(at.residual), len(amplitudes)))
     chain = replace(model.chain, effects=[*model.chain.effects, effect])
-    base = model.chain.predict(
-        at.body.compliance, at.body.local_modulus, at.latent_force_n, at.values
-    )
+    base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
     for g, shape in enumerate(shapes):
         for a, amplitude in enumerate(amplitudes):
             step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
@@ -104,13 +102,12 @@ def effect_patterns(
             values = {**null, **shape, amplitude.name: size}
             if isinstance(effect, BodyEffect):
                 dc, de = at.body.change(effect.body(at.state, **values))
-                press = model.readings.press
-                moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
+                moved = model.moved_by_body(at, dc, de)
             else:
                 moved = (
                     chain.predict(
-                        at.body.compliance,
-                        at.body.local_modulus,
+                        at.compliance,
+                        at.modulus,
                         at.latent_force_n,
                         {**at.values, effect.name: values},
                     )
@@ -138,7 +135,7 @@ def _far_patterns(
         for shape in shapes:
             state = effect.body(at.state, **{**null, **shape, amplitude.name: level})
             dc, de = at.body.exact_change(state)
-            moved = at.by_compliance * dc[press] + at.by_modulus * de[press]
+            moved = model.moved_by_body(at, dc, de)
             size = (level - null[amplitude.name]) / amplitude.typical
             found.append((shape, at.whitened(moved / size, press)[None, :, None]))
     return found
@@ -257,9 +254,24 @@ def side(parameters: Sequence[EffectParameter]) -> float:
 def unavailable(effect: Effect, model: MeasurementModel) -> str | None:
     """Return the reason why an effect cannot be tested beside a model, or None."""
     chain = model.chain
+    if model.map_uncertainty is not None and _is_a_map(effect, model):
+        return "a free map has every such form"
     return effect.untestable(model.readings) or advice(effect).redundant(
         chain.profile, chain.nonlinear
     )
+
+
+def _is_a_map(effect: Effect, model: MeasurementModel) -> bool:
+    """Whether an effect changes the modulus in the body and nothing else."""
+    if not isinstance(effect, BodyEffect):
+        return False
+    state = model.mechanics.state().changed(background_pa=model.space.start.background_pa)
+    shapes = effect.grid(model.readings, state)
+    sizes = {p.name: (p.null or 0.0) + 1e-3 * p.typical * (-1 if p.null == p.upper else 1)
+             for p in effect.bounded(model.readings, state) if p.null is not None}  # fmt: skip
+    changed = effect.body(state, **{**(shapes[0] if shapes else {}), **sizes}) if shapes else state
+    same = changed.without_modulus_changes == state.without_modulus_changes
+    return same and changed.modulus_changes != state.modulus_changes
 
 
 def unscored(effect: Effect, reason: str, readings: int) -> Score:

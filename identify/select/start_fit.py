@@ -14,7 +14,7 @@ import numpy as np
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
-from identify.experiment import BodyModel, Experiment
+from identify.experiment import BodyModel, Experiment, MapGuess
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance_start import (
     curved_again,
@@ -84,10 +84,55 @@ def start_fit(
     catalogue : effects of a contact law, and candidates of the selection
     on_iteration : called with each step of the map's fit
     """
+    if experiment.map.field is not None:
+        law = contact_law_of(experiment, catalogue, settings.contact_law)
+        experiment.say("fitting the map")
+        fit = fit_map(experiment, callback=on_iteration, settings=settings.fit)
+        return StartFit(experiment, catalogue, fit, fit.model, fit.map, law)
     law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings)
     starts = law.plain.values if law else {}
     model, start = fit_effects(experiment, fit, starts, error, settings)
     return StartFit(experiment, catalogue, fit, model, start, law)
+
+
+@dataclass(frozen=True)
+class KindOfMap:
+    """The kind of map for which a scan gives more evidence: `free`, or inclusions.
+
+    Attributes
+    ----------
+    free : whether it is the free one
+    fit : the free fit
+    says : the decision, in words
+    """
+
+    free: bool
+    fit: FitResult
+    says: str
+
+
+def kind_of_map(
+    experiment: Experiment, on_iteration: Callable[[FitIteration], None] | None = None
+) -> KindOfMap:
+    """Decide between inclusions, of a number by the information criterion, and a free map.
+
+    On the same mesh, both beside the experiment's effects. The evidence of a free map is its own,
+    around the most probable field; that of inclusions is -BIC/2 (Schwarz).
+    """
+    experiment.say("fitting a free map")
+    free = fit_map(experiment, callback=on_iteration)
+    experiment.say("fitting inclusions")
+    alone = replace(experiment, map=MapGuess("auto"))
+    inclusions = fit_map(alone)
+    if experiment.effects:
+        inclusions = with_effects(alone, inclusions)
+    assert free.field is not None
+    more = free.field.log_evidence + inclusions.bic / 2
+    number = len(inclusions.map.inclusions)
+    few = "one inclusion" if number == 1 else f"{number or 'no'} inclusions"
+    above = f"its log evidence is {abs(more):.3g} above that of"
+    says = f"a free map, {above} {few}" if more > 0 else f"{few}, {above} a free map"
+    return KindOfMap(more > 0, free, f"the kind of map by evidence: {says}")
 
 
 def contact_law_of(

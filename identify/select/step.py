@@ -9,7 +9,7 @@ from identify.fit.result import FitResult
 from identify.measurement.shared_error import correlated
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.whitened import Whitened, with_touch
+from identify.residual.whitened import Whitened, whitened, with_touch
 from identify.select.diagnosis import Diagnosis, diagnose
 from identify.select.settings import SELECTION, SelectionSettings
 from models import Scan
@@ -48,6 +48,8 @@ def step_of(
 
 def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
     """Return the whitened residual of a joint fit for `compare_residual`."""
+    if fit.field is not None:
+        return whitened(fit, scan)
     press = fit.model.readings.press
     # The comparison knows the noise alone, not an error of the map (`press_error`)
     absorbed = correlated(fit.at.jacobian, fit.at.shared_errors, press)

@@ -1,7 +1,11 @@
 """Tables of a free map: its spots, and the reach of the scan."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from identify.effects import percent
+from identify.fit import Spot
 from palpmap import units
 from palpmap.result.finding import Finding
 from palpmap.result.tables import Cell, Table, number
@@ -17,7 +21,7 @@ def spot_table(f: Finding) -> Table:
             Cell("hard" if s.contrast > 1 else "soft", "good" if s.found else "dim"),
             ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), f.origin_m)),
             f"{1e3 * s.place_sd_m:.1f} mm",
-            f"{1e3 * s.diameter_m:.0f} mm",
+            _size(s),
             f"{s.contrast:.2f}",
             f"{s.lower95:.2f} to {s.upper95:.2f}",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
@@ -28,6 +32,19 @@ def spot_table(f: Finding) -> Table:
     none = "none that differs from its surroundings"
     rows = rows or [(none if f.fit.success else "not looked for: the search did not end",)]
     return Table.of(head[: len(rows[0])], rows, "spots")
+
+
+def _size(spot: Spot) -> str:
+    """Return the diameter without the smearing, or its upper limit."""
+    if spot.size_m is None:
+        return f"at most {1e3 * spot.diameter_m:.0f} mm"
+    return f"{1e3 * spot.size_m:.0f} mm"
+
+
+def _listed(presses: Sequence[int], most: int = 8) -> str:
+    """Return numbers of presses, the first few of many."""
+    more = f" and {len(presses) - most} more" if len(presses) > most else ""
+    return ", ".join(str(p) for p in presses[:most]) + more
 
 
 def sight_table(f: Finding) -> Table:
@@ -44,7 +61,14 @@ def sight_table(f: Finding) -> Table:
         f"{100 * hyper.error:.2g} % of each press's compliance: the noise is not the limit, and "
         "the map follows the presses no closer"
     )  # fmt: skip
+    errs = [p for p, errs in zip(f.scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
     rows = (
+        (
+            "ordinary press",
+            f"fitted to {percent(field.ordinary_error)} of its compliance, left out "
+            f"of the fit with its fifth of the presses met within {percent(field.left_out_error)}",
+        ),
+        *((("presses weighted down", _listed(errs)),) if errs else ()),
         ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),
         ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),
         ("spread of ln E", f"{hyper.spread:.2g}, {by('spread')}"),

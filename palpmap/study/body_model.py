@@ -50,7 +50,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     contacts, note = contacts_of(scan, study.probe.tip == "sphere")
     if study.body.thickness_assumed:
         note = f"{note} {_thickness_note(study.body, contacts)}".strip()
-    if study.map.kind == "free":
+    if study.map.kind != "inclusions":
         return _under_free_map(study, scan, contacts, note)
     refuse_too_large(study.body, len(scan.press_ids))
     meshes = _meshes(study)

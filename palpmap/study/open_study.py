@@ -64,10 +64,13 @@ def open_study(
             used, study.noise.displacement_m, study.noise.force_n, study.noise.touch_m or 0.0
         ),
         MapGuess(
-            study.map.inclusions,
+            "auto" if study.map.kind == "auto" else study.map.inclusions,
             in_body_frame(study.map.initial),
             in_body_frame(study.map.fixed),
-            FieldGuess(study.map.length_m, study.map.spread) if study.map.kind == "free" else None,
+            None
+            if study.map.kind == "inclusions"
+            else FieldGuess(study.map.length_m, study.map.spread),
+            study.map.kind == "auto",
         ),
         tuple((catalogue[entry.name], entry.initial) for entry in study.effects),
         origin_m,

@@ -102,10 +102,11 @@ class Map(Table):
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
     positions are in the scan's frame. A "free" map has any shape: the logarithm of the modulus is a
     Gaussian field, whose smoothness is found from the scan or given: `length_m`, the distance over
-    which it changes, and `spread`, the standard deviation of the logarithm.
+    which it changes, and `spread`, the standard deviation of the logarithm. "auto" takes the kind
+    for which the scan gives more evidence.
     """
 
-    kind: Literal["inclusions", "free"] = "inclusions"
+    kind: Literal["inclusions", "free", "auto"] = "inclusions"
     length_m: Positive | None = None
     spread: Annotated[Positive, Field(le=4)] | None = None
     inclusions: int | Literal["auto"] = 1
@@ -141,7 +142,7 @@ class Map(Table):
 
     @model_validator(mode="after")
     def _kind_has_its_keys(self) -> "Map":
-        free = self.kind == "free"
+        free = self.kind != "inclusions"
         of_others = ("inclusions", "initial", "fixed") if free else ("length_m", "spread")
         for key in of_others:
             if getattr(self, key) != Map.model_fields[key].get_default(call_default_factory=True):

@@ -43,10 +43,16 @@ def test_a_length_below_the_mesh_is_refused(tmp_path):
 
 def test_what_does_not_work_is_said(tmp_path):
     experiment = pm.read_study(study(tmp_path, 'kind = "free"'))
-    with pytest.raises(InputError, match="not yet sought beside a free map"):
-        pm.explain(experiment)
-    with pytest.raises(InputError, match="has no inclusions"):
+    with pytest.raises(InputError, match="takes no number of inclusions"):
         pm.fit(experiment, inclusions=2)
+
+
+def test_the_kind_of_map_is_decided_by_evidence_and_said(tmp_path):
+    found = pm.fit(pm.read_study(study(tmp_path, 'kind = "auto"')))
+    assert "the kind of map by evidence" in found.message
+    assert "log evidence" in found.message
+    with pytest.raises(InputError, match="takes no number of inclusions"):
+        pm.fit(pm.read_study(study(tmp_path, 'kind = "auto"')), inclusions=2)
 
 
 def test_a_free_fit_is_written_read_and_compared(tmp_path):

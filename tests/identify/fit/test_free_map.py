@@ -14,6 +14,7 @@ from identify.fit.field_evidence import Hyper, best_hyper
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.settings import FREE_MAP
+from identify.fit.spots import find_spots
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
@@ -284,3 +285,34 @@ def test_false_spots_on_bodies_without_any(body, grid):
         fit = FreeMapFit(model, Hyper(0.015, 0.5, 0.01), (0.009, 0.06)).run()
         false += any(spot.found for spot in fit.field.spots)
     assert false <= 2
+
+
+def test_two_near_spots_are_two_and_the_rim_of_a_hard_one_is_none(grid):
+    """Peaks of unequal height whose half heights touch, one with a soft rim, in a known field."""
+    points, posterior = grid.points_m, known_field(grid)
+    one, two = np.array([0.024, 0.03, 0.024]), np.array([0.042, 0.03, 0.024])
+
+    def bump(centre: np.ndarray, width: float) -> np.ndarray:
+        return np.exp(-np.sum((points - centre) ** 2, axis=1) / (2 * width**2))
+
+    field = 2.4 * bump(one, 0.005) + 1.2 * bump(two, 0.005) - 0.9 * bump(one, 0.011)
+    found = find_spots(posterior(field))
+    hard = sorted((s.x_m, s.contrast) for s in found if s.contrast > 1 and s.found)
+    assert [round(1e3 * x) for x, _ in hard] == pytest.approx([24, 42], abs=3)
+    assert not [s for s in found if s.contrast < 1 and abs(s.x_m - one[0]) < 0.012]
+    for spot in found:
+        assert spot.size_m is None or spot.size_m < spot.diameter_m
+
+
+def known_field(grid: Grid):
+    """Posterior of a field that is seen everywhere, by a reading at each point of the grid."""
+    prior = MaternField(grid, 0.01, 1.0, 1.0)
+
+    def posterior(field: np.ndarray) -> FieldPosterior:
+        count, none = len(grid), np.zeros((len(grid), 1, 1))
+        root = 20.0 * np.eye(count)
+        sums = PressSums(none, none[:, :, 0], none[:, 0, 0])
+        data = FieldData(np.eye(count), root, root @ field, field, field, sums)
+        return FieldPosterior(data, prior)
+
+    return posterior

@@ -1,0 +1,128 @@
+"""Score tests beside every map of a prior: uniform under noise, alive under an effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body import BodyMechanics
+from identify.catalogue import CATALOGUE
+from identify.effects import Readings
+from identify.map import FreeMap, Grid, MaternField
+from identify.map.parameters import ParameterSpace
+from identify.measurement.map_uncertainty import MapUncertainty
+from identify.measurement.model import MeasurementModel
+from identify.measurement.noise import Noise
+from identify.optimize.gauss_newton import covariance
+from identify.select.score_test import effect_patterns, unavailable
+from models import Scan
+
+SIZE_M, NOISE = (0.06, 0.06, 0.03), Noise(2e-5, 2e-3)
+FORCES_N = np.linspace(0.1, 0.8, 8)
+EFFECTS = ("contact_offset", "force_bias", "strain_stiffening", "touch_threshold", "surface_tilt")
+SEEDS = range(200)
+
+
+@pytest.fixture(scope="module")
+def model() -> MeasurementModel:
+    """A ball on 25 places of a small body, beside every map of a prior."""
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0.01, 0.05, 5)] * 2))
+    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
+    down = np.tile([0, 0, -1.0], (x.size, 1))
+    contacts = Contacts(points, down, np.full(x.size, 0.003), "hertz")
+    body = PalpationModel(block_mesh(SIZE_M, (5, 5, 3)), 0.45, contacts)
+    grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
+    press = np.repeat(np.arange(25), len(FORCES_N))
+    rows = len(press)
+    scan = Scan(
+        press=press, time_s=np.full(rows, np.nan), phase=np.full(rows, "load"),
+        force_n=np.tile(FORCES_N, 25), displacement_m=np.tile(FORCES_N, 25) * 1e-3,
+        point_m=points[press], direction=down[press], probe_radius_m=np.full(rows, 0.005),
+    )  # fmt: skip
+    field = FreeMap(
+        grid, np.log(8e3) + MaternField(grid, 0.02, 0.3).draws(np.random.default_rng(1), 1)[0]
+    )
+    unit = 1e4 * body.evaluate(1e4).compliance
+    plain = MeasurementModel(
+        Readings.of(scan), scan.displacement_m, NOISE, BodyMechanics.of(body),
+        ParameterSpace(field, (), ()), unit_compliance=unit,
+    )  # fmt: skip
+    by_field = plain.body(np.empty(0)).by_field()
+    of_s = MaternField(grid, 0.02, 0.3, 2.0).product(by_field) @ by_field.T
+    uncertain = MapUncertainty(of_s, np.full(25, 0.01**2), np.zeros(25), np.ones(25))
+    return replace(plain, map_uncertainty=uncertain)
+
+
+def scan_of(model: MeasurementModel, seed: int, **effect: dict[str, float]) -> MeasurementModel:
+    """Readings of a map drawn from the prior, its error and the noise of both columns."""
+    rng, uncertain, r = np.random.default_rng(seed), model.map_uncertainty, model.readings
+    assert uncertain is not None
+    whole = uncertain.of_field + np.diag(uncertain.own)
+    moved = 0.01 * np.linalg.cholesky(whole) @ rng.standard_normal(25)  # where ln C is linear
+    c = model.body(np.empty(0)).compliance * np.exp(moved)
+    assert model.unit_compliance is not None
+    effects = [CATALOGUE[name] for name in effect]
+    chain = replace(model.chain, effects=effects)
+    travel = chain.predict(c, model.unit_compliance / c, r.force_n, effect)
+    readings = replace(r, force_n=r.force_n + rng.normal(0, NOISE.force_n, len(r.press)))
+    travel = travel + rng.normal(0, NOISE.displacement_m, len(travel))
+    small = replace(uncertain, of_field=0.01**2 * uncertain.of_field, own=0.01**2 * uncertain.own)
+    return replace(model, readings=readings, displacement_m=travel, map_uncertainty=small)
+
+
+def deviate(model: MeasurementModel, name: str) -> float:
+    """Score of an effect of one amplitude, in standard errors."""
+    at = model.around(model.body(np.empty(0)), np.empty(0))
+    column = effect_patterns(model, at, CATALOGUE[name], most=1).columns[0, :, 0]
+    return float(column @ at.residual / np.linalg.norm(column))
+
+
+def test_scores_are_normal_under_noise_and_any_map_of_the_prior(model):
+    body = model.body(np.empty(0))
+    scores = {name: [] for name in EFFECTS}
+    chi2 = []
+    for seed in SEEDS:
+        drawn = scan_of(model, seed)
+        at = drawn.around(body, np.empty(0))
+        chi2.append(at.chi2)
+        for name in EFFECTS:
+            column = effect_patterns(drawn, at, CATALOGUE[name], most=1).columns[0, :, 0]
+            scores[name].append(column @ at.residual / np.linalg.norm(column))
+    rows = len(model.readings.press)
+    assert abs(np.mean(chi2) / rows - 1) < 4 * np.sqrt(2 / rows / len(SEEDS))
+    for name, found in scores.items():
+        assert kstest(found, "norm").pvalue > 0.002, name
+
+
+def test_an_effect_is_seen_beside_every_map(model):
+    shifted = scan_of(model, 3, touch_threshold={"threshold_n": 0.08})
+    assert abs(deviate(shifted, "touch_threshold")) > 5
+    blind = replace(shifted, map_uncertainty=replace(
+        shifted.map_uncertainty, of_field=1e6 * shifted.map_uncertainty.of_field
+    ))  # fmt: skip
+    assert abs(deviate(blind, "touch_threshold")) > 4  # its curve, which no map has
+
+
+def test_a_form_of_the_map_is_no_effect_beside_a_free_map(model):
+    for name in ("extra_inclusion", "stiffness_gradient", "side_gradient"):
+        assert "free map" in (unavailable(CATALOGUE[name], model) or "")
+    assert unavailable(CATALOGUE["poisson_ratio"], model) is None
+
+
+def test_the_interval_of_an_effect_counts_the_map(model):
+    """Beside a wider prior of the map an offset is known no better, and never exactly."""
+    with_offset = model.with_effect(
+        CATALOGUE["contact_offset"], {"offset_m": 0.0}, model.mechanics.state()
+    )
+    at = with_offset.around(with_offset.body(np.zeros(1)), np.zeros(1))
+    uncertain = model.map_uncertainty
+    narrow = replace(
+        with_offset,
+        map_uncertainty=replace(
+            uncertain, of_field=1e-8 * uncertain.of_field, own=1e-8 * uncertain.own
+        ),
+    )
+    sure = narrow.around(at.body, np.zeros(1))
+    assert covariance(at.jacobian)[0, 0] > 1.2 * covariance(sure.jacobian)[0, 0]

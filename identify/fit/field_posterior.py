@@ -101,19 +101,23 @@ class FieldPosterior:
         whole[np.diag_indices_from(whole)] += 1
         return float(gap @ cho_solve((cholesky(whole, lower=True), True), gap))
 
-    def predicted_covariance(self, by_field: np.ndarray) -> np.ndarray:
-        """Covariance (n' + q) of other numbers of a press, s', and of the effects' parameters.
+    def predicted_covariance(self, by_field: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Covariance (n + q) of ln C of n other presses and of the effects' parameters.
 
-        `by_field` (n', g) is the derivative of s' by the field; their own error is not in it.
+        Parameters
+        ----------
+        by_field : (n, g) their derivative by the field
+        own : (n, j) 1 where a press shares the map's error of one of the j presses
         """
-        data = self.data
+        data, effects = self.data, self.data.effects
+        error = data.error_variance(self.error)
         half = solve_triangular(self._factor, data.root.T @ self._of_s, lower=True)
-        seen = self.seen @ by_field.T
-        of_s = self.prior.product(by_field) @ by_field.T - seen.T @ seen
-        across = self.spread_by @ by_field.T - half.T @ seen
-        effects = data.effects
+        across = self.spread_by @ by_field.T + error[:, None] * own.T
+        seen = solve_triangular(self._factor, data.root.T @ across, lower=True)
+        of_s = self.prior.product(by_field) @ by_field.T + (own * error) @ own.T - seen.T @ seen
         if not effects.count:
             return of_s
+        across = across - half.T @ seen
         gain = effects.solve(effects.coupling.T)
         of_effects = effects.solve(np.eye(effects.count))
         of_effects = of_effects + gain @ (self._of_s - half.T @ half) @ gain.T

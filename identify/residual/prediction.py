@@ -5,6 +5,9 @@ band of a reading holds the noise of both its columns; the covariance of the map
 field's posterior) and of the effects, jointly; the map's own error of each press, which holds that
 of the meshes; and the error of the laws at depths that the fit has not seen (`law_error`).
 
+Where a fitted press stood at the same place, what its readings ask for beside the map is known, and
+belongs to the prediction; elsewhere the map's own error is part of the band.
+
 Readings of a press share most of their error. The test therefore takes one number a press, the
 error of the travel at its largest forces, with the covariance of all presses. With as many as there
 are presses degrees of freedom, its chi-square says whether the errors are those of the bands.
@@ -40,6 +43,8 @@ from models import Catalogue, InputError, Scan
 LEVEL = 0.01  # of the test
 LEAST_REACH, DEEP = 0.35, 0.8  # shares of a press's depth, for the error of the laws
 UNEVEN = 0.5  # part of a common error of the laws that may differ from press to press
+SAME_PLACE, SAME_DIRECTION = 0.2, 0.97  # tip radii; cosine: a press at the same place
+ROUNDS, LONGEST = 4, 0.5  # of the search for each press's own ln C, and its longest step
 STEEPEST = 0.2  # least slope of travel over force, of the line to no force: noise makes it less
 _WITHIN = 1.96
 
@@ -141,23 +146,32 @@ def predict(
         press_error=0.0,
         unit_compliance=_unit_compliance(body.coarse, fit),
     ).corrected(u)
+    free = isinstance(fit.map, FreeMap)
+    assert fit.field is not None or not free
+    own_error = fit.field.hyper.error if fit.field is not None else map_error(seen, there)
+    own = _own_errors(seen, there, u, own_error)
+    shared = _shared_places(experiment.scan.used(), used)
     at = model.linearise(u)
+    at = model.around(at.body, u, np.exp(shared @ own.change))
     press = readings.press
     of_press = model.by_log_compliance(at)
     by_unknown = at.jacobian * at.sigma_m[:, None]
-    if isinstance(fit.map, FreeMap):
-        assert fit.field is not None
-        own_error = fit.field.hyper.error
-        joint = _free_covariance(seen, there, fit, at)
+    known = shared.sum(axis=1) > 0
+    if free:
+        joint = _free_covariance(own.sums, there, fit, at, shared)
         by_press = np.zeros((len(press), readings.presses))
         by_press[np.arange(len(press)), press] = of_press
         columns = np.hstack([by_press, by_unknown])
+        rest = np.where(known, 0.0, own_error**2)
     else:
-        own_error = map_error(seen, there)
         joint, columns = fit.covariance, by_unknown / model.unknowns.slope(u)
         joint, columns = _matched(joint, columns, fit.covariance_names, model.names)
+        # A press that was seen at its place follows its readings, by its gain, and not the map
+        gain = own_error**2 / (own_error**2 + own.variance)
+        columns = columns * (1 - shared @ gain)[press, None]
+        rest = np.where(known, shared @ (gain * own.variance), own_error**2)
     of_map = np.einsum("mk,kl,ml->m", columns, joint, columns)
-    of_error = (own_error * of_press) ** 2 + noise.touch_m**2
+    of_error = rest[press] * of_press**2 + noise.touch_m**2
     laws = law_error(seen, there, min(depth_m / _depth_m(used), 1.0))
     of_laws = (laws.common**2 + laws.own**2) * used.displacement_m**2
     total = at.sigma_m**2 + of_map + of_error + of_laws
@@ -303,19 +317,56 @@ def _depth_m(scan: Scan) -> float:
     return float(np.median(deepest))
 
 
+class _OwnErrors(NamedTuple):
+    """Error (j,) of ln C that each press of the fit asks for beside the map, and its variance.
+
+    `sums` are those of the readings there.
+    """
+
+    change: np.ndarray
+    variance: np.ndarray
+    sums: PressSums
+
+
+def _own_errors(
+    model: MeasurementModel, there: Linearised, u: np.ndarray, error: float
+) -> _OwnErrors:
+    change, at = np.zeros(model.readings.presses), there
+    for _ in range(ROUNDS):
+        found, variance = PressSums.of(model, at).errors(change)
+        share = error**2 / (error**2 + variance) if error else np.zeros_like(found)
+        step = np.clip(share * found - change, -LONGEST, LONGEST)
+        change = change + step
+        at = model.around(there.body, u, np.exp(change))
+    sums = PressSums.of(model, at)
+    return _OwnErrors(change, sums.errors(change)[1], sums)
+
+
+def _shared_places(fitted: Scan, predicted: Scan) -> np.ndarray:
+    """Matrix (n, j) of ones where a predicted press stands where a fitted one stood."""
+    apart = np.linalg.norm(predicted.contact_points[:, None] - fitted.contact_points[None], axis=2)
+    turned = predicted.contact_directions @ fitted.contact_directions.T
+    same = (apart < SAME_PLACE * predicted.contact_radii[:, None]) & (turned > SAME_DIRECTION)
+    same &= np.isclose(predicted.contact_radii[:, None], fitted.contact_radii, rtol=1e-3)
+    nearest = np.where(same, apart, np.inf).argmin(axis=1)
+    found = np.zeros_like(apart)
+    each = np.arange(len(apart))
+    found[each, nearest] = same[each, nearest]
+    return found
+
+
 def _free_covariance(
-    seen: MeasurementModel, there: Linearised, fit: FitResult, at: Linearised
+    sums: PressSums, there: Linearised, fit: FitResult, at: Linearised, shared: np.ndarray
 ) -> np.ndarray:
-    """Covariance of s at the predicted presses and of the effects' scaled parameters."""
+    """Covariance of ln C at the predicted presses and of the effects' scaled parameters."""
     assert isinstance(fit.map, FreeMap)
     assert fit.field is not None
     hyper, field = fit.field.hyper, np.zeros(len(fit.map.log_pa))
-    weight = np.where(fit.field.errs, 0.0, 1.0) if len(fit.field.errs) else 1.0
-    sums = PressSums.of(seen, there).weighted(weight * np.ones(seen.readings.presses))
+    if len(fit.field.errs):
+        sums = sums.weighted(np.where(fit.field.errs, 0.0, 1.0))
     data = FieldData.of(sums, there.body.by_field(), field)
     prior = MaternField(fit.map.grid, hyper.length_m, hyper.spread, FREE_MAP.level_spread)
-    posterior = FieldPosterior(data, prior, hyper.error)
-    return posterior.predicted_covariance(at.body.by_field())
+    return FieldPosterior(data, prior, hyper.error).predicted_covariance(at.body.by_field(), shared)
 
 
 def _matched(

@@ -40,7 +40,7 @@ class PredictionRecord(FileRecord):
     p_value: float = Field(description="probability of errors this large, were the bands right")
     within95: float = Field(description="share of the presses in their 95 % bands")
     force_error_median: float = Field(description="of the largest force, median over the presses")
-    force_error_rms: float = Field(description="of the largest force, rms over the presses")
+    force_error_90: float = Field(description="of the largest force, 90 % of the presses below")
     error_rms_m: float = Field(description="of the travel near the largest forces, rms, m")
     band_parts_m: Mapping[str, float] = Field(
         description="standard deviation of a reading's travel there by cause, rms, m"
@@ -138,7 +138,7 @@ class Prediction(Shown, PredictionOfScan):
             p_value=self.p_too_narrow,
             within95=self.within95,
             force_error_median=float(np.median(np.abs(share))),
-            force_error_rms=rms(share),
+            force_error_90=float(np.quantile(np.abs(share), 0.9)),
             error_rms_m=rms(self.press_error_m),
             band_parts_m={name: rms(sd[near]) for name, sd in self.parts_m.items()},
             notes=self.notes,

@@ -31,11 +31,13 @@ from identify.effects.readings import Readings
 from identify.experiment import Experiment
 from identify.fit.field_data import FieldData, PressSums
 from identify.fit.field_posterior import FieldPosterior
+from identify.fit.free_compliance_start import free_compliance
 from identify.fit.result import FitResult
 from identify.fit.settings import FREE_MAP
 from identify.map import FreeMap, GaussianMap, MaternField
 from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
+from identify.measurement.chain import judge
 from identify.measurement.model import EffectInModel, Linearised, MeasurementModel
 from identify.measurement.noise import Noise
 from models import Catalogue, InputError, Scan
@@ -172,7 +174,7 @@ def predict(
         rest = np.where(known, shared @ (gain * own.variance), own_error**2)
     of_map = np.einsum("mk,kl,ml->m", columns, joint, columns)
     of_error = rest[press] * of_press**2 + noise.touch_m**2
-    laws = law_error(seen, there, min(depth_m / _depth_m(used), 1.0))
+    laws = law_error(experiment, seen, there, min(depth_m / _depth_m(used), 1.0))
     of_laws = (laws.common**2 + laws.own**2) * used.displacement_m**2
     total = at.sigma_m**2 + of_map + of_error + of_laws
     near = used.near_largest_force
@@ -272,12 +274,14 @@ class LawError(NamedTuple):
     own: float
 
 
-def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError:
+def law_error(
+    experiment: Experiment, model: MeasurementModel, at: Linearised, reach: float
+) -> LawError:
     """Error that the laws of a fit make at depths that it has not seen.
 
-    Measured on the fit's own scan: each press's compliance follows its readings up to a share
-    `reach` of its depth, and predicts the deepest of them. With a reach of 1 it is the error of the
-    curves' shape itself.
+    Measured on the fit's own scan: laws and each press's compliance follow the readings up to a
+    share `reach` of the press's depth, without a map (`identify.fit.free_compliance`), and predict
+    the deepest of them. With a reach of 1 it is the error of the curves' shape itself.
 
     Parameters
     ----------
@@ -294,6 +298,8 @@ def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError
     weight = shallow * own / np.where(known, square, np.inf)[press]
     change = np.bincount(press, weight * at.residual, presses)
     left = (at.residual - own * change[press]) * at.sigma_m
+    if reach < 1 and known.all():
+        left = _beyond(experiment, model, shallow)
     count = np.maximum(np.bincount(press, deep, presses), 1)
     mean = np.bincount(press, deep * left, presses) / count
     pull = np.bincount(press, deep * own * at.sigma_m, presses) / count
@@ -308,6 +314,21 @@ def law_error(model: MeasurementModel, at: Linearised, reach: float) -> LawError
     excess = 0.0 if spread - noise < 2 * 1.65 * np.sqrt(2 / many) * noise else spread - noise
     # The predicted presses are deeper than these by 1/reach, and a law's error grows with depth
     return LawError(common / reach, float(np.hypot(np.sqrt(excess), UNEVEN * common)) / reach)
+
+
+def _beyond(experiment: Experiment, model: MeasurementModel, shallow: np.ndarray) -> np.ndarray:
+    """Residual (m,) m of laws and compliances that follow the shallow (m,) readings alone."""
+    whole = free_compliance(experiment.scan, experiment.body, model.noise)
+    part = replace(
+        whole,
+        readings=Readings.of(experiment.scan.used().rows(shallow)),
+        displacement_m=whole.displacement_m[shallow],
+    )
+    found = part.fit([p for p in model.effects if part.shows(p.effect)])
+    chain = whole.chain([p.effect for p in found.parts])
+    c = found.compliance
+    e = whole.unit_compliance / c
+    return judge(chain, c, e, whole.displacement_m, model.noise, found.values).residual_m
 
 
 def _depth_m(scan: Scan) -> float:

@@ -26,7 +26,7 @@ def statement_of(p: Prediction) -> str:
     share = np.abs(p.force_error_share)
     size = (
         f"At the largest force of a press the error of the force is {100 * np.median(share):.2g} % "
-        f"(median; rms {100 * np.sqrt(np.mean(share**2)):.2g} %), that of the travel "
+        f"(median; nine of ten below {100 * np.quantile(share, 0.9):.2g} %), that of the travel "
         f"{units.rms(float(np.sqrt(np.mean(p.press_error_m**2))))} rms"
     )
     within = (

@@ -58,9 +58,11 @@ if TYPE_CHECKING:
     from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
     from palpmap.export.mujoco import load_mujoco
     from palpmap.importing.importing import Imported, import_recording
+    from palpmap.robot import Presses, Robot, assert_force_kept, assert_path_clear
     from palpmap.study.body import Body
     from palpmap.study.study import Study
     from sim.motion import ScanSettings
+    from sim.robot.mechanism import Mechanism
 
 _HOMES = {
     "identify.catalogue.catalogue": ("CATALOGUE",),
@@ -80,9 +82,11 @@ _HOMES = {
     "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
     "palpmap.export.mujoco": ("load_mujoco",),
     "palpmap.importing.importing": ("Imported", "import_recording"),
+    "palpmap.robot": ("Presses", "Robot", "assert_force_kept", "assert_path_clear"),
     "palpmap.study.body": ("Body",),
     "palpmap.study.study": ("Study",),
     "sim.motion.settings": ("ScanSettings",),
+    "sim.robot.mechanism": ("Mechanism",),
 }  # fmt: skip
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -105,9 +109,12 @@ __all__ = [
     "InputError",
     "Limits",
     "MapChange",
+    "Mechanism",
     "Noise",
     "Prediction",
     "PressProgram",
+    "Presses",
+    "Robot",
     "Run",
     "Scan",
     "ScanSettings",
@@ -115,6 +122,8 @@ __all__ = [
     "Study",
     "WorkedExample",
     "__version__",
+    "assert_force_kept",
+    "assert_path_clear",
     "check_effect",
     "compare",
     "compare_runs",

@@ -302,6 +302,9 @@ def scan(
     map: GaussianMap | None = None,
     arm: ScanSettings | None = None,
     plant: Sequence[tuple[str, float]] = (),
+    presses: int | None = None,
+    tips: str | None = None,
+    skip_unreachable: bool = False,
     seed: int = 0,
     on_press: Callable[[PressResult], None] | None = None,
 ) -> Scan:
@@ -309,13 +312,17 @@ def scan(
 
     Parameters
     ----------
-    body : a block on a bonded base, as `Block` makes it; None is the built-in phantom's
+    body : any that a study can state; None is the built-in phantom's block
     program : presses with a flat tip, in the order in which they are made and in the frame of the
         scan, or a file of them; None is the default grid
-    map : true map, in the body's frame; None scales the phantom's into the body
+    map : true map, in the body's frame; None scales the phantom's into a block, and is drawn by
+        the seed for other bodies
     arm : times, speeds, noise and sampling of the robot
     plant : names of effects to plant in the robot's loop, with their sizes, rms(with -
         without)/rms(without); of faults, with the share of presses; of files of hooks (.py)
+    presses : number of presses that cover the upper surface evenly, in place of a program
+    tips : that take turns, as "3,10" or "flat:3,ball:8", radii in mm; not with a program
+    skip_unreachable : leave out presses that the arm cannot make
     seed : of noise and pauses, in place of the arm's own
     on_press : called after each press with all its samples and its quality
 
@@ -341,12 +348,19 @@ def scan(
     >>> made.press_ids.tolist(), round(float(made.force_n.max()), 1)
     ([0, 1, 2, 3], 0.2)
     """
-    from sim.body import Inclusion, TruthMap
-    from sim.motion import ScanSettings
+    from sim.motion import ScanSettings, read_tips
 
     study = virtual_lab.default_study()
     study = study if body is None else study.model_copy(update={"body": body})
-    if program is None:
+    if program is not None and (presses is not None or tips is not None):
+        raise InputError("a program has its own places and radii: leave out presses and tips")
+    carried = read_tips(tips) if tips else ()
+    if presses is not None:
+        widest = max((tip.radius_m for tip in carried), default=None)
+        plan = virtual_lab.cover_plan_of(
+            study, virtual_lab.DEFAULT_FORCE_N, presses, seed=seed, radius_m=widest
+        )
+    elif program is None:
         plan = virtual_lab.grid_plan_of(
             study, virtual_lab.DEFAULT_FORCE_N, virtual_lab.PRESSES_PER_SIDE
         )
@@ -355,10 +369,13 @@ def scan(
         plan = virtual_lab.program_plan_of(study, known)
     truth = None
     if map is not None:
-        spots = ((i.weight_pa, (i.x_m, i.y_m, i.z_m), i.radius_m) for i in map.inclusions)
-        truth = TruthMap(map.background_pa, tuple(Inclusion(*spot) for spot in spots))
+        truth = virtual_lab.truth_of(map, np.zeros(3))
     settings = replace(arm or ScanSettings(), seed=seed)
-    laboratory = virtual_lab.build_laboratory(study, plan, settings, plant, truth and Truth(truth))
+    plan = plan.with_tips(carried) if carried else plan
+    plan, motion, _ = virtual_lab.reachable(plan, settings, skip_unreachable)
+    laboratory = virtual_lab.build_laboratory(
+        study, plan, settings, plant, truth and Truth(truth), motion
+    )
     _, made = laboratory.press(on_press=on_press and (lambda result, _: on_press(result)))
     return made.moved(np.array(study.body.origin_m))
 

@@ -32,7 +32,7 @@ ORDER = {
     "palpmap": (
         "study", "importing.readers", "importing.mapping", "importing.streams", "importing",
         "experiment", "result", "figures", "report", "recording", "run_files",
-        "results", "prediction_results", "selection_results", "export", "api", "paper",
+        "results", "prediction_results", "selection_results", "export", "api", "robot", "paper",
         "commands", "blind", "cli",
     ),
 }  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from identify.map import GaussianMap
 from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
 from palpmap.study.body_model import outside_of, support_of
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from sim.scan import Frame, PressOutcome, PressResult, RobotPlant, ScanRun
 
 DEFAULT_FORCE_N = 0.3
+OFF_SURFACE_M = 1e-3
 PRESSES_PER_SIDE = 9
 MIDDLE_M = np.array([0.45, 0.0])  # of the body, before the arm
 MARGIN_SHARE = 1 / 8  # of the body's edges, from the rim to the first presses: 12 of 96 mm
@@ -212,7 +214,7 @@ def grid_plan_of(study: Study, force_n: float, per_side: int) -> ScanPlan:
         return cover_plan_of(study, force_n, per_side**2)
     points = _grid(study.body.size_m, per_side)
     down = np.tile([0.0, 0.0, -1.0], (len(points), 1))
-    return _plan(study, points, down, force_n)
+    return plan_at(study, points, down, force_n)
 
 
 def cover_plan_of(
@@ -239,10 +241,11 @@ def cover_plan_of(
 
     steepest = STEEPEST_DEG if steepest_deg is None else steepest_deg
     footing = surface_of(study).cover(presses, radius_m or study.probe.radius_m, steepest, seed)
-    return _plan(study, footing.points_m, -footing.normals, force_n)
+    return plan_at(study, footing.points_m, -footing.normals, force_n)
 
 
-def _plan(study: Study, points: np.ndarray, directions: np.ndarray, force_n: float) -> ScanPlan:
+def plan_at(study: Study, points: np.ndarray, directions: np.ndarray, force_n: float) -> ScanPlan:
+    """Plan presses at points (j, 3) of a study's body, body frame, with one force."""
     from sim.motion import ScanPlan, Tip
 
     surface = surface_of(study)
@@ -334,6 +337,17 @@ def default_truth(surface: BodySurface, seed: int = 0) -> TruthMap:
     centres = np.array([inclusion.centre_m for inclusion in scaled.inclusions])
     block = len(surface.triangles) == 12
     return scaled if block and surface.contains(centres).all() else drawn_truth(surface, seed)
+
+
+def truth_of(found: GaussianMap, origin_m: np.ndarray) -> TruthMap:
+    """Return a map as the laboratory knows it, moved into the body's frame."""
+    from sim.body import Inclusion, TruthMap
+
+    spots = (
+        (i.weight_pa, tuple(np.array([i.x_m, i.y_m, i.z_m]) - origin_m), i.radius_m)
+        for i in found.inclusions
+    )
+    return TruthMap(found.background_pa, tuple(Inclusion(*spot) for spot in spots))
 
 
 def scaled_truth(size: tuple[float, ...], low: np.ndarray | None = None) -> TruthMap:

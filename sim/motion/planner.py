@@ -108,6 +108,7 @@ def plan_motion(
     settings: ScanSettings | None = None,
     fastest_m_per_s: float = FASTEST_M_PER_S,
     hardest_m_per_s2: float = ACCELERATION_M_PER_S2,
+    start: np.ndarray | None = None,
 ) -> Motion:
     """Find configurations and paths for all presses; no body is needed for that.
 
@@ -118,9 +119,11 @@ def plan_motion(
     settings : lift, largest depth and friction
     fastest_m_per_s, hardest_m_per_s2 : largest speed and acceleration of the tip along the press
         direction
+    start : (n,) rad, configuration from which the arm sets out; None is home
     """
     settings = settings or ScanSettings()
     planner = _Planner(plan, laboratory, settings, fastest_m_per_s, hardest_m_per_s2)
+    planner.start = laboratory.home if start is None else start
     refused: list[Refusal] = []
     made: list[PlannedPress] = []
     for number in range(len(plan)):
@@ -189,7 +192,7 @@ class _Planner:
         self.directions = plan.body_in_world.vectors_to_world(plan.directions)
         self.kinematics = TipKinematics(laboratory.arm)
         self.clearance = Clearance(laboratory, plan.body, plan.body_in_world)
-        self.tilts = plan.tilts_rad()
+        self.tilts, self.start = plan.tilts_rad(), laboratory.home
         self.tip: Tip | None = None  # that the arm carries after the presses planned so far
         # Largest turn of each joint for a metre of depth
         self.most_turn = LIMIT_FRACTION * np.minimum(
@@ -233,7 +236,7 @@ class _Planner:
         approach = path.at(-lift)[0]
         distance = self._check_clearance(approach, touch)
         self._check_speed(path)
-        last = before[-1].approach if before else self.laboratory.home
+        last = before[-1].approach if before else self.start
         changed = bool(before) and self.tip != self.plan.tip_of(number)
         waypoints = self._transit(last, approach, point, direction, changed)
         self.tip = self.plan.tip_of(number)

@@ -117,6 +117,12 @@ class MatchedContact:
         self._shift = by_m
         self._place()
 
+    def carry(self, point_m: np.ndarray, direction: np.ndarray) -> None:
+        """Move the contact along the surface to another point (3,) m; the law is asked again."""
+        self._point, self._normal = point_m, -direction
+        self._data.mocap_quat[0] = _quaternion_of_normal(self._normal)
+        self._exchange(self._force)
+
     def release(self) -> None:
         """Take the pad away, so that the arm moves freely."""
         self._data.mocap_pos[0] = self._point - FAR_M * self._normal

@@ -1,17 +1,21 @@
-"""A whole scan by the arm: program, presses, first touch, result."""
+"""A whole scan by the arm: program, presses, first touch, result; and a robot that goes on."""
 
 from sim.scan.outcome import PressOutcome
 from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
-from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun
+from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
 from sim.scan.scan_program import run_scan
+from sim.scan.session import PathResult, Session
 
 __all__ = [
     "Frame",
+    "PathResult",
     "PressOutcome",
     "PressResult",
     "PressStatistics",
     "RobotPlant",
     "ScanRun",
+    "Series",
+    "Session",
     "plant_on_robot",
     "run_scan",
 ]

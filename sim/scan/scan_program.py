@@ -80,7 +80,18 @@ def run_scan(
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
-    program = _Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms(), motion)
+    program = Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms(), motion)
+    return make_presses(program, on_press, on_outcome, started)
+
+
+def make_presses(
+    program: Program,
+    on_press: Callable[[PressResult], None] | None,
+    on_outcome: Callable[[PressOutcome], None] | None,
+    started: float,
+) -> ScanRun:
+    """Make all presses of a program; `started` is when the computation began."""
+    plan, settings = program.plan, program.settings
     results, outcomes = [], []
     for number, planned in enumerate(program.presses):
         outcome, result = program.press(number, planned)
@@ -108,8 +119,8 @@ def run_scan(
     )
 
 
-class _Program:
-    """State of the running scan."""
+class Program:
+    """State of a running scan; with `after` it goes on where an earlier one ended."""
 
     def __init__(
         self,
@@ -118,16 +129,13 @@ class _Program:
         settings: ScanSettings,
         on_frame: Callable[[Frame], None] | None,
         mechanisms: Mechanisms,
-        motion: Motion | None,
+        motion: Motion | None = None,
+        after: Program | None = None,
+        check: bool = True,
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
-        weakest = min(plan.force_of(press) for press in range(len(plan)))
-        if settings.touch_force_n > 0.5 * weakest:
-            raise InputError(
-                f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
-                f"force of {weakest:g} N; press harder or lower touch_force_n."
-            )
-        refuse_too_deep(plan, body, settings)
+        if check:
+            self._refuse(plan, body, settings)
         laboratory = build_laboratory(
             plan.widest_m,
             plan.body_size_m,
@@ -159,10 +167,54 @@ class _Program:
         self.posture = laboratory.home
         self.wanted, self.phase = 0.0, TRANSIT
         self.joints = len(laboratory.home)
+        if after is not None:
+            self._go_on(after)
         self._rows, self._used = np.empty((8192, 10 + 2 * self.joints)), 0
+
+    def _refuse(self, plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
+        """Refuse forces below the touch, and presses that would go too deep."""
+        weakest = min(plan.force_of(press) for press in range(len(plan)))
+        if settings.touch_force_n > 0.5 * weakest:
+            raise InputError(
+                f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
+                f"force of {weakest:g} N; press harder or lower touch_force_n."
+            )
+        refuse_too_deep(plan, body, settings)
+
+    def step(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Move freely for one time step towards a configuration and its rate."""
+        self._step(TRANSIT, q, v)
+        self.posture = q
+
+    def arrive(self, planned: PlannedPress) -> None:
+        """Go to a planned press and touch."""
+        self.number, self.planned, self._used, self.wanted = 0, planned, 0, 0.0
+        self._transit(planned.waypoints)
+        self._tare(TARE_S)
+        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
+        self.contact.start(0, planned.point_m, planned.direction, self.plan.force_of(0))
+        self.control.rest(-self.settings.lift_m)
+        self._touch()
+
+    def slide(self, q: np.ndarray, v: np.ndarray, wanted_n: float, rate_n_per_s: float) -> None:
+        """Make one step in contact, and follow a wanted force."""
+        self.control.press(wanted_n, rate_n_per_s, learn=False)
+        self._step(HOLD, q - self.control.force_n * self.sideways, v)
+        self.posture = q
+        self.control.feel(self.rig.wrist_n[2])
+        self.contact.follow(self.rig.contact_n, self.time_s)
+
+    def _go_on(self, after: Program) -> None:
+        """Take over arm, clock, stiffness and noise of an earlier program."""
+        self.rig, self.control, self.encoder_rng = after.rig, after.control, after.encoder_rng
+        self.steps, self.posture = after.steps, after.posture
+        self.rig.live = self.live
+        self.watchdog = Watchdog(self.rig, self.settings)
+        self.contact = MatchedContact(self.rig.model, self.rig.data, self.body)
 
     @property
     def time_s(self) -> float:
+        """Clock of the robot, s."""
         return self.steps * self.dt
 
     def press(self, number: int, planned: PlannedPress) -> tuple[PressOutcome, PressResult | None]:

@@ -137,11 +137,12 @@ class ScanPlan:
         order = np.argsort(turn, kind="stable")
         radii = np.array([tip.radius_m for tip in tips])[turn]
         forces = np.array([self.force_of(press) for press in range(len(self))])
-        return replace(
+        turned = replace(
             self,
             tips=tuple(tips[int(k)] for k in turn),
             forces_n=forces * radii / radii.max(),
-        ).only(order)
+        )
+        return replace(turned.only(order), press_ids=None)
 
     def only(self, presses: np.ndarray) -> ScanPlan:
         """Return the plan of some of the presses (their numbers), in that order."""

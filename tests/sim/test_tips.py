@@ -105,7 +105,8 @@ def test_tips_take_turns_and_are_changed_once_at_home():
     points = np.array([[x, 0.05, 0.048] for x in (0.03, 0.05, 0.07)])
     plan = ScanPlan(points, np.tile(DOWN, (3, 1)), 0.3).with_tips(read_tips("flat:3,ball:8"))
     assert [str(tip) for tip in plan.tips] == ["flat:3", "flat:3", "ball:8"]
-    assert plan.ids.tolist() == [0, 2, 1]
+    np.testing.assert_allclose(plan.points_m[:, 0], [0.03, 0.07, 0.05])
+    assert plan.ids.tolist() == [0, 1, 2]
     np.testing.assert_allclose([plan.force_of(j) for j in range(3)], [0.1125, 0.1125, 0.3])
     body = SoftBody(
         SIZE, lambda p: np.full(len(p), 6000.0), 0.45, plan.tips, plan.points_m, plan.directions,
@@ -116,6 +117,7 @@ def test_tips_take_turns_and_are_changed_once_at_home():
     start = [press.series.time_s[0] for press in run.presses] + [run.simulated_s]
     took = np.diff(start)
     assert took[2] - took[1] > 5.0
+    assert run.scan.press_ids.tolist() == [0, 1, 2]
     radii = [float(press.scan.probe_radius_m[0]) for press in run.presses]
     np.testing.assert_allclose(radii, [0.003, 0.003, 0.008])
 

@@ -1,0 +1,80 @@
+"""A scripted robot: presses, paths and sweeps one after the other."""
+
+import numpy as np
+import pytest
+
+import palpmap as pm
+
+SIZE = (0.08, 0.08, 0.04)
+SHORT = pm.ScanSettings(ramp_s=0.4, hold_s=0.4, unload_s=0.4, pause_s=(0.1, 0.1))
+
+
+def robot(**more):
+    body = pm.Block(SIZE, poisson_ratio=0.45, origin_m=(0.1, 0.0, 0.0))
+    return pm.Robot(body, map=pm.GaussianMap(8000.0), arm=SHORT, **more)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return robot()
+
+
+def test_clock_and_posture_go_on_from_call_to_call(arm):
+    first = arm.press([0.13, 0.03, 0.04], force_n=0.2)
+    pm.assert_force_kept(first)
+    assert first.made == 1
+    went, posture = arm.time_s, arm.q
+    assert went > 1.5
+    second = arm.press([[0.15, 0.03, 0.04], [0.15, 0.035, 0.04]], force_n=[0.1, 0.2])
+    assert second.scan.time_s[0] > went
+    assert np.abs(second.series.q[0] - posture).max() < 0.01
+    assert arm.scan.press_ids.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(arm.scan.contact_points[0], [0.13, 0.03, 0.04], atol=1e-9)
+
+
+def test_a_press_off_the_body_or_out_of_reach_is_refused_by_its_number(arm):
+    with pytest.raises(pm.InputError, match=r"point 0 .* off the body's surface"):
+        arm.press([0.13, 0.03, 0.05])
+    with pytest.raises(pm.InputError, match="there is no body at"):
+        arm.surface([0.5, 0.5])
+    tilted = [np.sin(0.7), 0.0, -np.cos(0.7)]
+    with pytest.raises(pm.InputError, match="leaves the friction cone"):
+        arm.press([0.13, 0.03, 0.04], tilted)
+
+
+def test_a_path_through_the_air_is_clear_and_one_into_the_table_meets_it(arm):
+    clear = arm.follow([[0.12, 0.04, 0.08], [0.16, 0.06, 0.08]], speed_m_per_s=0.1)
+    pm.assert_path_clear(clear)
+    np.testing.assert_allclose(clear.tip_m[-1], [0.16, 0.06, 0.08], atol=1e-3)
+    above, below = [0.05, 0.04, 0.03], [0.05, 0.04, -0.01]
+    met = arm.follow([[0.05, 0.04, 0.08], above, below], speed_m_per_s=0.05)
+    assert met.events[-1].kind == "force"
+    assert met.tip_m[:, 2].min() > -1e-3
+    with pytest.raises(AssertionError, match="the tip meets something"):
+        pm.assert_path_clear(met)
+    with pytest.raises(pm.InputError, match="out of reach"):
+        arm.follow([[2.0, 0.0, 0.1]])
+
+
+def test_a_sweep_keeps_its_force_and_feels_the_map():
+    arm = robot()
+    path, normals = arm.surface(np.column_stack([np.linspace(0.12, 0.16, 5), np.full(5, 0.04)]))
+    swept = arm.follow(path, normals, force_n=0.2, speed_m_per_s=0.02)
+    pm.assert_force_kept(swept)
+    sliding = swept.wanted_n > 0.199
+    assert np.abs(swept.force_n[sliding][200:].mean() - 0.2) < 2e-3
+    np.testing.assert_allclose(swept.tip_m[-1, :2], path[-1, :2], atol=3e-4)
+    # C = (1 - nu^2)/(2 E a) on a half-space; the bonded layer is a fifth stiffer
+    depth = 0.04 - swept.tip_m[-1, 2]
+    assert 0.7 < depth / (0.2 * (1 - 0.45**2) / (2 * 8000 * 0.005)) < 1.0
+    with pytest.raises(AssertionError, match="force is off"):
+        pm.assert_force_kept(swept, tolerance=1e-9)
+
+
+def test_a_scan_of_any_body_by_a_cover_and_tips():
+    scan = pm.scan(
+        pm.Block(SIZE, poisson_ratio=0.45), presses=3, tips="flat:3,ball:8",
+        map=pm.GaussianMap(8000.0), arm=SHORT,
+    )  # fmt: skip
+    assert len(scan.press_ids) == 3
+    assert sorted(set(scan.contact_radii.tolist())) == [0.003, 0.008]

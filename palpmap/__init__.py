@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from palpmap.study.body import Body
     from palpmap.study.study import Study
     from sim.motion import ScanSettings
-    from sim.robot.mechanism import Mechanism
+    from sim.robot import Mechanism
 
 _HOMES = {
     "identify.catalogue.catalogue": ("CATALOGUE",),

@@ -83,6 +83,12 @@ class BodyMechanics:
 
         return cls(coarse, None if fine is coarse else fine, at, ratio)
 
+    def sharing(self, other: BodyMechanics) -> BodyMechanics:
+        """Return the mechanics with the solutions and bases of another one of this coarse model."""
+        if other.coarse is not self.coarse:
+            return self
+        return replace(self, _solutions=other._solutions, _bases=other._bases)
+
     @cached_property
     def local_points(self) -> np.ndarray:
         """Points of the local modulus under each tip, (j, 3) m."""

@@ -152,3 +152,15 @@ def test_ratios_of_several_maps_are_kept(mechanics, monkeypatch):
         mechanics._ratios.clear()
         mechanics.evaluate(stiffness, state, slack=1.0)
     assert len(other) == 2
+
+
+def test_mechanics_of_one_model_share_their_bases(mechanics, monkeypatch):
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
+    again = BodyMechanics.of(mechanics.coarse).sharing(mechanics)
+    other = BodyMechanics.of(mechanics.fine.fine).sharing(mechanics)
+    solved = counted(monkeypatch, mechanics.coarse)
+    near = again.evaluate(moved(0.01), again.state(), slack=1.0).compliance
+    assert not solved
+    assert near == pytest.approx(again.evaluate(moved(0.01), again.state()).compliance, rel=1e-5)
+    assert not other._bases
+    assert not other._solutions

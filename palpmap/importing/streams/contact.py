@@ -41,12 +41,15 @@ class Contact:
     jump_n: float
 
 
-def find_contact(time: np.ndarray, force: np.ndarray, depth: np.ndarray) -> Contact | None:
+def find_contact(
+    time: np.ndarray, force: np.ndarray, depth: np.ndarray, free_n: float | None = None
+) -> Contact | None:
     """Find the contact in the samples of one press; None where the tip feels nothing.
 
     Parameters
     ----------
     time, force, depth : (m,) s, N along the direction, m along it
+    free_n : force before the contact; found where the tip is shallowest, if not given
 
     Raises
     ------
@@ -55,7 +58,7 @@ def find_contact(time: np.ndarray, force: np.ndarray, depth: np.ndarray) -> Cont
     """
     even, top = smooth(force, time), int(smooth(depth, time).argmax())
     before, after = (
-        _free_level(even, depth, slice(0, top)),
+        free_n if free_n is not None else _free_level(even, depth, slice(0, top)),
         _free_level(even, depth, slice(top, len(force))),
     )
     if before is None or after is None:
@@ -138,10 +141,14 @@ def find_touch(
     travel_guess : m, of the whole press
     """
 
-    def fitted(touch: float) -> float:
+    def law(touch: float) -> tuple[np.ndarray, np.ndarray, float]:
         x = np.maximum(depth - touch, 0.0) / travel_guess
         columns = np.column_stack([x - 0.6 * x**2, x, x**1.5, x**2.5])
-        return nnls(columns - columns.mean(axis=0), centred)[1]
+        columns -= columns.mean(axis=0)
+        return columns, *nnls(columns, centred)
+
+    def fitted(touch: float) -> float:
+        return law(touch)[2]
 
     centred = force - force.mean()
     deepest = float(depth.max())
@@ -151,8 +158,10 @@ def find_touch(
     # Any: scipy's stubs say object
     best: Any = minimize_scalar(fitted, bounds=(grid[k - 1], grid[k + 1]), method="bounded",
                            options={"xatol": 1e-4 * travel_guess})  # fmt: skip
+    columns, weights, _ = law(best.x)
+    independent = len(depth) / correlation_length(centred - columns @ weights)
     # standard deviation: half of where the sum of squares has grown by four times its variance
-    limit = best.fun**2 * (1 + 4 / max(len(depth) - 5, 1))
+    limit = best.fun**2 * (1 + 4 / max(independent - 5, 1))
     aside = 0.01 * travel_guess * np.arange(1, 41)
     width = [
         next((d for d in aside if fitted(best.x + way * d) ** 2 > limit), aside[-1])
@@ -160,3 +169,26 @@ def find_touch(
     ]
     error = max(width) / 2
     return float(best.x), float(error), float(best.fun / np.sqrt(len(depth)))
+
+
+def correlation_length(values: np.ndarray) -> float:
+    """Return how many neighbours count as one independent value, at least 1.
+
+    It is 1 + 2 sum of the autocorrelation, up to where pairs of it first fall below 0 (Geyer 1992,
+    initial positive sequence).
+
+    >>> rng = np.random.default_rng(0)
+    >>> white = rng.standard_normal(4000)
+    >>> round(correlation_length(white)), round(correlation_length(np.repeat(white, 5)))
+    (1, 5)
+    """
+    centred = values - values.mean()
+    n = len(centred)
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
+    course = np.fft.irfft(spectrum)[: n - n % 2]
+    if course[0] <= 0:
+        return 1.0
+    pairs = course.reshape(-1, 2).sum(axis=1) / course[0]
+    below = np.flatnonzero(pairs <= 0)
+    end = int(below[0]) if len(below) else len(pairs)
+    return max(1.0, 2 * float(pairs[:end].sum()) - 1)

@@ -13,9 +13,10 @@ from palpmap.importing.mapping.columns import matrices, numbers, rotated
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
 from palpmap.importing.readers.recording import Recording
 from palpmap.importing.streams.alignment import GRID_S, rough_offset, smooth
-from palpmap.importing.streams.contact import Contact, SpoiltPress, find_contact
+from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
-from palpmap.importing.streams.press import CutPress, Window, cut_press, window_of
+from palpmap.importing.streams.path import smooth_path
+from palpmap.importing.streams.press import CutPress, Window, cut_press, rough_contact, window_of
 from palpmap.importing.streams.spans import way_into_body
 from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
 from palpmap.importing.streams.weight import without_weight
@@ -149,6 +150,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
             if contact is not None
         ]
         stated = _common_direction(touching, said)
+    pose = smooth_path(pose)
     return Aligned(sensor, unweighed, force, pose, mean_direction, spans, stated, lag, offset)
 
 
@@ -230,7 +232,7 @@ def _stated_directions(
 
 def _contact_or_none(window: Window) -> Contact | None:
     try:
-        return find_contact(window.time_s, window.force_n, window.depth_m)
+        return rough_contact(window)
     except SpoiltPress:
         return None
 

@@ -11,6 +11,7 @@ from palpmap.importing.streams.alignment import smooth
 from palpmap.importing.streams.contact import (
     TARE_S,
     TOUCH_SHARE,
+    Contact,
     SpoiltPress,
     find_contact,
     find_touch,
@@ -29,6 +30,8 @@ HOLD_SMOOTHED_S, HOLD_SMOOTHED = (
 STILL = 0.25  # of the speed on the way in or out: slower, the tip holds
 LEFT = 0.03  # of the travel: so far out, the hold is over
 ROUGH_FIT = 0.05  # of the largest force: the way in is no smooth curve
+RISEN = 0.05  # of the largest force, at TOUCH_SHARE of the way in
+UNSURE = 0.2  # of the travel: a touch this uncertain (one standard deviation) is none
 JUMP = 0.15  # of the largest force, between before and after
 
 
@@ -134,7 +137,7 @@ def cut_press(
         With the reason why the press cannot be used.
     """
     time, depth = window.time_s, window.depth_m
-    contact = find_contact(time, window.force_n, depth)
+    contact = rough_contact(window)
     if contact is None:
         return None
     force = window.force_n - contact.tare_n
@@ -152,10 +155,14 @@ def cut_press(
         raise SpoiltPress(
             f"the force without contact differs by {contact.jump_n:.3g} N before and after"
         )
-    travel = float(even_depth[inside].max() - even_depth[contact.touch])
-    top = int(np.flatnonzero(even_depth >= even_depth[contact.touch] + TOUCH_SHARE * travel)[0])
-    way_in = slice(int(np.searchsorted(time, time[contact.touch] - TARE_S)), top + 1)
+    travel, way_in = _way_in(time, even_depth, contact)
+    top = way_in.stop - 1
     touch, touch_error, rough = find_touch(depth[way_in], force[way_in], travel)
+    if touch_error > UNSURE * travel:
+        raise SpoiltPress(
+            f"the depth of first touch is known to {1e3 * touch_error:.2g} mm only, of a travel of "
+            f"{1e3 * travel:.2g} mm"
+        )
     contact = tared_at(contact, time, window.force_n, even_depth, touch)
     force = window.force_n - contact.tare_n
     even_force = smooth(force, time)
@@ -190,6 +197,30 @@ def cut_press(
         displacement_m=np.concatenate([columns[2] for _, columns in made]),
         phase=np.concatenate([np.full(len(columns[0]), name, "U8") for name, columns in made]),
     )
+
+
+def rough_contact(window: Window) -> Contact | None:
+    """Find the contact of a press, anew where the force has not risen on most of the way in.
+
+    High above the body, where the tip still turns, the free force may be another than next to it.
+    """
+    time, depth = window.time_s, window.depth_m
+    contact = find_contact(time, window.force_n, depth)
+    if contact is None:
+        return None
+    _, way_in = _way_in(time, smooth(depth, time), contact)
+    force = smooth(window.force_n - contact.tare_n, time)
+    if force[way_in.stop - 1] > RISEN * force[contact.touch : contact.release + 1].max():
+        return contact
+    return find_contact(time, window.force_n, depth, float(np.median(window.force_n[way_in])))
+
+
+def _way_in(time: np.ndarray, depth: np.ndarray, contact: Contact) -> tuple[float, slice]:
+    """Travel of a rough contact, m, and the samples from which its touch is found."""
+    start = depth[contact.touch]
+    travel = float(depth[contact.touch : contact.release + 1].max() - start)
+    top = int(np.flatnonzero(depth >= start + TOUCH_SHARE * travel)[0])
+    return travel, slice(int(np.searchsorted(time, time[contact.touch] - TARE_S)), top + 1)
 
 
 def _hold(time: np.ndarray, travel: np.ndarray) -> slice:

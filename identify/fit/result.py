@@ -205,6 +205,11 @@ class FitResult:
         return self._live.u
 
     @property
+    def covariance_scaled(self) -> np.ndarray:
+        """Covariance of the scaled estimate, (k, k), with the finer model's own error."""
+        return self._live.covariance
+
+    @property
     def at(self) -> Linearised:
         """The model at the estimate."""
         return self._live.at

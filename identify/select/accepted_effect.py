@@ -1,6 +1,6 @@
 """An accepted effect with its equivalents."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -76,4 +76,48 @@ def at_bound(fit: FitResult, name: str) -> bool:
     return any(
         effect == name and parameter in nulls and fit.at.values[name][parameter] != nulls[parameter]
         for effect, _, parameter in held
+    )
+
+
+def undetermined(
+    fit: FitResult, names: Sequence[str], settings: SelectionSettings = SELECTION
+) -> tuple[str, ...]:
+    """Return those of the named effects whose size the scan does not determine.
+
+    That is an effect with amplitudes whose 95 % intervals all cover their bounds; and each of two
+    effects of which the scan determines a sum only: their amplitudes go together, and 0 lies within
+    the interval of either.
+    """
+    low, high = fit.model.bounds
+    std = np.sqrt(np.diag(fit.covariance_scaled))
+    lower, upper = np.maximum(fit.u - 1.96 * std, low), np.minimum(fit.u + 1.96 * std, high)
+    whole = upper - lower >= settings.whole_bound * (high - low)
+    together = np.abs(fit.covariance_scaled) > settings.together * np.outer(std, std)
+    rows: dict[str, list[int]] = {}
+    null = np.zeros(len(std), dtype=bool)
+    for part in fit.model.effects:
+        if part.effect.name not in names:
+            continue
+        rows[part.effect.name] = []
+        for amplitude, absent in part.effect.null.items():
+            name = f"{part.effect.name}.{amplitude}"
+            if name not in fit.model.names:
+                continue
+            row = fit.model.names.index(name)
+            at_null = fit.model.unknowns.unknowns[row].to_scaled(absent)
+            null[row] = lower[row] <= at_null <= upper[row]
+            rows[part.effect.name].append(row)
+
+    def one_of_a_sum(name: str) -> bool:
+        others = [row for other, found in rows.items() if other != name for row in found]
+        return any(
+            null[row] and null[other] and together[row, other]
+            for row in rows[name]
+            for other in others
+        )
+
+    return tuple(
+        name
+        for name, found in rows.items()
+        if found and (all(whole[row] for row in found) or one_of_a_sum(name))
     )

@@ -26,7 +26,7 @@ from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
-from identify.select.accepted_effect import AcceptedEffect, at_bound
+from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
 from identify.select.candidates import Candidate, best_candidates, is_implausible
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
@@ -80,7 +80,9 @@ class Explanation:
         if self.verdict == "unexplained":
             return groups
         decided = {a.name for a in self.accepted if a.decided}
-        doubted = dict.fromkeys((*self.at_bound, *self.implausible, self.further))
+        doubted = dict.fromkeys(
+            (*self.at_bound, *self.undetermined, *self.implausible, self.further)
+        )
         return groups + tuple(
             (name, OTHER_CAUSE) for name in doubted if name in (*decided, self.further) and name
         )
@@ -92,7 +94,7 @@ class Explanation:
         Beside a structured residual, an effect is offered only if the rest cannot be its cause
         (`identify.select.standing`), or the contact law of the presses supports it.
         """
-        unsure = (*self.resting_on_outliers, *self.at_bound, *self.implausible)
+        unsure = (*self.resting_on_outliers, *self.at_bound, *self.undetermined, *self.implausible)
         sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
         if self.verdict == "unexplained":
             stand = frozenset() if self.map_error else self._standing
@@ -107,6 +109,12 @@ class Explanation:
     def at_bound(self) -> tuple[str, ...]:
         """Effects of the last model at a bound of the search: not found."""
         return tuple(name for name in self.final.fit.effect_names if at_bound(self.final.fit, name))
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Accepted effects of the last model whose size the scan does not determine."""
+        names = tuple(effect.name for effect in self.accepted)
+        return undetermined(self.final.fit, names, self.settings)
 
     @property
     def implausible(self) -> tuple[str, ...]:
@@ -345,6 +353,7 @@ def _verdict(last: Step, accepted: Sequence[AcceptedEffect], further: str = "") 
     if not accepted and not further:
         return "nothing_missing"
     doubted = any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted)
+    doubted = doubted or bool(undetermined(last.fit, [a.name for a in accepted]))
     sure = all(a.decided for a in accepted) and not doubted and not further
     return "explained" if sure else "ambiguous"
 

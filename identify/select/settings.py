@@ -78,6 +78,8 @@ class SelectionSettings:
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
     close : difference of chi-square below which two effects count as equal at any price
+    whole_bound : of an amplitude's bound: a 95 % interval that covers more of it tells nothing
+    together : correlation of two effects' amplitudes beyond which only a sum of them is determined
     sure : family-wise p-value of an effect where the residual is noise
     shortlist : best-scored effects that are refitted
     hopeless : of the best linear score: a refit does not make up for less
@@ -111,6 +113,8 @@ class SelectionSettings:
     by_compliance: float = 0.9
     margin: float = 10.0
     close: float = 5.0
+    whole_bound: float = 0.95
+    together: float = 0.99
     sure: float = 1e-3
     shortlist: int = 3
     hopeless: float = 0.1

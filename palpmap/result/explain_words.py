@@ -109,6 +109,11 @@ def _help(explained: Explanation) -> str:
             f"With {listed(names)} the error falls, but {listed(bound)} only at the bound of the "
             "possible values: a help, not the answer. "
         )
+    if undetermined := [name for name in names if name in explained.undetermined]:
+        return (
+            f"With {listed(names)} the error falls, but the scan does not determine the size of "
+            f"{listed(undetermined)}: a help, not the answer. "
+        )
     if implausible := [name for name in names if name in explained.implausible]:
         return (
             f"With {listed(names)} the error falls, but {listed(implausible)} only at "
@@ -191,6 +196,8 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         return [f"{name} is found, or separated from others, only with outlying presses, {offered}"]
     if name in explained.at_bound:
         return [f"{name} is at the bound of the possible values, {offered}"]
+    if name in explained.undetermined:
+        return [f"The scan does not determine the size of {name}, {offered}"]
     if name in explained.implausible:
         final = explained.final.fit
         (part,) = (part for part in final.model.effects if part.effect.name == name)

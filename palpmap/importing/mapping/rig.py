@@ -163,9 +163,9 @@ class Rows(Table):
     `surface_m` is the largest distance by which a contact point is moved onto the surface.
     """
 
-    load: Annotated[int, Field(ge=2, le=1000)] = 8
-    hold: Annotated[int, Field(ge=0, le=1000)] = 8
-    unload: Annotated[int, Field(ge=0, le=1000)] = 6
+    load: Annotated[int, Field(ge=2, le=1000)] = 5
+    hold: Annotated[int, Field(ge=0, le=1000)] = 5
+    unload: Annotated[int, Field(ge=0, le=1000)] = 4
     surface_m: Positive = 2.0e-3
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -22,6 +22,9 @@ TRIMMED_S = 0.06  # of both ends of a contact, where lag and touch mix
 CONTACT_SHARE = 0.07  # of a press's travel: below it the touch itself disturbs
 CORNER_SHARE = 0.1
 RELAXATION_S = (0.1, 0.3, 1.0, 4.0)
+RELAXES = 4.0  # chi-square that eight common weights must take
+OUTLYING = 9.0  # times the usual variance: a press that does not count
+_WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S, 2 * SEARCH_STEP_S)
 
 
 @dataclass(frozen=True)
@@ -60,19 +63,24 @@ def find_lag(
 
     In each press the force is taken to be a smooth function of travel, other while the tip goes
     out than while it goes in, plus its relaxation at four rates: a body's own viscosity is thus
-    not mistaken for a lag, unless it relaxes faster than in 0.1 s. The lag is where the sum of
-    squares is least; corners of the motion decide it.
+    not mistaken for a lag, unless it relaxes faster than in 0.1 s. Where all presses together show
+    no relaxation, it is left out. The lag is where the sum of squares is least; corners of the
+    motion decide it.
 
     Parameters
     ----------
     force_time, force : of each press, s and N, contact only
     pose_time, travel : of each press, s and m, from before the touch; even steps
     """
+    courses = [_course(*one) for one in zip(force_time, force, pose_time, travel, strict=True)]
+    courses = [course for course in courses if course is not None]
+    if courses and not _relaxes(courses):
+        courses = [replace(course, relaxing=course.relaxing[:, :0]) for course in courses]
     middles, lags, errors = [], [], []
-    for tf, f, tp, x in zip(force_time, force, pose_time, travel, strict=True):
-        found = _press_lag(tf, f, tp, x)
+    for course in courses:
+        found = _press_lag(course)
         if found is not None:
-            middles.append(tf.mean())
+            middles.append(course.middle_s)
             lags.append(found[0])
             errors.append(found[1])
     if not lags:
@@ -114,13 +122,44 @@ def _sharpest(time: np.ndarray, travel: np.ndarray) -> float:
     return float(change[inside].max() / np.quantile(np.abs(speed), 0.95))
 
 
-def _press_lag(
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """One press: its force, and the functions of travel that it is made of.
+
+    Attributes
+    ----------
+    middle_s : of the press
+    time_s, force_n : (m,) averaged over `MEAN_S`
+    grid_s : (p,) even
+    free, relaxing : (p, 7) and (p, r) on the grid, see `_bases`; the latter in N
+    """
+
+    middle_s: float
+    time_s: np.ndarray
+    force_n: np.ndarray
+    grid_s: np.ndarray
+    free: np.ndarray
+    relaxing: np.ndarray
+
+    def parted(self, lag_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Relaxing columns (m, r) and force (m,) of a lag, less what the free ones explain."""
+        time = self.time_s - lag_s
+        q, _ = np.linalg.qr(_at(time, self.grid_s, self.free))
+        columns = _at(time, self.grid_s, self.relaxing)
+        return columns - q @ (q.T @ columns), self.force_n - q @ (q.T @ self.force_n)
+
+    @property
+    def freedom(self) -> int:
+        """Samples less columns."""
+        return len(self.time_s) - self.free.shape[1] - self.relaxing.shape[1]
+
+
+def _course(
     force_time: np.ndarray, force: np.ndarray, pose_time: np.ndarray, travel: np.ndarray
-) -> tuple[float, float] | None:
-    """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
+) -> _Course | None:
+    """Average a press's force; None where too little of it lies between touch and release."""
     travel = moving_mean(pose_time, travel, pose_time, MEAN_S)
     free, relaxing = _bases(pose_time, travel)
-    basis = np.hstack([free, relaxing])
     inside = travel > CONTACT_SHARE * travel.max()
     if not inside.any():
         return None
@@ -132,27 +171,58 @@ def _press_lag(
     )  # fmt: skip
     for k in np.flatnonzero(np.diff(force_time) > GAP_S):
         time = time[(time < force_time[k] - half) | (time > force_time[k + 1] + half)]
-    if len(time) < 4 * basis.shape[1]:
+    if len(time) < 4 * (free.shape[1] + relaxing.shape[1]):
         return None
     even = moving_mean(force_time, force, time, MEAN_S)
+    middle = float(force_time.mean())
+    return _Course(middle, time, even, pose_time, free, float(np.ptp(even)) * relaxing)
 
-    def squares(lags: np.ndarray) -> np.ndarray:
-        return np.array(
-            [_residual(_at(time - lag, pose_time, basis), even, free.shape[1]) for lag in lags]
-        )
 
-    wide = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S, 2 * SEARCH_STEP_S)
-    k = int(squares(wide).argmin())
-    if not 1 <= k < len(wide) - 1:
+def _relaxes(courses: Sequence[_Course]) -> bool:
+    """Whether the body's force relaxes: by one set of weights for all presses.
+
+    Weights of each press alone, as none is negative, make relaxation out of noise, and then a lag.
+    """
+    alone = np.array([_squares(course, _WIDE) for course in courses])
+    start = _WIDE[int(np.median(alone.argmin(axis=1)))]
+    least = alone.min(axis=1) / [course.freedom for course in courses]
+    usual = [k for k, one in enumerate(least) if one < OUTLYING * np.median(least)]
+    elastic, relaxed = [], []
+    for lag in start + SEARCH_STEP_S * np.arange(-4, 5):
+        matrix, vector, square = 0.0, 0.0, 0.0
+        for k in usual:
+            columns, force = courses[k].parted(lag)
+            columns, force = columns / np.sqrt(least[k]), force / np.sqrt(least[k])
+            matrix, vector = matrix + columns.T @ columns, vector + columns.T @ force
+            square += float(force @ force)
+        elastic.append(square)
+        relaxed.append(_least(np.asarray(matrix), np.asarray(vector), square))
+    independent = MEAN_S / GRID_S  # so many of the averaged samples share their noise
+    return (min(elastic) - min(relaxed)) / independent > RELAXES
+
+
+def _squares(course: _Course, lags: np.ndarray) -> np.ndarray:
+    """Least sums of squares of one press at some lags."""
+    sums = []
+    for lag in lags:
+        columns, force = course.parted(lag)
+        sums.append(_least(columns.T @ columns, columns.T @ force, float(force @ force)))
+    return np.array(sums)
+
+
+def _press_lag(course: _Course) -> tuple[float, float] | None:
+    """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
+    k = int(_squares(course, _WIDE).argmin())
+    if not 1 <= k < len(_WIDE) - 1:
         return None
-    lags = wide[k] + SEARCH_STEP_S * np.arange(-3, 4)
-    near = squares(lags)
+    lags = _WIDE[k] + SEARCH_STEP_S * np.arange(-3, 4)
+    near = _squares(course, lags)
     k = int(np.clip(near.argmin(), 2, 4))
     curve = np.polyfit(lags[k - 2 : k + 3], near[k - 2 : k + 3], 2)
     if curve[0] <= 0:
         return None
     best = float(np.clip(-curve[1] / (2 * curve[0]), lags[k - 1], lags[k + 1]))
-    variance = near[k] / (len(time) - basis.shape[1])
+    variance = near[k] / course.freedom
     return best, float(np.sqrt(variance / curve[0] * MEAN_S / GRID_S))
 
 
@@ -200,13 +270,17 @@ def _at(time: np.ndarray, grid: np.ndarray, basis: np.ndarray) -> np.ndarray:
     return basis[k] * (1 - part) + basis[k + 1] * part
 
 
-def _residual(columns: np.ndarray, force: np.ndarray, free: int) -> float:
-    """Least sum of squares, the columns behind the first `free` with weights of at least zero."""
-    q, _ = np.linalg.qr(columns[:, :free])
-    rest, f = columns[:, free:], force - q @ (q.T @ force)
-    rest = rest - q @ (q.T @ rest)
-    scale = np.sqrt(np.sum(rest**2, axis=0)) + 1e-12
-    rest = rest / scale
-    factor = np.linalg.cholesky(rest.T @ rest + 1e-9 * np.eye(rest.shape[1]))
-    y = np.linalg.solve(factor, rest.T @ f)
-    return float(f @ f - y @ y + nnls(factor.T, y)[1] ** 2)
+def _least(matrix: np.ndarray, vector: np.ndarray, square: float) -> float:
+    """Least sum of squares with weights of at least zero, by the normal equations.
+
+    Parameters
+    ----------
+    matrix, vector : (r, r), (r,)
+    square : sum of squares with no weight
+    """
+    if not vector.size:
+        return square
+    scale = np.sqrt(np.diag(matrix)) + 1e-12
+    factor = np.linalg.cholesky(matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
+    y = np.linalg.solve(factor, vector / scale)
+    return float(square - y @ y + nnls(factor.T, y)[1] ** 2)

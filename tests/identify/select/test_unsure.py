@@ -16,7 +16,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
 from identify.select import outlying_presses as suspects
-from identify.select.accepted_effect import AcceptedEffect
+from identify.select.accepted_effect import AcceptedEffect, undetermined
 from identify.select.forward_selection import OTHER_CAUSE, SUSPECT_PRESSES
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
@@ -204,3 +204,57 @@ def test_what_the_map_s_own_error_absorbs_is_compared_in_units_of_the_noise_alon
     exact = replace(rough.model, press_error=0.0).linearise(rough.u)
     assert not np.allclose(rough.at.jacobian, whitened.absorbed, rtol=1e-2)
     np.testing.assert_allclose(whitened.absorbed, exact.jacobian, rtol=1e-9, atol=1e-9)
+
+
+def with_covariance(step, covariance):
+    fit = replace(step.fit, solution=replace(step.fit.solution, covariance=covariance))
+    return replace(step, fit=fit)
+
+
+def test_an_effect_whose_interval_is_its_whole_bound_is_no_explanation(explained_case):
+    explained = explained_case.explained
+    (name,) = explained.added
+    assert explained.undetermined == ()
+    last = explained.final
+    names, (low, high) = last.fit.model.names, last.fit.model.bounds
+    wide = last.fit.covariance_scaled.copy()
+    (part,) = (part for part in last.fit.model.effects if part.effect.name == name)
+    for amplitude in part.effect.amplitudes:
+        row = names.index(f"{name}.{amplitude.name}")
+        wide[row, row] = (high[row] - low[row]) ** 2
+    ladder = (*explained.ladder[:-1], with_covariance(last, wide))
+    assert explain._verdict(ladder[-1], explained.accepted) == "ambiguous"
+    found = replace(explained, verdict="ambiguous", ladder=ladder)
+    assert found.undetermined == (name,)
+    assert found.added == ()
+    assert found.ambiguous == ((name, OTHER_CAUSE),)
+    assert "doubtful" in headline(found)
+    assert "does not determine the size of" in " ".join(_name_notes(found, name))
+    assert effect_verdict(CATALOGUE[name], found).verdict == "indistinguishable"
+
+
+def test_two_effects_of_which_only_a_sum_is_determined_are_both_undetermined(explained_case):
+    fit = explained_case.explained.final.fit
+    (name,) = explained_case.explained.added
+    (part,) = (part for part in fit.model.effects if part.effect.name == name)
+    row = fit.model.names.index(f"{name}.{part.effect.amplitudes[0].name}")
+    twin = next(k for k in range(len(fit.u)) if k != row)  # a map's parameter plays the other
+    effect = SimpleNamespace(name="twin", null={"size": 0.0})
+    parameters = [replace(fit.model.unknowns.unknowns[row], name="twin.size")] * len(fit.u)
+    parameters[row] = fit.model.unknowns.unknowns[row]
+    names = tuple("twin.size" if k == twin else n for k, n in enumerate(fit.model.names))
+    ones = np.ones(len(fit.u))
+
+    def judged(correlation: float, std: float) -> tuple[str, ...]:
+        covariance = np.eye(len(fit.u)) * std**2
+        covariance[row, twin] = covariance[twin, row] = correlation * std**2
+        model = SimpleNamespace(
+            effects=(part, SimpleNamespace(effect=effect)), names=names,
+            unknowns=SimpleNamespace(unknowns=parameters), bounds=(-1e6 * ones, 1e6 * ones),
+        )  # fmt: skip
+        made: Any = SimpleNamespace(model=model, u=ones, covariance_scaled=covariance)
+        return undetermined(made, [name, "twin"])
+
+    assert judged(-0.999, 10.0) == (name, "twin")
+    assert judged(-0.9, 10.0) == ()  # the data tell them apart
+    assert judged(-0.999, 0.1) == ()  # both are there whatever their sum

@@ -4,16 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.streams.cutting import cut_stream
-from palpmap.importing.streams.lag import Lag
+from palpmap.importing.streams.lag import Lag, _course, _relaxes
+from palpmap.importing.streams.path import smooth_path
+from palpmap.importing.streams.stream import Stream
 from tests.palpmap.importing.raw_streams import RIG, draw, faults
 
-QUICK, ALL = range(20), range(500)
+QUICK, ALL = (*range(20), 127, 445, 477), range(500)
 LAG_S = 0.002
-"""Where the tip stops sharply; else lag and viscosity look alike, which is said."""
+SHARP_S = 1.1e-3
+"""Stated standard deviation of a lag that the data give to 2 ms."""
 
 
 def outcome(seed: int) -> tuple[list[str], list[str], float, Lag | None]:
@@ -36,9 +40,9 @@ def test_a_stream_is_cut_and_its_lag_found(seed):
 
 @pytest.mark.slow
 def test_of_500_streams_the_presses_are_found_and_their_readings_right():
-    """Measured with these seeds: 4,594 presses, 6 with a value off, in 3 streams."""
-    presses = off = lost_ones = refused = 0
-    lags = []
+    """Tuned on these seeds; seeds 5000 to 5499 were counted once, see docs/import.md."""
+    presses = lost_ones = refused = 0
+    off, lags = [], []
     for seed in ALL:
         presses += len(draw(seed).presses)
         try:
@@ -46,11 +50,43 @@ def test_of_500_streams_the_presses_are_found_and_their_readings_right():
         except InputError:
             refused += 1
             continue
-        off += len({sentence.partition(" s")[0] for sentence in silent})
+        off += [(seed, sentence) for sentence in silent]
         lost_ones += len(lost)
-        if lag is not None and lag.has_corners:
-            lags.append(abs(error))
+        assert lag is not None
+        lags.append((abs(error), lag.error_s))
+    assert off == []
     assert refused <= 2
-    assert off <= 0.002 * presses
     assert lost_ones <= 0.01 * presses
-    assert np.mean(np.array(lags) < LAG_S) >= 0.9
+    error, stated = np.array(lags).T
+    assert np.mean(error < 2 * stated) >= 0.95
+    assert np.mean(error < 3 * stated) >= 0.99
+    assert np.mean(error[stated <= SHARP_S] < LAG_S) >= 0.95
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_a_body_relaxes_if_all_presses_together_say_so(share):
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 3.0, 0.01)
+    travel = 5e-3 * np.clip(np.minimum(time - 0.3, 1.5 * (2.7 - time)), 0.0, 1.0)
+    fading = lfilter([1.0], [1.0, -np.exp(-0.01 / 0.4)], np.diff(travel, prepend=0.0))
+    force = 60 * ((1 - share) * travel + share * fading)
+    courses = [
+        _course(time, force + 0.01 * rng.standard_normal(len(time)), time, travel)
+        for _ in range(30)
+    ]
+    assert _relaxes([course for course in courses if course is not None]) == (share > 0)
+
+
+def test_a_smoothed_path_loses_noise_and_keeps_its_corners():
+    rng = np.random.default_rng(6)
+    time = np.arange(0.0, 4.0, 0.008)
+    true = np.zeros((len(time), 3))
+    true[:, 2] = -4e-3 * np.clip(time - 1.0, 0.0, 1.0)
+    noise = 2e-5 * rng.standard_normal(true.shape)
+    found = smooth_path(Stream(time, true + noise, np.zeros((0, 2))))
+    off = found.values - np.column_stack(
+        [np.interp(found.time_s, time, column) for column in true.T]
+    )
+    assert np.std(off[:, 2]) < 0.5 * 2e-5
+    corner = np.abs(found.time_s - 1.0) < 0.1
+    assert np.abs(off[corner, 2]).max() < 6e-5

@@ -25,6 +25,7 @@ ONE_DIRECTION_DEG = 2.0
 FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
 LAW = 0.006  # of the travel: what the unknown law of the force adds to the touch's error
+UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 SAME_PLACE_M = 1.0e-3
 SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
 UNRECOVERED = 0.05  # of the travel before: how deep the surface may still lie, one deviation
@@ -259,8 +260,8 @@ def _lag_of(
 def _lag_words(lag: Lag | None, offset_s: float) -> str:
     if lag is None:
         return (
-            f"The offset of the clocks is {offset_s:.3f} s to {GRID_S * 1e3:.0f} ms; no press "
-            "shows the lag between force and pose more closely."
+            f"The offset of the clocks is {offset_s:.3f} s to some {UNSEEN_S * 1e3:.0f} ms; no "
+            "press shows the lag between force and pose more closely."
         )
     total = offset_s + lag.lag_s
     size = f"{1e3 * total:.1f} ms" if abs(total) < 1 else f"{total:.4f} s"
@@ -355,7 +356,7 @@ def _widened(press: CutPress, lag: Lag | None) -> CutPress:
         return press
     travel, last = float(press.displacement_m[load][-1]), float(press.time_s[load][-1])
     speed = travel / max(last - press.touch_s, GRID_S)
-    late = lag.error_s * speed if lag else 0.0
+    late = (lag.error_s if lag else UNSEEN_S) * speed
     error = np.sqrt(press.touch_error_m**2 + late**2 + (LAW * travel) ** 2)
     return replace(press, touch_error_m=float(error))
 

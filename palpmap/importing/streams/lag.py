@@ -63,9 +63,9 @@ def find_lag(
 
     In each press the force is taken to be a smooth function of travel, other while the tip goes
     out than while it goes in, plus its relaxation at four rates: a body's own viscosity is thus
-    not mistaken for a lag, unless it relaxes faster than in 0.1 s. Where all presses together show
-    no relaxation, it is left out. The lag is where the sum of squares is least; corners of the
-    motion decide it.
+    not mistaken for a lag, unless it relaxes faster than in 0.1 s. Where the tip stops sharply and
+    all presses together show no relaxation, it is left out. The lag is where the sum of squares is
+    least; corners of the motion decide it.
 
     Parameters
     ----------
@@ -74,7 +74,10 @@ def find_lag(
     """
     courses = [_course(*one) for one in zip(force_time, force, pose_time, travel, strict=True)]
     courses = [course for course in courses if course is not None]
-    if courses and not _relaxes(courses):
+    sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
+    corners = bool(sharp) and float(np.median(sharp)) > CORNER
+    # a soft motion does not tell: a lag then does as well as relaxation
+    if courses and corners and not _relaxes(courses):
         courses = [replace(course, relaxing=course.relaxing[:, :0]) for course in courses]
     middles, lags, errors = [], [], []
     for course in courses:
@@ -103,8 +106,6 @@ def find_lag(
     rate_error = spread / np.sqrt(np.sum((middle[kept] - centre) ** 2) + 1e-12)
     if abs(line[1]) < 5 * rate_error or abs(line[1]) * np.ptp(middle) < 1e-3:
         line[:] = float(np.average(lag[kept], weights=error[kept] ** -2)), 0.0
-    sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
-    corners = float(np.median(sharp)) > CORNER
     total = float(np.hypot(scale, CLOSE_S if corners else LOOSE_S))
     return Lag(float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), corners)
 

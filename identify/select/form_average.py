@@ -52,6 +52,7 @@ class Form:
 def forms_of(explained: Explanation) -> tuple[Form, ...]:
     """Return the last model and those that the scan does not separate from it, by weight.
 
+    They have another form of an accepted effect, or another effect of its ambiguous group.
     Empty beside a structured residual, whose cause is in none of them. A candidate was fitted less
     far than the last model: it is compared with the accepted effect as it was fitted then, and its
     map moves with that one's to the last model.
@@ -63,9 +64,11 @@ def forms_of(explained: Explanation) -> tuple[Form, ...]:
     forms = [Form("", "", 1.0, *(values[:free] for values in _posterior(final)))]
     for accepted in explained.accepted:
         beside = own - {accepted.name}
+        family = next((c.family for c in accepted.candidates if c.name == accepted.name), "")
         near: list[Candidate] = [
             c for c in accepted.candidates
             if set(c.fit.effect_names) == beside | {c.name} and c.name not in beside
+            and (c.name in accepted.group or c.family == family)
         ]  # fmt: skip
         winner = next((c for c in near if c.name == accepted.name), None)
         if winner is None:
@@ -101,7 +104,10 @@ def _information(fit: FitResult) -> np.ndarray:
 
 
 def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
-    """Prior of the effects' scaled parameters: centre, width, place of the first one."""
+    """Prior of the effects' scaled parameters: centre, width, place of the first one.
+
+    As wide as the estimate is large: what an amplitude may be is no matter of the prior.
+    """
     first = len(fit.model.space.free)
     centre, width = [], []
     for part in fit.model.effects:
@@ -112,7 +118,7 @@ def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
                 width.append((high - low) / np.sqrt(12))
             else:
                 centre.append(p.to_scaled(p.null))
-                width.append(_AMPLITUDE)
+                width.append(max(_AMPLITUDE, abs(fit.u[first + len(width)] - centre[-1])))
     return np.array(centre), np.array(width), first
 
 

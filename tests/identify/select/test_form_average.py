@@ -64,6 +64,21 @@ def _at_prior(fit):
     return u
 
 
+def test_a_large_amplitude_is_no_argument_against_a_model(crept):
+    """A base without friction is thousands of typical sizes away from none."""
+    fit = crept.final.fit
+    (part,) = fit.model.effects
+    g = part.parameters[0]
+    small = replace(part, parameters=(replace(g, typical=g.typical / 1000), part.parameters[1]))
+    u = fit.u.copy()
+    u[-2] *= 1000
+    jacobian = fit.at.jacobian.copy()
+    jacobian[:, -2] /= 1000
+    model = replace(fit.model, effects=(small,))
+    scaled = replace(fit.solution, model=model, at=replace(fit.at, jacobian=jacobian), u=u)
+    assert log_evidence(replace(fit, solution=scaled)) == pytest.approx(log_evidence(fit), abs=3)
+
+
 def test_quantiles_of_a_mixture():
     one = np.array([1.0])
     assert _quantile(0.975, one, np.array([2.0]), one, 3 * one) == pytest.approx(2 + 3 * 1.959964)

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 from models import InputError
 from palpmap.console import Output, complain, to_type
 from palpmap.recording.integrity import examine, readable
-from palpmap.recording.viewer import ViewerError, has_display, open_window, render, viewer_program
+from palpmap.recording.viewer import (
+    Instant,
+    ViewerError,
+    has_display,
+    open_window,
+    render,
+    viewer_program,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -18,13 +25,16 @@ RECORDING = "recording.rrd"
 PICTURE = "recording.png"
 
 
-def run_review(run: Path, png: bool, summary: bool, output: Output) -> bool:
+def run_review(
+    run: Path, png: bool, summary: bool, output: Output, at: Instant | None = None
+) -> bool:
     """Open a recording, render it to a picture, or print its content.
 
     Parameters
     ----------
     run : run folder, or .rrd file
-    png : render the layout at the end of the run to recording.png beside the recording
+    png : render the layout to recording.png beside the recording
+    at : what the picture shows; None is the end of the run
     summary : print what the recording holds
     output : where to speak
 
@@ -44,7 +54,7 @@ def run_review(run: Path, png: bool, summary: bool, output: Output) -> bool:
         return _summarize(recording, output)
     with readable(recording, integrity) as file:
         if png:
-            return _render(recording, file, output)
+            return _render(recording, file, output, at)
         return _open(recording, file, output)
 
 
@@ -88,10 +98,10 @@ def _open(recording: Path, file: Path, output: Output) -> bool:
     return code == 0
 
 
-def _render(recording: Path, file: Path, output: Output) -> bool:
+def _render(recording: Path, file: Path, output: Output, at: Instant | None) -> bool:
     picture = recording.with_suffix(".png")
     try:
-        render(file, picture)
+        render(file, picture, at)
     except ViewerError as error:
         complain(str(error))
         return False

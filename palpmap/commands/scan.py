@@ -35,16 +35,18 @@ from palpmap.study.virtual_lab import (
 )
 
 if TYPE_CHECKING:
+    import numpy as np
     from rich.console import RenderableType
 
     from sim.motion import Motion, Refusal, ScanPlan, ScanSettings
-    from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun
+    from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun, Series
 
 OnFault = Literal["skip", "retry", "stop"]
 
 PAPER_FORCE_N = 3.0
 LISTED = 10
 RANDOM = "random"
+SAMPLES = "samples.parquet"
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
 
 PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
@@ -204,6 +206,7 @@ def make_scan(
     """Make all presses; scan.csv, presses.json and recording are complete up to the last one."""
     statistics: dict[int, PressStatistics] = {}
     records: list[PressRecord] = []
+    samples: list[Series] = []
 
     def on_outcome(outcome: "PressOutcome") -> None:
         records.append(press_record(outcome, statistics.get(outcome.press)))
@@ -215,6 +218,7 @@ def make_scan(
 
     def on_press(result: "PressResult", reported: Scan) -> None:
         statistics[result.statistics.press] = result.statistics
+        samples.append(result.series)
         write_scan(reported, run / "scan.csv")
         told = reported.rows(reported.press == laboratory.plan.ids[result.statistics.press])
         used = told.used()
@@ -227,8 +231,36 @@ def make_scan(
         )
 
     drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
-    made, _ = laboratory.press(drawn, on_press, on_outcome)
+    try:
+        made, _ = laboratory.press(drawn, on_press, on_outcome)
+    finally:
+        if samples:
+            write_samples(samples, laboratory.plan.ids, run / SAMPLES)
     return made
+
+
+def write_samples(samples: "Sequence[Series]", ids: "np.ndarray", path: Path) -> None:
+    """Write every time step of the presses, as the robot reads them, into a Parquet file."""
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from sim.scan import SERIES_PHASES
+
+    def column(name: str) -> "np.ndarray":
+        return np.concatenate([getattr(one, name) for one in samples])
+
+    table = {
+        "press": np.asarray(ids)[column("press")],
+        "time_s": column("time_s"),
+        "phase": pa.DictionaryArray.from_arrays(column("phase").astype(np.int8), SERIES_PHASES),
+        "force_n": column("force_n").astype(np.float32),
+        "displacement_m": column("displacement_m").astype(np.float32),
+        "wanted_n": column("wanted_n").astype(np.float32),
+    }
+    for joint, angles in enumerate(column("q").T, start=1):
+        table[f"joint{joint}_rad"] = angles.astype(np.float32)
+    pq.write_table(pa.table(table), path, compression="zstd")
 
 
 class LargestRecord(Record):

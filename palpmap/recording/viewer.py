@@ -13,10 +13,12 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from models import InputError
+from palpmap.recording.entities import PRESS, SIM_TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -60,8 +62,22 @@ def open_window(recording: Path) -> int:
         return subprocess.run(command, env=environment, check=False).returncode
 
 
-def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
-    """Render the layout of a recording, at the end of the run, into a PNG file.
+@dataclass(frozen=True)
+class Instant:
+    """A place on a recording's timelines: a time of the scan in s, or a press."""
+
+    time_s: float | None = None
+    press: int | None = None
+
+
+def render(
+    recording: Path, picture: Path, at: Instant | None = None, time_limit_s: float = 90.0
+) -> None:
+    """Render the layout of a recording into a PNG file.
+
+    Parameters
+    ----------
+    at : what is shown; None is the end of the run
 
     Raises
     ------
@@ -78,7 +94,7 @@ def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
         )
         try:
             _wait_for_port(viewer, port, deadline)
-            picture.write_bytes(_picture(recording, port, deadline))
+            picture.write_bytes(_picture(recording, port, deadline, at))
         except (RuntimeError, ConnectionError) as error:
             with suppress(subprocess.TimeoutExpired):
                 viewer.wait(timeout=_LAST_WORDS_S)  # the port answers until it has panicked
@@ -89,12 +105,16 @@ def render(recording: Path, picture: Path, time_limit_s: float = 90.0) -> None:
             _stop(viewer)
 
 
-def _picture(recording: Path, port: int, deadline: float) -> bytes:
+def _picture(recording: Path, port: int, deadline: float, at: Instant | None) -> bytes:
     from rerun.experimental import ViewerClient
 
     client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
     client.open(str(recording.resolve()))
     _wait_for_views(client, deadline)
+    if at is not None and at.time_s is not None:
+        client.set_time(SIM_TIME, duration=at.time_s, play_state="paused")
+    elif at is not None and at.press is not None:
+        client.set_time(PRESS, sequence=at.press, play_state="paused")
     before, now = b"", b"not yet"
     while now != before and time.monotonic() < deadline:  # plots glide to their ranges
         time.sleep(_PAUSE_S)

@@ -2,11 +2,13 @@
 
 from sim.scan.outcome import PressOutcome
 from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
+from sim.scan.result import PHASES as SERIES_PHASES
 from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
 from sim.scan.scan_program import run_scan
 from sim.scan.session import PathResult, Session
 
 __all__ = [
+    "SERIES_PHASES",
     "Frame",
     "PathResult",
     "PressOutcome",

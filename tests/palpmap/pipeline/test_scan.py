@@ -38,7 +38,8 @@ def test_a_scan_works_in_and_into_a_folder_with_a_space_in_its_name(spaced):
     assert run.record["presses_kept"] == 4
     left = {path.name for path in folder.iterdir()}
     assert left == {
-        "scan.csv", "presses.json", "study.toml", "truth.json", "recording.rrd", "run.json"
+        "scan.csv", "presses.json", "study.toml", "truth.json", "recording.rrd", "run.json",
+        "samples.parquet",
     }  # fmt: skip
     told = PressesRecord.read(folder / "presses.json").presses
     assert [(press.outcome, press.kept) for press in told] == [("made", True)] * 4

@@ -68,7 +68,7 @@ class Prediction(Shown, PredictionOfScan):
     >>> fit = pm.read_run("tests/data/twelve_presses").fit
     >>> found = pm.predict(fit, fit.experiment)
     >>> found.presses, found.residual_m.shape
-    (12, (252,))
+    (12, (264,))
     """
 
     fit: FitResult = field(kw_only=True)

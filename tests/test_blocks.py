@@ -21,7 +21,14 @@ PAGES = sorted(
 FENCE = re.compile(
     r'^(<!-- slow -->\n)?```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL
 )
-JUDGED = ("add", "compare", "diagnose", "explain", "reveal")  # exit code 1: a criterion failed
+JUDGED = (
+    "add",
+    "compare",
+    "predict",
+    "diagnose",
+    "explain",
+    "reveal",
+)  # exit code 1: a criterion failed
 
 
 SAID = {
@@ -67,7 +74,7 @@ WITH_SLOW_BLOCKS = [page for page in WITH_BLOCKS if any(block.slow for block in 
 @pytest.fixture
 def folder(tmp_path, monkeypatch) -> Path:
     """Return a folder like a fresh clone, as far as the pages speak of it, and work there."""
-    for part in ("tests/data/lab", "examples"):
+    for part in ("tests/data/lab", "tests/data/twelve_presses", "examples"):
         shutil.copytree(ROOT / part, tmp_path / part)
     monkeypatch.chdir(tmp_path)
     return tmp_path

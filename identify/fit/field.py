@@ -36,7 +36,7 @@ class Field:
     press_error : (j,) error of each press's compliance by the map, relative: what its readings,
         beside the effects, ask the map to change by
     left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
-    errs : (j,) bool, presses that err by themselves and were weighted down
+    errs : (j,) bool, presses with errors of their own, weighted down
     lengths_m : least and largest length that was tried
     posterior : for draws and resolution; both only of a fit that was made here
     """

@@ -88,7 +88,7 @@ class FieldData:
     offset : (j,) s - s_mu where the readings are linear
     here : (j,) s - s_mu at the present field
     sums : of the presses
-    doubt : (j,) variance of ln C beyond the map's error, of presses that err by themselves
+    doubt : (j,) variance of ln C beyond the map's error, of presses with errors of their own
     """
 
     by_field: np.ndarray

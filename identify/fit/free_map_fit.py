@@ -73,7 +73,7 @@ class _Readings:
     sums : weighted
     s : where they are linear
     error, variance : (j,) of each press's ln C against the map, see `PressSums.errors`
-    doubt : (j,) variance of the presses that err by themselves
+    doubt : (j,) variance of the presses with errors of their own
     """
 
     sums: PressSums

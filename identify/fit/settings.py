@@ -212,8 +212,8 @@ class FreeMapSettings:
     unsure : their standard deviations, of logarithms
     nearing : share of the presses' present misfit that counts as error of the map, so that a
         step follows no press further than a linear model holds
-    tail, early_tail : standard deviations from which on a press errs by itself, and draws no
-        stronger, and the same while the prior's numbers are sought
+    tail, early_tail : standard deviations from which on a press has an error of its own, and draws
+        no stronger, and the same while the prior's numbers are sought
     longest_move : of ln C from where the readings are linear
     own_steps : Newton steps of each press's compliance beside the map
     slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the

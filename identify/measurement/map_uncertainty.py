@@ -3,7 +3,7 @@
 With the prior covariance of the field propagated to s = ln C of the presses, S (j, j), and the
 whitened derivative A of the readings by s, the readings about the prior mean of the field have the
 covariance I + A S A'. Whitened with its root, a residual and the derivatives by further parameters
-are those of a model that has every map of that prior beside it: no map can pass for an effect.
+are those of a model that has every map of that prior beside it: no map can be taken for an effect.
 """
 
 from __future__ import annotations

@@ -141,7 +141,7 @@ class MeasurementModel:
     space : the map's free parameters
     press_error : relative error of the map in each press's compliance, counted beside the noise if
         larger; the readings of a press share it
-    press_doubt : (j,) further variance of ln C of presses that err by themselves
+    press_doubt : (j,) further variance of ln C of presses with errors of their own
     effects : effects beside the map, in the order of the chain
     unit_compliance : (j,) of the homogeneous body of 1 Pa: the modulus under a tip is then that of
         the homogeneous body of the press's compliance, which is what the tip feels; else the map's

@@ -22,7 +22,7 @@ def compare(
     quiet: Quiet = False,
     json: Json = False,
 ) -> bool:
-    """Say what of a scan the model does not explain, or how two runs on one body differ.
+    """Test a fit's residual, or compare two runs on one body.
 
     Of one run: residuals by place, force level, time and order, and whether they are noise.
 

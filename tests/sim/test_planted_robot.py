@@ -96,10 +96,7 @@ def test_a_program_that_cannot_be_used_is_refused_by_row_and_column(lines, messa
         read_program(written(tmp_path, *lines))
 
 
-def test_the_robot_refuses_two_radii_and_a_tip_over_the_edge():
-    two = grid_program(per_side=2, radii_m=(0.003, 0.01))
-    with pytest.raises(InputError, match="tips of 2 radii"):
-        program_plan(two, SIZE)
+def test_the_robot_refuses_a_tip_over_the_edge():
     one = grid_program(per_side=2)
     with pytest.raises(InputError, match=r"Press 0 .* hangs over the edge"):
         program_plan(replace(one, x_m=one.x_m - 0.009), SIZE)

@@ -152,14 +152,6 @@ def test_a_program_is_in_the_frame_of_the_study(tmp_path):
     assert not run.exists()
 
 
-def test_a_program_of_two_tips_is_refused_before_anything_is_written(tmp_path):
-    write_program(grid_program(per_side=2, radii_m=(0.003, 0.01)), tmp_path / "two.csv")
-    run = tmp_path / "run"
-    said = sentence_of(palpmap("scan", "--program", tmp_path / "two.csv", "--out", run))
-    assert "split the program by radius_m" in said
-    assert not run.exists()
-
-
 def test_the_settings_of_a_scan_say_what_was_made(tmp_path):
     write_program(grid_program(per_side=2), tmp_path / "four.csv")
     words = ["--program", tmp_path / "four.csv", "--plant", "force_bias:4", "--json"]

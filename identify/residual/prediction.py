@@ -9,8 +9,9 @@ Where a fitted press stood at the same place, what its readings ask for beside t
 belongs to the prediction; elsewhere the map's own error is part of the band.
 
 Readings of a press share most of their error. The test therefore takes one number a press, the
-error of the travel at its largest forces, with the covariance of all presses. With as many as there
-are presses degrees of freedom, its chi-square says whether the errors are those of the bands.
+error of the travel at its largest forces, with the covariance of all presses. Its chi-square, with
+as many degrees of freedom as presses, says whether the errors are those of the bands; beside it the
+press farthest off is judged alone.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import chdtr, chdtrc
+from scipy.special import chdtr, chdtrc, ndtr
 
 from fem import PalpationModel
 from identify.body.compliance import compliance
@@ -89,8 +90,14 @@ class Prediction:
 
     @property
     def p_too_narrow(self) -> float:
-        """Probability of a chi-square this large or larger, were the bands right."""
-        return float(chdtrc(self.presses, self.chi2))
+        """Probability of errors this large, were the bands right.
+
+        By chi-square, or by the press farthest off: an error that all presses share is one number
+        of many to chi-square. The smaller of the two, times two.
+        """
+        farthest = float(np.max(np.abs(self.press_error_m) / self.press_sd_m))
+        single = self.presses * 2 * float(ndtr(-farthest))
+        return min(1.0, 2 * min(float(chdtrc(self.presses, self.chi2)), single))
 
     @property
     def verdict(self) -> Verdict:

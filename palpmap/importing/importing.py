@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models import InputError, Scan, read_scan, touching, write_scan
+from models import InputError, Scan, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
@@ -78,8 +78,9 @@ class Imported:
             study_file.read_text(encoding="utf-8"),
             f"# Made by palpmap import from {names}; import.md says what was found.",
         )
-        study_file.write_text(text, encoding="utf-8")
-        (folder / "import.md").write_text(self.page(), encoding="utf-8")
+        for path, words in ((study_file, text), (folder / "import.md", self.page())):
+            with replaced(path) as beside:
+                beside.write_text(words, encoding="utf-8")
         return study_file
 
     def page(self) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from models import InputError, Scan, read_scan, scan_findings, touching
+from models import InputError, Scan, read_scan, replaced, scan_findings, touching
 from palpmap.importing.importing import checked_study, commented
 from palpmap.study.body import Body
 from palpmap.study.contact_body import surface_notes
@@ -122,7 +122,8 @@ def new_study(
         study_file.read_text(encoding="utf-8"),
         f"# Made by palpmap new from {scan_file.name}; palpmap check looks at each press.",
     )
-    study_file.write_text(text, encoding="utf-8")
+    with replaced(study_file) as beside:
+        beside.write_text(text, encoding="utf-8")
     if thickness_m is not None:
         placed = place_scan(touching(scan), load_study(study_file))
         said += surface_notes(load_study(study_file).body, placed.distance_m, placed.angle_deg)

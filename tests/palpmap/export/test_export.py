@@ -50,6 +50,18 @@ def test_febio_gets_an_element_with_its_modulus_for_each_cell(run, tmp_path):
     origin = run.experiment.opened(thin=False).origin_m
     middle = nodes[cells[:, :4]].mean(axis=1) - origin
     np.testing.assert_allclose(moduli, run.fit.map.modulus(middle), rtol=1e-6)
+    # FEBio's tet10: corners with positive volume, then the middles of edges 12, 23, 31, 14, 24, 34
+    corner = nodes[cells[:, :4]]
+    assert np.linalg.det(corner[:, 1:] - corner[:, :1]).min() > 0
+    edges = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+    halves = np.stack([corner[:, pair].mean(axis=1) for pair in edges], axis=1)
+    np.testing.assert_allclose(nodes[cells[:, 4:]], halves, atol=1e-9)
+    assert [part.tag for part in root if part.tag in ("Mesh", "MeshDomains", "MeshData")] == [
+        "Mesh", "MeshDomains", "MeshData",  # FEBio refuses another order
+    ]  # fmt: skip
+    assert [entry.attrib["lid"] for entry in root.find("MeshData/ElementData")] == [
+        str(k + 1) for k in range(len(cells))
+    ]
     held = np.array(root.find("Mesh/NodeSet").text.split(","), int) - 1
     low = nodes[:, 2].min()
     assert set(held) == set(np.flatnonzero(nodes[:, 2] < low + 1e-9))

@@ -30,7 +30,7 @@ SETTLED = 0.5  # part of a hold, or of a sweep, after which its force has to be 
 
 @dataclass(frozen=True)
 class Presses:
-    """What became of the presses of one call.
+    """Presses of one call and their outcomes.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class Robot:
         points_m : (3,) or (j, 3) on the surface
         directions : (3,) or (j, 3) unit, into the body; None presses along the normals
         force_n : one, or (j,)
-        on_unreachable : "skip" leaves out what the arm cannot reach, and says so in the result
+        on_unreachable : "skip" leaves out presses that the arm cannot make; the result names them
 
         Raises
         ------

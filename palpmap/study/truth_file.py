@@ -1,4 +1,4 @@
-"""The file of a true map, in TOML: what the virtual laboratory's body really is.
+"""The file of a true body, in TOML: map, law and creep of the virtual laboratory's.
 
     background_pa = 6000
     [[inclusions]]

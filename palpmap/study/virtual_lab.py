@@ -169,7 +169,7 @@ def probe_of(plan: ScanPlan) -> Probe:
 
 
 def tip_notes(plan: ScanPlan) -> tuple[str, ...]:
-    """Say what the study of a plan's scan cannot state of its tips."""
+    """Name the tips that the study of a plan's scan cannot state."""
     kinds = sorted({plan.tip_of(press).kind for press in range(len(plan))})
     if kinds in (["ball"], ["flat"]):
         return ()

@@ -142,14 +142,20 @@ class ParameterSpace:
             longest[i] = 1.0 if p.log else max(abs(u[i]), 1.0)
         return longest
 
+    def at_natural_end(self, u: np.ndarray) -> np.ndarray:
+        """Whether each unknown (k,) sits on a bound that is physics."""
+        lower, upper = self.bounds
+        low, high = (
+            np.array([p.natural in (side, "both") for p in self.unknowns], bool)
+            for side in ("lower", "upper")
+        )
+        return ((u <= lower + _AT_BOUND) & low) | ((u >= upper - _AT_BOUND) & high)
+
     def at_bound(self, u: np.ndarray) -> tuple[str, ...]:
         """Names of the unknowns that sit on a bound of the search; a natural one is none."""
         lower, upper = self.bounds
-        low, high = (
-            np.array([p.natural not in (side, "both") for p in self.unknowns], bool)
-            for side in ("lower", "upper")
-        )
-        hit = ((u <= lower + _AT_BOUND) & low) | ((u >= upper - _AT_BOUND) & high)
+        hit = (u <= lower + _AT_BOUND) | (u >= upper - _AT_BOUND)
+        hit &= ~self.at_natural_end(u)
         return tuple(name for name, is_hit in zip(self.names, hit, strict=True) if is_hit)
 
 

@@ -92,6 +92,8 @@ def undetermined(
     std = np.sqrt(np.diag(fit.covariance_scaled))
     lower, upper = np.maximum(fit.u - 1.96 * std, low), np.minimum(fit.u + 1.96 * std, high)
     whole = upper - lower >= settings.whole_bound * (high - low)
+    # At a natural end (a base without friction) the law levels off: the end itself is the finding
+    whole &= ~fit.model.unknowns.at_natural_end(fit.u)
     together = np.abs(fit.covariance_scaled) > settings.together * np.outer(std, std)
     rows: dict[str, list[int]] = {}
     null = np.zeros(len(std), dtype=bool)

@@ -1,6 +1,6 @@
 """Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""
 
-from models.arm import LINKS, PROBE_LENGTH_M, REACH_M, SCENE_XML, SHOULDER_M
+from models.arm import ARM_PACKAGE, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
 from models.press_program import PressProgram, grid_program, read_program
@@ -13,14 +13,11 @@ from models.scan_quality import OUTLYING, Doubt, scan_findings, touching, withou
 from models.thin import MOST_PRESSES, thinned
 
 __all__ = [
-    "LINKS",
+    "ARM_PACKAGE",
     "MOST_PRESSES",
     "OUTLYING",
     "PHASES",
-    "PROBE_LENGTH_M",
-    "REACH_M",
-    "SCENE_XML",
-    "SHOULDER_M",
+    "Arm",
     "Catalogue",
     "Doubt",
     "InputError",
@@ -28,7 +25,9 @@ __all__ = [
     "Scan",
     "grid_program",
     "join_scans",
+    "mesh_folder",
     "nearest",
+    "read_arm",
     "read_program",
     "read_scan",
     "replaced",

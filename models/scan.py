@@ -5,6 +5,7 @@ One row a sample, SI units; a press is a run of rows with the same id.
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class Scan:
     def __post_init__(self):
         m = len(self.press)
         widths = {"point_m": 3, "direction": 3, "force_vector_n": 3, "tip_pose": 7}
-        kinds: dict[str, object] = {"press": np.int64}
+        kinds: dict[str, Any] = {"press": np.int64}
         kinds |= {name: f"U{max(map(len, words))}" for name, words in _WORDS.items()}
         for field in fields(self):
             value = getattr(self, field.name)

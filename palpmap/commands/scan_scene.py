@@ -23,16 +23,21 @@ def draw_scene(
     recording: Recording, laboratory: Laboratory, parameters: dict[str, float]
 ) -> "Callable[[Frame], None]":
     """Put arm, body and truth into the recording; return the drawer of a frame."""
-    from models import LINKS
+    from models import read_arm
     from sim.robot import build_laboratory as build_arm
 
     plan, body = laboratory.plan, laboratory.body
     place = plan.body_in_world
-    shapes = arm_shapes(
-        build_arm(plan.widest_m, plan.body_size_m, place, round_tip=plan.round_tips).model
+    arm = build_arm(
+        plan.widest_m,
+        plan.body_size_m,
+        place,
+        round_tip=plan.round_tips,
+        arm=read_arm(laboratory.settings.arm),
     )
+    shapes = arm_shapes(arm.model, arm.links)
     drawn = link_names(shapes)
-    order = [LINKS.index(name) for name in drawn]
+    order = [arm.links.index(name) for name in drawn]
     modulus = laboratory.hidden.body.modulus  # with what is hidden in it
     views = map_views(modulus, plan.body.lowest_m, plan.body.lowest_m + plan.body.extent_m)
     recording.truth(views, parameters)
@@ -65,23 +70,22 @@ def draw_scene(
     return draw
 
 
-def arm_shapes(model: "mujoco.MjModel") -> list[LinkShape]:
+def arm_shapes(model: "mujoco.MjModel", links: tuple[str, ...]) -> list[LinkShape]:
     """Return the drawable geoms of the arm's links and the probe, from the compiled model."""
     import mujoco
-
-    from models import LINKS
 
     kinds = {
         mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
         mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
         mujoco.mjtGeom.mjGEOM_BOX: "box",
         mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+        mujoco.mjtGeom.mjGEOM_MESH: "mesh",
     }
     shapes = []
     for geom in range(model.ngeom):
         link = model.body(model.geom_bodyid[geom]).name
         kind = kinds.get(mujoco.mjtGeom(model.geom_type[geom]))
-        if link in LINKS and kind and model.geom_group[geom] < 3:
+        if link in links and kind and model.geom_group[geom] < 3:
             shapes.append(
                 LinkShape(
                     link,
@@ -90,6 +94,18 @@ def arm_shapes(model: "mujoco.MjModel") -> list[LinkShape]:
                     model.geom_pos[geom].copy(),
                     model.geom_quat[geom].copy(),
                     model.geom_rgba[geom].copy(),
+                    _mesh(model, geom) if kind == "mesh" else None,
                 )
             )
     return shapes
+
+
+def _mesh(model: "mujoco.MjModel", geom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) m and triangles of a geom's mesh, in the geom's frame."""
+    mesh = int(model.geom_dataid[geom])
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    return (
+        model.mesh_vert[first : first + count].copy(),
+        model.mesh_face[face : face + faces].copy(),
+    )

@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 _NORMAL_STEPS = 256
-SHAPE_KINDS = ("capsule", "cylinder", "box", "sphere", "ellipsoid")
+SHAPE_KINDS = ("capsule", "cylinder", "box", "sphere", "ellipsoid", "mesh")
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,13 @@ class LinkShape:
     Attributes
     ----------
     link : name of the link
-    kind : capsule | cylinder | box | sphere | ellipsoid
+    kind : capsule | cylinder | box | sphere | ellipsoid | mesh
     size_m : (3,) m: radius and half length (capsule, cylinder; along z, centred), radius (sphere),
         half sizes (box, ellipsoid); unused entries are ignored
     position_m : (3,) m, centre in the link's frame
     quaternion : (4,) w, x, y, z, orientation in the link's frame
     rgba : (4,) 0..1
+    mesh : vertices (n, 3) m and triangles (t, 3) of a mesh, about its centre
     """
 
     link: str
@@ -32,6 +33,7 @@ class LinkShape:
     position_m: Sequence[float] | NDArray[np.float64]
     quaternion: Sequence[float] | NDArray[np.float64] = (1.0, 0.0, 0.0, 0.0)
     rgba: Sequence[float] | NDArray[np.float64] = (0.8, 0.8, 0.82, 1.0)
+    mesh: tuple[NDArray[np.floating], NDArray[np.integer]] | None = None
 
     def __post_init__(self) -> None:
         """Refuse a kind of shape that cannot be drawn."""
@@ -61,6 +63,16 @@ def drawn_shape(shape: LinkShape) -> rr.AsComponents:
         "colors": [np.rint(255 * np.asarray(shape.rgba, float)).astype(np.uint8)],
         "fill_mode": "solid",
     }
+    if shape.mesh is not None:
+        vertices, triangles = shape.mesh
+        w, x, y, z = np.asarray(shape.quaternion, float)
+        turned = vertices + 2 * np.cross([x, y, z], np.cross([x, y, z], vertices) + w * vertices)
+        return rr.Mesh3D(
+            vertex_positions=turned + center,
+            triangle_indices=triangles,
+            vertex_normals=vertex_normals(turned, triangles),
+            albedo_factor=look["colors"][0],
+        )
     match shape.kind:
         case "capsule":  # Rerun's starts in the centre of its lower cap
             start = center - size[1] * _z_axis(shape.quaternion)

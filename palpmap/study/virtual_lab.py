@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from identify.map import GaussianMap
-from models import InputError, Scan, stack_scans
+from models import InputError, Scan, read_arm, stack_scans
 from palpmap.study.body import Body
 from palpmap.study.body_model import outside_of, support_of
 from palpmap.study.study import About, Map, Noise, Probe, Study
@@ -293,7 +293,12 @@ def reachable(
     from sim.robot import build_laboratory as build_arm
 
     arm = build_arm(
-        plan.widest_m, plan.body_size_m, plan.body_in_world, settings.timestep_s, plan.round_tips
+        plan.widest_m,
+        plan.body_size_m,
+        plan.body_in_world,
+        settings.timestep_s,
+        plan.round_tips,
+        read_arm(settings.arm),
     )
     motion = plan_motion(plan, arm, settings)
     if not motion.refused:

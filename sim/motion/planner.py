@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from models import PROBE_LENGTH_M, REACH_M, SHOULDER_M, InputError
+from models import InputError
 from sim.motion.clearance import Clearance
 from sim.motion.press_path import PressPath, press_path
 from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED
@@ -86,9 +86,9 @@ class PlannedPress:
     ----------
     point_m, direction : (3,) m and unit, world frame
     path : the arm's configuration over depth
-    approach : (7,) rad, above the surface, start and end of the press
-    touch : (7,) rad, tip on the undeformed surface
-    waypoints : configurations (7,) rad and durations (s) of the motion from the press before to
+    approach : (n,) rad, above the surface, start and end of the press
+    touch : (n,) rad, tip on the undeformed surface
+    waypoints : configurations (n,) rad and durations (s) of the motion from the press before to
         `approach`
     clearance_m : smallest distance of the arm from body and table at `approach`
     """
@@ -260,13 +260,14 @@ class _Planner:
         """
         home = self.laboratory.home
         turned = home.copy()
-        turned[0] = np.arctan2(point[1], point[0])
+        at_home = self.kinematics.pose(home)[0]
+        turned[0] += np.arctan2(point[1], point[0]) - np.arctan2(at_home[1], at_home[0])
         rng = np.random.default_rng(0)
         low, high = self.kinematics.low, self.kinematics.high
         starts = [start for start in (last, home, turned) if start is not None]
         best: Reached | None = None
         found: list[np.ndarray] = []
-        far = np.linalg.norm(point - PROBE_LENGTH_M * direction - SHOULDER_M) > REACH_M
+        far = self._far(point) > 0
         for i in range(len(starts) + (0 if far else RESTARTS)):
             start = starts[i] if i < len(starts) else rng.uniform(low, high)
             drawn = self.kinematics.reach(
@@ -293,13 +294,17 @@ class _Planner:
                 "out."
             )
 
+    def _far(self, point: np.ndarray) -> float:
+        """Return the distance of a point beyond the arm's length, m; negative within it."""
+        kinematics = self.kinematics
+        return float(np.linalg.norm(point - kinematics.shoulder_m)) - kinematics.reach_m
+
     def _why(self, point: np.ndarray, direction: np.ndarray, reached: Reached) -> str:
         """Return the reason for which a pose was not reached."""
-        distance = np.linalg.norm(point - PROBE_LENGTH_M * direction - SHOULDER_M)
-        if distance > REACH_M:
+        if self._far(point) > 0:
             return (
-                f"out of reach: the flange would be {distance:.3f} m from the shoulder, the arm "
-                f"reaches {REACH_M} m"
+                f"out of reach: the point is {1e3 * self._far(point):.0f} mm beyond the length of "
+                "the arm stretched out"
             )
         low, high = self.kinematics.low, self.kinematics.high
         stopped = np.flatnonzero((reached.q <= low) | (reached.q >= high))

@@ -40,6 +40,7 @@ class ScanSettings:
     tip_change_s : the arm stands at home while a tip is changed
     friction : coefficient of friction between tip and body; a push further from the surface's
         normal than it holds is refused
+    arm : name of an arm of palpmap, or its folder, see `models.read_arm`
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
 
@@ -73,6 +74,7 @@ class ScanSettings:
     on_fault: Literal["skip", "retry", "stop"] = "skip"
     tip_change_s: float = 10.0
     friction: float = 0.6
+    arm: str = "panda"
     timestep_s: float = 0.002
     frames_per_s: float = 25.0
 
@@ -80,7 +82,7 @@ class ScanSettings:
         may_be_zero = ("seed", "force_noise_n", "displacement_noise_m")
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name in (*may_be_zero, "pause_s", "on_fault") or value is None:
+            if field.name in (*may_be_zero, "pause_s", "on_fault", "arm") or value is None:
                 continue
             if not value > 0:
                 raise InputError(

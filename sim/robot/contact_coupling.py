@@ -34,6 +34,8 @@ from typing import Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
+from sim.robot.laboratory import Laboratory
+
 PAIR = "tip_on_pad"
 IMPEDANCE = 2e-4
 FAR_M = 1.0
@@ -70,7 +72,8 @@ class MatchedContact:
 
     Parameters
     ----------
-    model, data : of the running simulation; the contact parameters of the pair are changed in place
+    laboratory, data : of the running simulation; the contact parameters of the pair are changed in
+        place
     body : the soft body
 
     Attributes
@@ -78,12 +81,13 @@ class MatchedContact:
     calls : number of pairs exchanged in the present press
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, body: PressedBody) -> None:
+    def __init__(self, laboratory: Laboratory, data: mujoco.MjData, body: PressedBody) -> None:
+        model = laboratory.model
         self._model, self._data, self._body = model, data, body
         self._in_time = body if isinstance(body, BodyInTime) else None
         self._pair = model.pair(PAIR).id
         model.pair_solimp[self._pair, :2] = IMPEDANCE
-        self._regularisation = _regularisation(model)
+        self._regularisation = _regularisation(laboratory)
         self._press, self._renew_at = 0, np.inf
         self._force = 0.0
         self._point, self._normal = np.zeros(3), np.array([0.0, 0.0, 1.0])
@@ -147,10 +151,11 @@ class MatchedContact:
         self._data.mocap_pos[0] = self._point + self._shift - self._line_m * self._normal
 
 
-def _regularisation(model: mujoco.MjModel) -> float:
+def _regularisation(laboratory: Laboratory) -> float:
     """R of the pair's constraint, from a pad put 0.5 mm into the tip; the same everywhere."""
+    model = laboratory.model
     data = mujoco.MjData(model)
-    data.qpos[:] = model.numeric("home").data
+    data.qpos[:] = laboratory.home
     mujoco.mj_forward(model, data)
     axis = data.site("tcp").xmat.reshape(3, 3)[:, 2]
     data.mocap_pos[0] = data.site("tcp").xpos - 5e-4 * axis

@@ -37,6 +37,12 @@ class TipKinematics:
     ----------
     arm : Pinocchio model with position limits
     frame : name of the frame at the tip's centre, z outwards along the probe
+
+    Attributes
+    ----------
+    low, high : (n,) rad, limits less a margin
+    shoulder_m, reach_m : place (3,) of the first joint, and the length from there to the tip that
+        the arm would have if all its parts were in one line
     """
 
     def __init__(self, arm: pin.Model, frame: str = "tcp") -> None:
@@ -45,6 +51,10 @@ class TipKinematics:
         self._frame = arm.getFrameId(frame)
         self.low = np.array(arm.lowerPositionLimit) + LIMIT_MARGIN_RAD
         self.high = np.array(arm.upperPositionLimit) - LIMIT_MARGIN_RAD
+        lengths = [np.linalg.norm(place.translation) for place in arm.jointPlacements]
+        tip = np.linalg.norm(arm.frames[self._frame].placement.translation)
+        self.shoulder_m = np.array(arm.jointPlacements[1].translation)
+        self.reach_m = float(sum(lengths[2:]) + tip)
 
     def pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) m and rotation (3, 3) of the tip in the world."""

@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from models import SCENE_XML, InputError
+from models import Arm, InputError, read_arm
+from sim.robot.arm_spec import PROBE, add_scene, arm_spec
 from sim.robot.pinocchio_model import pinocchio_model
 
 CAPSULE_M = 0.008  # length of a round tip's straight part
@@ -54,30 +55,25 @@ class Placement:
 
 @dataclass(frozen=True)
 class Laboratory:
-    """Arm, probe, table and body.
+    """Arm, probe, table and body; arrays are (n,) for n joints.
 
     Attributes
     ----------
     model : compiled MuJoCo model of the scene
     arm : Pinocchio model of the arm and the probe
     tool : the same joints with the mass of the probe alone
-    home : (7,) rad, configuration from which a scan starts
+    home : rad, configuration from which a scan starts
+    speed_limit, acceleration_limit : of the joints, rad/s and rad/s^2
+    links : names of the arm's bodies, the probe last
     """
 
     model: mujoco.MjModel
     arm: pin.Model
     tool: pin.Model
     home: np.ndarray
-
-    @property
-    def speed_limit(self) -> np.ndarray:
-        """Of the joints, (7,) rad/s."""
-        return np.array(self.arm.velocityLimit)
-
-    @property
-    def acceleration_limit(self) -> np.ndarray:
-        """Of the joints, (7,) rad/s^2."""
-        return np.array(self.model.numeric("joint_acceleration_limit").data)
+    speed_limit: np.ndarray
+    acceleration_limit: np.ndarray
+    links: tuple[str, ...]
 
 
 def build_laboratory(
@@ -86,8 +82,9 @@ def build_laboratory(
     body_in_world: Placement | None = None,
     timestep_s: float = 0.002,
     round_tip: bool = False,
+    arm: Arm | None = None,
 ) -> Laboratory:
-    """Compile the scene with a tip, a body and a time step.
+    """Compile the scene with an arm, a tip, a body and a time step.
 
     Parameters
     ----------
@@ -96,11 +93,12 @@ def build_laboratory(
     body_in_world : where the body stands
     timestep_s : of the simulation
     round_tip : the tip ends in a ball of its radius
+    arm : as `models.read_arm` reads it; None is the Panda
 
     Raises
     ------
     InputError
-        A radius, size or time step that is not positive.
+        A radius, size or time step that is not positive, an arm that cannot be built.
     """
     for name, value in (("tip radius", tip_radius_m), ("time step", timestep_s)):
         if not value > 0:
@@ -109,8 +107,15 @@ def build_laboratory(
         raise InputError(
             f"The body's size is {body_size_m}; three positive lengths in m are needed."
         )
-    body_in_world = body_in_world or Placement()
-    spec = mujoco.MjSpec.from_file(str(SCENE_XML))
+    body_in_world, arm = body_in_world or Placement(), arm or read_arm()
+    spec = arm_spec(arm)
+    links = tuple(body.name for body in spec.bodies if body.name not in ("world", PROBE))
+    add_scene(
+        spec,
+        np.asarray(body_size_m, float),
+        np.asarray(body_in_world.position_m),
+        np.asarray(body_in_world.quaternion),
+    )
     spec.option.timestep = timestep_s
     tip = spec.geom("probe_tip")
     tip.size = [tip_radius_m, *tip.size[1:]]
@@ -118,14 +123,17 @@ def build_laboratory(
         tip.type = mujoco.mjtGeom.mjGEOM_CAPSULE
         ball = float(tip.fromto[5]) - tip_radius_m
         tip.fromto = [0.0, 0.0, ball - CAPSULE_M, 0.0, 0.0, ball]
-    half = np.asarray(body_size_m) / 2
-    box = spec.geom("soft_body")
-    box.pos, box.size = half, half
-    body = spec.body("soft_body")
-    body.pos, body.quat = body_in_world.position_m, body_in_world.quaternion
-    model = spec.compile()
-    home = np.array(model.numeric("home").data)
-    home.flags.writeable = False
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError(f"{arm.model}: MuJoCo cannot compile it ({error})") from error
+    order = tuple(model.joint(j).name for j in range(model.njnt))
+    if order != arm.joints:
+        raise InputError(
+            f"{arm.model}: its joints from the base outwards are {', '.join(order)}; list them so "
+            "in arm.toml"
+        )
+    whole, tool = pinocchio_model(model), pinocchio_model(model, mass_of=(PROBE,))
     return Laboratory(
-        model, pinocchio_model(model), pinocchio_model(model, mass_of=("probe",)), home
+        model, whole, tool, arm.home_rad, arm.speed_limit, arm.acceleration_limit, (*links, PROBE)
     )

@@ -15,9 +15,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-VELOCITY_LIMIT = "joint_velocity_limit"
-"""Custom numeric of the MJCF: one velocity limit a joint, rad/s (MJCF itself has none)."""
-
 
 def placement(position: np.ndarray, quaternion: np.ndarray) -> pin.SE3:
     """Pose from a position (3,) in m and a unit quaternion (4,) w, x, y, z."""
@@ -37,7 +34,7 @@ def pinocchio_model(model: mujoco.MjModel, mass_of: Collection[str] | None = Non
 
     Returns
     -------
-    Model whose joints stand in MuJoCo's order, with limits of angle, effort and velocity and with
+    Model whose joints stand in MuJoCo's order, with limits of angle and effort and with
     armature. Joint damping is not in it: `model.dof_damping` has to be added by hand.
 
     Raises
@@ -96,20 +93,11 @@ def _add_joint(
         in_parent * anchor,
         model.joint(j).name,
         np.array([effort]),
-        np.array([_velocity_limit(model, int(model.jnt_dofadr[j]))]),
+        np.array([np.inf]),
         np.array([low]),
         np.array([high]),
     )
     return index, anchor.inverse()
-
-
-def _velocity_limit(model: mujoco.MjModel, dof: int) -> float:
-    """Limit of one joint's speed from the custom numeric, infinite where there is none."""
-    for i in range(model.nnumeric):
-        numeric = model.numeric(i)
-        if numeric.name == VELOCITY_LIMIT and dof < len(numeric.data):
-            return float(numeric.data[dof])
-    return np.inf
 
 
 def _add_sites(result: pin.Model, model: mujoco.MjModel, located: dict) -> None:

@@ -66,6 +66,8 @@ class SimulatedArm:
         mechanisms.change(model)
         self._sensor, self._encoders = mechanisms.sensor, mechanisms.encoders
         self._joint_torque = mechanisms.joint_torque
+        self._offset: np.ndarray | None = None
+        self._compared = not mechanisms.servo_by_motors
         self.laboratory, self.model = laboratory, model
         self.data = mujoco.MjData(model)
         self.dt = float(model.opt.timestep)
@@ -73,7 +75,7 @@ class SimulatedArm:
         self._arm_data, self._tool_data = self._arm.createData(), self._tool.createData()
         self._damping = model.dof_damping.copy()
         self._limit = np.array(self._arm.effortLimit)
-        self._hardest = 2 * laboratory.acceleration_limit
+        self._hardest = 4 * laboratory.acceleration_limit
         wrist = self._arm.frames[self._arm.getFrameId("ft")]
         self._joint, self._to_probe = wrist.parentJoint, wrist.placement.rotation.T.copy()
         force, torque = (int(model.sensor(name).adr[0]) for name in ("ft_force", "ft_torque"))
@@ -133,6 +135,16 @@ class SimulatedArm:
         return float(np.abs(self._behind).max())
 
     @property
+    def apart_rad(self) -> float:
+        """Largest change between a joint's reading and its motor's since the first step.
+
+        Encoders that serve the pose alone are not compared.
+        """
+        if self._offset is None or not self._compared:
+            return 0.0
+        return float(np.abs(self.q_read - self.q_seen - self._offset).max())
+
+    @property
     def torque_share(self) -> float:
         """Largest part of a joint's torque limit that the last step asked for."""
         return float((np.abs(self._torque) / self._limit).max())
@@ -151,6 +163,8 @@ class SimulatedArm:
         read = q
         if self._encoders:
             self.q_read = self._encoders(self.time_s, q.copy())
+            if self._offset is None:
+                self._offset = self.q_read - q
             if not self.by_motors and np.isfinite(self.q_read).all():
                 read = self.q_read
         else:

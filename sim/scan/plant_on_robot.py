@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from models import InputError, PressProgram, Scan, nearest
+from models import InputError, PressProgram, Scan, nearest, read_arm
 from sim.bench.amplitude_search import amplitude_for
 from sim.bench.press import Planted
 from sim.body.soft_body import DIVISIONS, Divisions, block_compliance
@@ -225,7 +225,11 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
         body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
     )
     laboratory = build_laboratory(
-        plan.widest_m, plan.body_size_m, plan.body_in_world, settings.timestep_s
+        plan.widest_m,
+        plan.body_size_m,
+        plan.body_in_world,
+        settings.timestep_s,
+        arm=read_arm(settings.arm),
     )
     moved = plan_motion(plan, laboratory, settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])

@@ -116,10 +116,7 @@ def press_result(
         values[before:] for values in (tips, turns, depth, vectors, force)
     )
     begun = int((log.phase == APPROACH).argmax())
-    check_record(
-        log.clock_s[begun:], log.q_read[begun:], planned.path.at(0.0)[1], force, depth, wanted,
-        settings,
-    )  # fmt: skip
+    check_record(log.clock_s[begun:], force, depth, wanted, settings)
     zero = mechanisms.zero_shift_m
     if mechanisms.zero == "touch":
         zero += first_touch(

@@ -22,8 +22,7 @@ class Frame:
     time_s : simulated time
     press : number of the press
     phase : one of `PHASES`
-    positions_m, quaternions : (l, 3) and (l, 4) w, x, y, z, of the links named in
-        `models.arm.LINKS`
+    positions_m, quaternions : (l, 3) and (l, 4) w, x, y, z, of the laboratory's links
     tip_m, tip_quaternion : (3,) and (4,)
     force_vector_n : (3,) contact force on the body
     force_n : contact force along the press direction

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from models import LINKS, InputError
+from models import InputError, read_arm
 from sim.motion.planner import Motion, PlannedPress, plan_motion, refuse_too_deep
 from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
@@ -43,6 +43,9 @@ TARE_S = 0.1
 
 FREE_S = 0.1
 """At the end of a press the tip is free for so long at least."""
+
+LONGEST_REST_S, AT_REST_RAD = 3.0, 1e-3
+"""After a fault the arm stands until it is where it should be, to this in rad and rad/s."""
 
 BRAKING_M_PER_S2 = 5.0
 """Of the tip after a fault."""
@@ -142,6 +145,7 @@ class Program:
             plan.body_in_world,
             settings.timestep_s,
             plan.round_tips,
+            read_arm(settings.arm),
         )
         motion = motion or plan_motion(plan, laboratory, settings)
         self.presses = motion.require_all()
@@ -159,9 +163,9 @@ class Program:
         self.rig.by_motors = mechanisms.servo_by_motors
         self.rig.live = self.live
         self.watchdog = Watchdog(self.rig, settings)
-        self.contact = MatchedContact(self.rig.model, self.rig.data, self.body)
+        self.contact = MatchedContact(laboratory, self.rig.data, self.body)
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
-        self.links = [self.rig.model.body(name).id for name in LINKS]
+        self.links = [self.rig.model.body(name).id for name in laboratory.links]
         self.dt = self.rig.dt
         self.steps, self.every = 0, max(1, round(1 / (settings.frames_per_s * self.dt)))
         self.posture = laboratory.home
@@ -353,8 +357,13 @@ class Program:
                 q, slope = planned.path.at(depth)
                 self._step(RETRACT, q, slope * speed)
                 self.posture = q
-        rig.by_motors = self.mechanisms.servo_by_motors
         self.contact.release()
+        standing = np.zeros(self.joints)
+        for _ in range(round(LONGEST_REST_S / self.dt)):
+            self._step(RETRACT, planned.approach, standing)
+            if rig.behind_rad < AT_REST_RAD and np.abs(rig.v).max() < AT_REST_RAD:
+                break
+        rig.by_motors = self.mechanisms.servo_by_motors
         self.phase = TRANSIT
         self.posture = planned.approach
 

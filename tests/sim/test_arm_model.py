@@ -6,11 +6,44 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from models.arm import ARM_XML, DENAVIT_HARTENBERG, LINKS, PROBE_LENGTH_M
+from models.arm import ARMS, mesh_folder, read_arm
+from models.errors import InputError
+from sim.motion.scan_plan import ScanPlan, grid_plan
+from sim.motion.settings import ScanSettings
+from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
 from sim.robot.pinocchio_model import pinocchio_model
+from sim.scan.scan_program import run_scan
+from tests.sim.springs import Spring
 
 TOLERANCE = 1e-9
+PROBE_LENGTH_M = 0.145
+DENAVIT_HARTENBERG = np.array(
+    [
+        # a (m), d (m), alpha (rad)
+        [0.0, 0.333, 0.0],
+        [0.0, 0.0, -np.pi / 2],
+        [0.0, 0.316, np.pi / 2],
+        [0.0825, 0.0, np.pi / 2],
+        [-0.0825, 0.384, -np.pi / 2],
+        [0.0, 0.0, np.pi / 2],
+        [0.088, 0.0, np.pi / 2],
+        [0.0, 0.107, 0.0],
+    ]
+)
+"""Of the Panda in Craig's convention, seven joints and the flange; source: Franka Control Interface
+documentation, "Denavit-Hartenberg parameters" of the Franka Emika Robot (Panda)."""
+
+OTHERS = [
+    pytest.param(
+        name,
+        marks=pytest.mark.skipif(
+            mesh_folder("example-robot-data") is None,
+            reason='the package example-robot-data is not installed: pip install "palpmap[arms]"',
+        ),
+    )
+    for name in ("ur5", "xarm7")
+]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +70,7 @@ def test_sites_and_links_of_both_models_stand_at_the_same_place(laboratory, conf
             frame = other.oMf[arm.getFrameId(name)]
             assert_allclose(frame.translation, data.site(name).xpos, atol=TOLERANCE)
             assert_allclose(frame.rotation.ravel(), data.site(name).xmat, atol=TOLERANCE)
-        for name in LINKS:
+        for name in laboratory.links:
             frame = other.oMf[arm.getFrameId(name)]
             assert_allclose(frame.translation, data.body(name).xpos, atol=TOLERANCE)
 
@@ -75,8 +108,8 @@ def test_mass_matrices_and_bias_torques_agree(laboratory, configurations):
 def test_limits_are_those_of_the_data_sheet(laboratory):
     arm, model = laboratory.arm, laboratory.model
     assert arm.effortLimit.tolist() == [87] * 4 + [12] * 3
-    assert arm.velocityLimit.tolist() == [2.175] * 4 + [2.61] * 3
-    assert build_laboratory().acceleration_limit.tolist() == [15, 7.5, 10, 12.5, 15, 20, 20]
+    assert laboratory.speed_limit.tolist() == [2.175] * 4 + [2.61] * 3
+    assert laboratory.acceleration_limit.tolist() == [15, 7.5, 10, 12.5, 15, 20, 20]
     assert_allclose(arm.lowerPositionLimit, model.jnt_range[:, 0], rtol=0, atol=0)
     assert_allclose(arm.upperPositionLimit, model.jnt_range[:, 1], rtol=0, atol=0)
     assert (model.jnt_range[3] == [-3.0718, -0.0698]).all()
@@ -135,6 +168,87 @@ def test_a_joint_that_cannot_be_carried_over_is_refused():
 
 
 def test_the_arm_file_compiles_alone_and_the_tip_radius_is_set_in_the_scene():
-    assert mujoco.MjModel.from_xml_path(str(ARM_XML)).nv == 7
+    assert mujoco.MjModel.from_xml_path(str(ARMS / "panda" / "arm.xml")).nv == 7
     model = build_laboratory(tip_radius_m=0.0037).model
     assert model.geom("probe_tip").size[0] == 0.0037
+
+
+@pytest.mark.parametrize("name", ["panda", *OTHERS])
+def test_every_arm_begins_with_its_tip_upright_above_the_table(name):
+    laboratory = build_laboratory(arm=read_arm(name))
+    kinematics = TipKinematics(laboratory.arm)
+    tip, turn = kinematics.pose(laboratory.home)
+    assert_allclose(turn[:, 2], [0, 0, -1], atol=2e-3)
+    assert 0.1 < tip[2] < 0.5
+    assert (laboratory.home > kinematics.low).all()
+    assert (laboratory.home < kinematics.high).all()
+    data = mujoco.MjData(laboratory.model)
+    data.qpos[:] = laboratory.home
+    mujoco.mj_kinematics(laboratory.model, data)
+    assert_allclose(data.site("tcp").xpos, tip, atol=TOLERANCE)
+    assert laboratory.links[-1] == "probe"
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_arms_press_as_exactly_as_the_panda(name):
+    plan = grid_plan()
+    plan = ScanPlan(plan.points_m[[0, 40]], plan.directions[[0, 40]])
+    run = run_scan(plan, Spring(), ScanSettings(arm=name))
+    assert [outcome.kept for outcome in run.outcomes] == [True, True]
+    for press in run.statistics:
+        assert abs(press.force_error) < 0.01
+        assert press.contact_error_m < 2e-4
+
+
+SIMPLE = """<mujoco><worldbody><body name="base">
+<body name="turn" pos="0 0 0.3"><joint name="a" axis="0 0 1" range="-3 3" limited="true"/>
+<geom size="0.03" mass="1"/><body name="hand" pos="0.3 0 0"><joint name="b" axis="0 1 0"
+range="-2 2" limited="true"/><geom name="palm" size="0.03" mass="1"/></body></body></body>
+</worldbody><actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>"""
+TABLE = """model = "own.xml"
+joints = ["a", "b"]
+home_rad = [0.0, 0.5]
+speed_limit_rad_per_s = [2.0, 2.0]
+acceleration_limit_rad_per_s2 = [5.0, 5.0]
+[probe]
+flange = "hand"
+length_m = 0.2
+"""
+
+
+def folder_of(tmp_path, table=TABLE, model=SIMPLE):
+    (tmp_path / "own.xml").write_text(model)
+    (tmp_path / "arm.toml").write_text(table)
+    return tmp_path
+
+
+def test_an_arm_of_ones_own_is_a_folder(tmp_path):
+    laboratory = build_laboratory(arm=read_arm(folder_of(tmp_path)))
+    assert laboratory.links == ("base", "turn", "hand", "probe")
+    tip, turn = TipKinematics(laboratory.arm).pose(np.array([0.0, 0.0]))
+    assert_allclose(tip, [0.3, 0.0, 0.5], atol=TOLERANCE)
+    assert_allclose(turn, np.eye(3), atol=TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("joints =", "joint ="), "key joint: unknown key; the nearest right name is 'joints'"),
+        (('["a", "b"]', '["a", "c"]'), "has no joint 'c'"),
+        (('["a", "b"]', '["b", "a"]'), "its joints from the base outwards are a, b"),
+        (("[0.0, 0.5]", "[0.0]"), "key home_rad: found .* expected a list of 2 numbers"),
+        (("speed_limit_rad_per_s = [2.0, 2.0]\n", ""), "the model states no limit of a"),
+        (('"hand"', '"fist"'), "has no body 'fist'"),
+        (('"own.xml"', '"other.xml"'), "no file .*other.xml"),
+        (('flange = "hand"\n', ""), "expected either body .* or flange"),
+        (("0.2", "-0.2"), "key length_m: found -0.2, expected a positive number"),
+    ],
+)
+def test_an_arm_that_cannot_be_built_is_refused_by_its_key(change, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        build_laboratory(arm=read_arm(folder_of(tmp_path, TABLE.replace(*change))))
+
+
+def test_an_unknown_arm_is_refused_with_the_nearest():
+    with pytest.raises(InputError, match="no arm 'pandas'; the nearest right name is 'panda'"):
+        read_arm("pandas")

@@ -12,23 +12,11 @@ from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.mechanism import Mechanism, Mechanisms
 from sim.scan.scan_program import run_scan
+from tests.sim.springs import Spring
 
 POINTS = np.array([[0.030, 0.041, 0.048], [0.040, 0.041, 0.048], [0.052, 0.050, 0.048]])
 PLAN = ScanPlan(POINTS, np.tile([0.0, 0.0, -1.0], (3, 1)), 0.3)
 SHORT = {"ramp_s": 0.5, "hold_s": 0.6, "unload_s": 0.5, "pause_s": (0.1, 0.1)}
-
-
-class Spring:
-    """F = k u."""
-
-    def __init__(self, stiffness=60.0):
-        self.stiffness = stiffness
-
-    def displacement(self, press, force_n):
-        return force_n / self.stiffness
-
-    def tangent(self, press, force_n):
-        return self.stiffness
 
 
 class Fault:

@@ -2,7 +2,8 @@
 
 Size and moment are drawn anew for each press from the seed, so that a scan with the same seed has
 the same faults. What no reading of a robot could show is not among them: a gain of the force sensor
-that is off by less than half, a body that moves as slowly as one that creeps.
+that is off by less than half, a body that moves as slowly as one that creeps. Nor is what no
+watchdog could prevent: a blow on the arm that drives the tip into the body.
 """
 
 from __future__ import annotations
@@ -213,10 +214,10 @@ class _EncoderFrozen(_Encoder):
 
 
 class _JointShock(_Fault):
-    """A torque of 20 to 200 N m acts on one joint for 5 to 50 ms."""
+    """A torque of 0.3 to 3 N m acts on one joint for 5 to 50 ms."""
 
     def prepare(self) -> None:
-        self.joint, self.size = int(self.draw.integers(6)), self.uniform(20, 200, signed=True)
+        self.joint, self.size = int(self.draw.integers(6)), self.uniform(0.3, 3, signed=True)
         self.length_s = self.uniform(0.005, 0.05)
 
     def joint_torque(self, time_s: float, q: np.ndarray) -> np.ndarray:

@@ -116,10 +116,11 @@ class LowPass:
 
 @dataclass
 class GuideFriction:
-    """A guide between sensor and tip: its friction opposes the way."""
+    """A guide between sensor and tip: its friction opposes the way, and turns over a part of it."""
 
     scene: PlantScene
     friction_n: float
+    turn_share: float
     live: Live = field(default_factory=Live)
     behind_m: float = 0.0
 
@@ -134,7 +135,7 @@ class GuideFriction:
     def sensor(self, time_s: float, wrench: np.ndarray) -> np.ndarray:
         """Return the sensor's reading."""
         press = self.live.press
-        width = 0.03 * self.scene.deepest_m(press)
+        width = self.turn_share * self.scene.deepest_m(press)
         u = self.live.contact_n * float(self.scene.bench.compliance()[press])
         self.behind_m = min(max(self.behind_m, u - width), u + width)
         changed = wrench.copy()
@@ -182,3 +183,28 @@ class CoarseEncoder:
         depth = self.live.depth_of(q)
         rounded = self.step_m * round(depth / self.step_m)
         return q + (rounded - depth) * self.live.slope_of(depth)
+
+
+@dataclass
+class Backlash:
+    """Play of the joints: after a turn the reading goes back by its width before the tip does."""
+
+    way_m: float
+    live: Live = field(default_factory=Live)
+    largest_m: float = 0.0
+
+    def attach(self, live: Live) -> None:
+        """Receive the truth of the running scan."""
+        self.live = live
+
+    def begin(self, press: int, time_s: float) -> None:
+        """Begin a press anew."""
+        self.largest_m = 0.0
+
+    def encoders(self, time_s: float, q: np.ndarray) -> np.ndarray:
+        """Return the joints' reading."""
+        if not self.live.touched:
+            return q
+        depth = self.live.depth_of(q)
+        self.largest_m = max(self.largest_m, depth)
+        return q - min(self.largest_m - depth, self.way_m) * self.live.slope_of(depth)

@@ -31,6 +31,7 @@ from sim.planted.body_in_loop import (
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import sphere_travel
 from sim.planted.instrument_in_loop import (
+    Backlash,
     CoarseEncoder,
     GuideFriction,
     Late,
@@ -267,11 +268,37 @@ def _bias(scene: PlantScene, v: Values) -> Mechanism:
     return on_sensor("force_bias", scene, lambda t, f: f + v["bias_n"], "never")
 
 
-def _guide(scene: PlantScene, v: Values) -> Mechanism:
-    made = GuideFriction(scene, v["friction_n"])
+def _guide(name: str, turn_share: float, scene: PlantScene, v: Values) -> Mechanism:
+    made = GuideFriction(scene, v["friction_n"], turn_share)
+    return Mechanism(name, begin=made.begin, attach=made.attach, sensor=made.sensor)
+
+
+def _force_jump(scene: PlantScene, v: Values) -> Mechanism:
+    after = False
+
+    def begin(press: int, time_s: float) -> None:
+        nonlocal after
+        after = scene.presses_before + press >= v["press"]
+
+    read = on_sensor("force_jump", scene, lambda t, f: f + v["zero_n"] * after)
+    return replace(read, begin=begin)
+
+
+def _backlash(scene: PlantScene, v: Values) -> Mechanism:
+    made = Backlash(v["way_m"])
     return Mechanism(
-        "form_guide_friction", begin=made.begin, attach=made.attach, sensor=made.sensor
+        "backlash", begin=made.begin, attach=made.attach, encoders=made.encoders,
+        servo_by_motors=True,
+    )  # fmt: skip
+
+
+def _local_creep(scene: PlantScene, v: Values) -> Mechanism:
+    away = np.sum((scene.bench.points_m - (v["x_m"], v["y_m"])) ** 2, axis=1)
+    near = np.exp(-away / (2 * v["radius_m"] ** 2))
+    part = Creep(
+        np.array([v["share"]]), np.array([v["time_constant_s"]]), lambda j, u: float(near[j])
     )
+    return _on_body("local_creep", part)
 
 
 def _worn_encoder(scene: PlantScene, v: Values) -> Mechanism:
@@ -322,6 +349,10 @@ _MAKE: dict[str, _Make] = {
         "form_levelling_creep", np.array([v["share"]]), np.array([0.8]), level=_levelled(s)
     ),
     "outside_creeping_inclusion": _inclusion_creeps,
+    "local_creep": _local_creep,
+    "free_loop": lambda s, v: _on_body(
+        "free_loop", Loop(lambda x: v["share"] * x**2 * (1 - x) * 27 / 4)
+    ),
     "play": lambda s, v: _on_body(
         "play", Play(v["share"], lambda press: v["width"] * np.array([s.deepest_m(press)]))
     ),
@@ -357,7 +388,9 @@ _MAKE: dict[str, _Make] = {
     "form_filtered_force": lambda s, v: on_sensor(
         "form_filtered_force", s, LowPass(v["delay_s"]).read, "press"
     ),
-    "form_guide_friction": _guide,
+    "form_guide_friction": partial(_guide, "form_guide_friction", 0.03),
+    "guide_friction": partial(_guide, "guide_friction", 0.005),
+    "force_jump": _force_jump,
     # place
     "contact_offset": _offset,
     "surface_tilt": _tilt,
@@ -371,6 +404,12 @@ _MAKE: dict[str, _Make] = {
     ),
     "form_pointed_breathing": lambda s, v: on_surface("form_pointed_breathing", s, _pointed(v)),
     "outside_coarse_encoder": _worn_encoder,
+    "backlash": _backlash,
+    "displacement_jump": lambda s, v: on_surface(
+        "displacement_jump",
+        s,
+        lambda t, press: v["height_m"] * (s.presses_before + press >= v["press"]),
+    ),
 }
 
 for _name, _course in COURSES.items():

@@ -1,5 +1,8 @@
 """The arm's two models say the same, and what the published tables say."""
 
+# mujoco is a compiled module without type stubs
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+
 import mujoco
 import numpy as np
 import pinocchio as pin

@@ -33,14 +33,15 @@ TOLERANCE = {"form_fat_loop": 0.04}  # a corner with an infinite slope at the tu
 """Largest difference to the formula, of the effect's own largest; 2 % for all others."""
 
 AS_TYPICAL = (
-    "force_saturation", "time_lag", "form_filtered_force", "form_guide_friction", "form_fat_loop"
+    "force_saturation", "time_lag", "form_filtered_force", "form_guide_friction", "form_fat_loop",
+    "free_loop",
 )  # fmt: skip
 """Three times as much of them is a fault that the watchdogs see, or no monotonic law."""
 
 OWN_TOUCH = ("breathing_from_touch",)
 """Their travel counts from the touch as the robot finds it: compared but for a constant a press."""
 
-APART = ("outside_coarse_encoder", "outside_stick_slip")
+APART = ("outside_coarse_encoder", "outside_stick_slip", "guide_friction", "backlash")
 """Laws with jumps, which no difference to a formula can bound: they have tests of their own."""
 
 
@@ -185,3 +186,29 @@ def test_a_tip_that_sticks_and_slips_jumps_at_each_step(scene):
     within = np.mod(elastic / 1e-3, 1)
     settled = (within > 0.2) & (within < 0.8)
     assert np.median(np.abs(behind - 2e-4 * within)[settled]) < 1e-5
+
+
+@pytest.mark.parametrize("name", ["guide_friction", "backlash"])
+def test_what_turns_with_the_way_is_as_its_formula_before_and_after_the_turn(scene, name):
+    effect = HIDDEN[name]
+    values = {effect.amplitude: effect.typical}
+    bench, column = made(scene, effect, values)
+    force, travel = formula(bench, effect, values)
+    phase = column("phase")
+    turned = bench.force_n < 0.9 * bench.force_n.max(axis=1, keepdims=True)
+    way = ((phase == LOAD) | (phase == UNLOAD)) & turned & (bench.force_n > 0.05)
+    assert way.sum() > 200
+    if name == "backlash":  # but for the constant of the robot's own first touch
+        off = np.where(way, column("displacement_m") - travel, np.nan)
+        off = np.abs(off - np.nanmedian(off, axis=1, keepdims=True))
+    else:
+        off = np.abs(np.where(way, column("force_n") - force, np.nan))
+    assert np.nanpercentile(off, 95) < 0.25 * effect.typical
+
+
+def test_every_planted_effect_has_a_mechanism(scene):
+    _, plan, bench = scene
+    for effect in HIDDEN:
+        values = values_of(bench, effect)
+        planted = mechanisms_of([(effect, values)], plan, QUIET, bench.body, divisions=COARSE)
+        assert planted[0].name == effect.name

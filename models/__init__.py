@@ -1,6 +1,6 @@
 """Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""
 
-from models.arm import ARM_PACKAGE, Arm, mesh_folder, read_arm
+from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
 from models.press_program import PressProgram, grid_program, read_program
@@ -13,6 +13,7 @@ from models.scan_quality import OUTLYING, Doubt, scan_findings, touching, withou
 from models.thin import MOST_PRESSES, thinned
 
 __all__ = [
+    "ARMS",
     "ARM_PACKAGE",
     "MOST_PRESSES",
     "OUTLYING",

@@ -18,21 +18,6 @@ class OnFault(StrEnum):
     stop = "stop"
 
 
-def _planted(text: str) -> tuple[str, float]:
-    if text.endswith(".py"):
-        return text, 1.0
-    name, _, percent = text.rpartition(":") if ":" in text else (text, "", "")
-    try:
-        size = float(percent or 3) / 100
-    except ValueError:
-        size = 0.0
-    if not 0 < size <= 1:
-        raise typer.BadParameter(
-            f"--plant: found '{text}', expected NAME, NAME:3 (percent) or FILE.py"
-        )
-    return name, size
-
-
 def scan(
     study: Annotated[
         Path | None,
@@ -123,6 +108,24 @@ def scan(
             "--skip-unreachable", help="Go on without the presses that the arm cannot make."
         ),
     ] = False,
+    arm: Annotated[
+        str | None,
+        typer.Option(
+            "--arm",
+            metavar="NAME|FOLDER",
+            help="Arm that presses: panda, ur5, xarm7, or a folder with arm.toml.",
+            show_default="panda",
+        ),
+    ] = None,
+    lab: Annotated[
+        Path | None,
+        typer.Option(
+            "--lab",
+            metavar="FILE",
+            help="Laboratory (TOML): arm, truth, pose of the body, robot, obstacles, plant.",
+            show_default="the built-in one",
+        ),
+    ] = None,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -144,7 +147,7 @@ def scan(
         raise typer.BadParameter("a program has its own places: give --program or a grid")
     if force is not None and paper_force:
         raise typer.BadParameter("give --force or --paper-force, not both")
-    from palpmap.commands.scan import run_scan_command
+    from palpmap.commands.scan import planted, run_scan_command
 
     return run_scan_command(
         study=study,
@@ -156,8 +159,10 @@ def scan(
         tips=tips,
         skip_unreachable=skip_unreachable,
         program=program,
-        plant=[_planted(text) for text in plant or []],
+        plant=[planted(text) for text in plant or []],
         on_fault=on_fault.value,
+        arm=arm,
+        lab=lab,
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),

@@ -2,12 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, JsonValue
 
-from models import Scan, write_scan
+from models import InputError, Scan, write_scan
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
@@ -16,6 +17,7 @@ from palpmap.recording.recorder import Recording
 from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
 from palpmap.run_folder import RunFolder
+from palpmap.study.lab import Lab, read_lab
 from palpmap.study.study import Study, load_study, write_study
 from palpmap.study.truth_file import Truth, read_truth
 from palpmap.study.virtual_lab import (
@@ -69,6 +71,8 @@ def run_scan_command(
     truth: str | None = None,
     skip_unreachable: bool = False,
     tips: str | None = None,
+    arm: str | None = None,
+    lab: Path | None = None,
 ) -> bool:
     """Scan the built-in phantom, or a study's body.
 
@@ -83,6 +87,8 @@ def run_scan_command(
     program : file of presses (`models.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
     on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
+    arm : name or folder of the arm
+    lab : file of the laboratory, see `palpmap.study.lab`; arm, truth and plant go before its own
 
     Returns
     -------
@@ -96,6 +102,9 @@ def run_scan_command(
     from sim.motion import read_tips
 
     known = default_study() if study is None else load_study(study)
+    place = read_lab(lab) if lab else Lab()
+    arm, truth = arm or place.arm, truth or place.truth
+    plant = plant or [planted(text) for text in place.plant]
     settings: dict[str, JsonValue] = {}
     carried = read_tips(tips, kind_of(known)) if tips else ()
     widest = max((tip.radius_m for tip in carried), default=None)
@@ -119,10 +128,13 @@ def run_scan_command(
     if truth:
         settings["truth"] = truth
     true_body = _truth(truth, known, plan, seed)
-    inputs = [path for path in (study, program) if path is not None]
+    inputs = [path for path in (study, program, lab) if path is not None]
     if truth and truth != RANDOM:
         inputs.append(Path(truth))
-    robot = scan_settings(seed, paper_force, on_fault)
+    if arm != Lab().arm:
+        settings["arm"] = arm
+    robot = replace(place.settings(scan_settings(seed, paper_force, on_fault)), arm=arm)
+    plan = place.placed(plan) if lab else plan
     plan, motion, refused = reachable(plan, robot, skip_unreachable)
     if refused:
         output.say(refused_table(refused))
@@ -153,6 +165,24 @@ def run_scan_command(
         f"Recording: {escape(to_type('review', run.path))}",
     )
     return record.kept
+
+
+def planted(text: str) -> tuple[str, float]:
+    """Return name and size of a plant, `NAME`, `NAME:PERCENT` or a file of hooks.
+
+    >>> planted("breathing:5"), planted("own.py")
+    (('breathing', 0.05), ('own.py', 1.0))
+    """
+    if text.endswith(".py"):
+        return text, 1.0
+    name, _, percent = text.rpartition(":") if ":" in text else (text, "", "")
+    try:
+        size = float(percent or 3) / 100
+    except ValueError:
+        size = 0.0
+    if not 0 < size <= 1:
+        raise InputError(f"plant: found '{text}', expected NAME, NAME:3 (percent) or FILE.py")
+    return name, size
 
 
 def planned_laboratory(

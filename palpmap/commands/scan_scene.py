@@ -34,6 +34,7 @@ def draw_scene(
         place,
         round_tip=plan.round_tips,
         arm=read_arm(laboratory.settings.arm),
+        obstacles=laboratory.settings.obstacles,
     )
     shapes = arm_shapes(arm.model, arm.links)
     drawn = link_names(shapes)

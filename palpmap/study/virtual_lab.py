@@ -299,6 +299,7 @@ def reachable(
         settings.timestep_s,
         plan.round_tips,
         read_arm(settings.arm),
+        settings.obstacles,
     )
     motion = plan_motion(plan, arm, settings)
     if not motion.refused:

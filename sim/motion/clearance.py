@@ -52,7 +52,7 @@ class Clearance:
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         parts = list(_parts(model))
         self._arm = [part for part in parts if _joints_below(model, part.body) > 0]
-        fixed = [part for part in parts if part.name == "table"]
+        fixed = [part for part in parts if part.name.startswith(("table", "obstacle_"))]
         corners = body_in_world.points_to_world(surface.vertices_m)
         middle = corners.mean(axis=0)
         mesh = _mesh(BodySurface(corners - middle, surface.triangles))

@@ -41,6 +41,7 @@ class ScanSettings:
     friction : coefficient of friction between tip and body; a push further from the surface's
         normal than it holds is refused
     arm : name of an arm of palpmap, or its folder, see `models.read_arm`
+    obstacles : boxes that the arm keeps clear of: edges and centre, (3,) m each, world frame
     timestep_s : of simulation and control
     frames_per_s : rate of the frames handed to `on_frame`
 
@@ -75,6 +76,7 @@ class ScanSettings:
     tip_change_s: float = 10.0
     friction: float = 0.6
     arm: str = "panda"
+    obstacles: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
     timestep_s: float = 0.002
     frames_per_s: float = 25.0
 
@@ -82,7 +84,10 @@ class ScanSettings:
         may_be_zero = ("seed", "force_noise_n", "displacement_noise_m")
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name in (*may_be_zero, "pause_s", "on_fault", "arm") or value is None:
+            if (
+                field.name in (*may_be_zero, "pause_s", "on_fault", "arm", "obstacles")
+                or value is None
+            ):
                 continue
             if not value > 0:
                 raise InputError(

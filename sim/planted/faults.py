@@ -3,7 +3,7 @@
 Size and moment are drawn anew for each press from the seed, so that a scan with the same seed has
 the same faults. What no reading of a robot could show is not among them: a gain of the force sensor
 that is off by less than half, a body that moves as slowly as one that creeps. Nor is what no
-watchdog could prevent: a blow on the arm that drives the tip into the body.
+watchdog could prevent: a blow that drives the tip into the body or the body into the tip.
 """
 
 from __future__ import annotations
@@ -298,11 +298,13 @@ class _BodyBroken(_Body):
 
 
 class _BodyMoved(_Fault):
-    """The body drops or rises by 2 to 30 mm, or is gone."""
+    """The body rises by 1 to 4 mm before a press, drops by 2 to 30 mm at any time, or is gone."""
 
     def prepare(self) -> None:
-        gone = self.draw.random() < 0.2
-        self.by_m = -0.1 if gone else self.uniform(2e-3, 3e-2) * float(self.draw.choice([-1, 1]))
+        kind = self.draw.random()
+        self.by_m = -0.1 if kind < 0.2 else -self.uniform(2e-3, 3e-2)
+        if kind > 0.6:
+            self.by_m, self.start_s = self.uniform(1e-3, 4e-3), -np.inf
 
     def body_pose(self, time_s: float, press: int) -> np.ndarray:
         return np.array([0.0, 0.0, self.by_m if self.active(time_s) else 0.0])

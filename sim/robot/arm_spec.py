@@ -133,6 +133,19 @@ def _mount_probe(spec: mujoco.MjSpec, arm: Arm) -> None:
         )  # fmt: skip
 
 
+Boxes = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
+"""Edges and centre of boxes, (3,) m each."""
+
+
+def add_obstacles(spec: mujoco.MjSpec, boxes: Boxes) -> None:
+    """Add boxes that the arm has to keep clear of."""
+    for number, (size, centre) in enumerate(boxes, start=1):
+        spec.worldbody.add_geom(
+            name=f"obstacle_{number}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre,
+            size=np.asarray(size) / 2, contype=0, conaffinity=0, rgba=[0.5, 0.5, 0.55, 1],
+        )  # fmt: skip
+
+
 def add_scene(
     spec: mujoco.MjSpec, body_size_m: np.ndarray, position_m: np.ndarray, quaternion: np.ndarray
 ) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from models import Arm, InputError, read_arm
-from sim.robot.arm_spec import PROBE, add_scene, arm_spec
+from sim.robot.arm_spec import PROBE, Boxes, add_obstacles, add_scene, arm_spec
 from sim.robot.pinocchio_model import pinocchio_model
 
 CAPSULE_M = 0.008  # length of a round tip's straight part
@@ -83,6 +83,7 @@ def build_laboratory(
     timestep_s: float = 0.002,
     round_tip: bool = False,
     arm: Arm | None = None,
+    obstacles: Boxes = (),
 ) -> Laboratory:
     """Compile the scene with an arm, a tip, a body and a time step.
 
@@ -94,6 +95,7 @@ def build_laboratory(
     timestep_s : of the simulation
     round_tip : the tip ends in a ball of its radius
     arm : as `models.read_arm` reads it; None is the Panda
+    obstacles : boxes that it keeps clear of
 
     Raises
     ------
@@ -116,6 +118,7 @@ def build_laboratory(
         np.asarray(body_in_world.position_m),
         np.asarray(body_in_world.quaternion),
     )
+    add_obstacles(spec, obstacles)
     spec.option.timestep = timestep_s
     tip = spec.geom("probe_tip")
     tip.size = [tip_radius_m, *tip.size[1:]]

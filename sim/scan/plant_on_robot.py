@@ -230,6 +230,7 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
         plan.body_in_world,
         settings.timestep_s,
         arm=read_arm(settings.arm),
+        obstacles=settings.obstacles,
     )
     moved = plan_motion(plan, laboratory, settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])

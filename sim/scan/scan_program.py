@@ -146,6 +146,7 @@ class Program:
             settings.timestep_s,
             plan.round_tips,
             read_arm(settings.arm),
+            settings.obstacles,
         )
         motion = motion or plan_motion(plan, laboratory, settings)
         self.presses = motion.require_all()
@@ -271,6 +272,8 @@ class Program:
         self._used, self.wanted = 0, 0.0
         self._renew_live(number, planned)
         self.mechanisms.begin(number, self.time_s)
+        if self.rig.unstable:
+            self.rig.recover(self.posture)
         if not again:
             self._transit(planned.waypoints)
         self._tare(max(pause_s, TARE_S))

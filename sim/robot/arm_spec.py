@@ -177,9 +177,7 @@ def add_scene(
         name="pad", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.02, 0.02, 0.001], contype=0,
         conaffinity=0, group=4, rgba=[0.9, 0.6, 0.55, 0.3],
     )  # fmt: skip
-    stop = spec.add_pair(
-        name="tip_on_table", geomname1="tip_contact", geomname2="table", condim=1
-    )
+    stop = spec.add_pair(name="tip_on_table", geomname1="tip_contact", geomname2="table", condim=1)
     stop.solimp, stop.solref = [0.9, 0.9, 0.001, 0.5, 2], [-20000, -200]
     pair = spec.add_pair(name="tip_on_pad", geomname1="tip_contact", geomname2="pad", condim=1)
     pair.solimp, pair.solref = [0.0002, 0.0002, 0.001, 0.5, 2], [-100, 0]

@@ -215,7 +215,7 @@ class Program:
         self.steps, self.posture = after.steps, after.posture
         self.rig.live = self.live
         self.watchdog = Watchdog(self.rig, self.settings)
-        self.contact = MatchedContact(self.rig.model, self.rig.data, self.body)
+        self.contact = MatchedContact(self.rig.laboratory, self.rig.data, self.body)
 
     @property
     def time_s(self) -> float:

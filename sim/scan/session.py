@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from models import InputError
+from models import InputError, read_arm
 from sim.motion.clearance import Clearance
 from sim.motion.planner import Motion, plan_motion, transit_duration
 from sim.motion.scan_plan import ScanPlan
@@ -110,6 +110,8 @@ class Session:
             plan.body_in_world,
             settings.timestep_s,
             plan.round_tips,
+            read_arm(settings.arm),
+            settings.obstacles,
         )
         self._kinematics = TipKinematics(self.laboratory.arm)
         self._clearance = Clearance(self.laboratory, plan.body, plan.body_in_world)

@@ -143,7 +143,7 @@ class _Course:
     relaxing: np.ndarray
 
     def parted(self, lag_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Relaxing columns (m, r) and force (m,) of a lag, less what the free ones explain."""
+        """Relaxing columns (m, r) and force (m,) of a lag, less their part along the free ones."""
         time = self.time_s - lag_s
         q, _ = np.linalg.qr(_at(time, self.grid_s, self.free))
         columns = _at(time, self.grid_s, self.relaxing)
@@ -180,7 +180,7 @@ def _course(
 
 
 def _relaxes(courses: Sequence[_Course]) -> bool:
-    """Whether the body's force relaxes: by one set of weights for all presses.
+    """Test for relaxation of the body's force, by one set of weights for all presses.
 
     Weights of each press alone, as none is negative, make relaxation out of noise, and then a lag.
     """

@@ -239,6 +239,7 @@ def _statistics(
     law = getattr(body, "displacement_at", lambda press, f, _: body.displacement(press, f))
     own = np.array([law(log.press, force[i], log.time_s[i]) for i in settled[::50]])
     step = float(log.time_s[1] - log.time_s[0])
+    pressed = (log.phase >= LOAD) & (log.phase <= UNLOAD)  # not on the way to a slope
     return PressStatistics(
         press=log.press,
         set_force_n=wanted,
@@ -252,5 +253,5 @@ def _statistics(
         fem_calls=log.fem_calls,
         coupling_error=float(np.abs(true_depth[settled[::50]] / own - 1).max()),
         touch_error_m=zero,
-        depth_share=float(true_depth.max()) / plan.thickness_m(log.press),
+        depth_share=float(true_depth[pressed].max()) / plan.thickness_m(log.press),
     )

@@ -26,6 +26,7 @@ def refuse_unfit(placement: Placement, study: Study) -> None:
 
 def refuse_contradictions(placement: Placement, study: Study) -> None:
     """Refuse a placed scan that contradicts itself or the study, however many presses it has."""
+    _refuse_tip(study)
     _refuse_outside(study)
     _refuse_steady(placement.scan.used(), study)
     _refuse_too_deep(placement.scan, study)
@@ -48,6 +49,15 @@ def too_few(placement: Placement, study: Study) -> str | None:
         f"radius), expected at least {max(unknowns, FEWEST_PRESSES)}{why}; press at more "
         f"places{fewer}"
     )
+
+
+def _refuse_tip(study: Study) -> None:
+    """Refuse a tip of which the model knows no contact."""
+    if study.probe.tip not in ("flat", "sphere"):
+        raise InputError(
+            f'{study.scan}: its study has probe.tip = "{study.probe.tip}", expected "flat" or '
+            '"sphere", the contacts that the model knows; fit the presses of such a tip alone'
+        )
 
 
 def _refuse_outside(study: Study) -> None:

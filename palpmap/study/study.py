@@ -77,7 +77,10 @@ class About(Table):
 class Probe(Table):
     """`[probe]`: the tip that presses."""
 
-    tip: Literal["flat", "sphere"] = Field(description="'flat' or 'sphere'")
+    tip: Literal["flat", "sphere", "cone", "ring", "several"] = Field(
+        description="'flat' or 'sphere'; scans by other tips of the virtual robot say 'cone', "
+        "'ring' or 'several', which no fit takes"
+    )
     radius_m: Positive = Field(description="the tip's radius in m")
 
 

@@ -163,20 +163,25 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
 
 
 def probe_of(plan: ScanPlan) -> Probe:
-    """Return the tip that a study of a plan's scan states: a ball, or a flat one."""
-    balls = all(plan.tip_of(press).kind == "ball" for press in range(len(plan)))
-    return Probe(tip="sphere" if balls else "flat", radius_m=plan.tip_of(0).radius_m)
+    """Return the tip that a study of a plan's scan states."""
+    kinds = _kinds(plan)
+    tip = "several" if len(kinds) > 1 else {"ball": "sphere"}.get(kinds[0], kinds[0])
+    return Probe.model_validate({"tip": tip, "radius_m": plan.tip_of(0).radius_m})
 
 
 def tip_notes(plan: ScanPlan) -> tuple[str, ...]:
-    """Name the tips that the study of a plan's scan cannot state."""
-    kinds = sorted({plan.tip_of(press).kind for press in range(len(plan))})
+    """Name the tips of a plan that no fit takes."""
+    kinds = _kinds(plan)
     if kinds in (["ball"], ["flat"]):
         return ()
     return (
-        f"Tips: {', '.join(kinds)}. A study knows one kind, flat or sphere; this one says flat, so "
-        "that a fit of these presses together is off by what the others differ.",
+        f"Tips: {', '.join(kinds)}. A fit knows flat tips or balls, one kind at a time: it will "
+        "refuse this scan. Press with each kind in a scan of its own.",
     )
+
+
+def _kinds(plan: ScanPlan) -> list[str]:
+    return sorted({plan.tip_of(press).kind for press in range(len(plan))})
 
 
 def default_study() -> Study:

@@ -116,3 +116,9 @@ def test_a_guess_outside_the_body_is_refused_in_the_scans_frame():
         assert f"key map.{table}.inclusion_1.z_m: found -0.068 m, expected 0 to" in said
     near = study(initial={"inclusion_1.z_m": -0.004, "inclusion_1.radius_m": 0.005})
     refuse_unfit(place_scan(scan(6), near), near)
+
+
+@pytest.mark.parametrize("tip", ["cone", "ring", "several"])
+def test_a_tip_without_a_contact_model_is_refused(tip):
+    known = study().model_copy(update={"probe": Probe(tip=tip, radius_m=0.005)})
+    assert f'probe.tip = "{tip}", expected "flat" or "sphere"' in refused(scan(6), known)

@@ -144,8 +144,8 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     >>> import palpmap as pm
     >>> fit = pm.read_run("tests/data/twelve_presses").fit
     >>> found = pm.predict(fit, fit.experiment)
-    >>> found.verdict, found.holds
-    ('calibrated', True)
+    >>> found.verdict, found.holds  # the fit has seen these very presses
+    ('too wide', True)
     """
     own = fit.experiment
     scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)

@@ -38,6 +38,14 @@ class Presses:
     outcomes : of all that the arm could reach: made, retried, skipped or aborted, with the reason
     unreachable : number of the press and the reason, of those that it could not
     series : every time step of the presses that were made; None if none
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> robot = pm.Robot(pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45))
+    >>> pressed = robot.press((0.04, 0.04, 0.04), (0.0, 0.0, -1.0), force_n=0.2)
+    >>> pressed.made, pressed.outcomes[0].outcome
+    (1, 'made')
     """
 
     scan: Scan | None
@@ -255,6 +263,12 @@ def assert_force_kept(made: Presses | PathResult, tolerance: float = 0.01) -> No
     ------
     AssertionError
         It names the press, or the time, and the error.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> robot = pm.Robot(pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45))
+    >>> pm.assert_force_kept(robot.press((0.04, 0.04, 0.04), force_n=0.2))
     """
     if isinstance(made, Presses):
         for outcome in made.outcomes:
@@ -282,6 +296,12 @@ def assert_path_clear(path: PathResult, least_m: float = 0.002) -> None:
     ------
     AssertionError
         It names the time and the distance, or what the tip met.
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> robot = pm.Robot(pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45))
+    >>> pm.assert_path_clear(robot.follow([[0.04, 0.04, 0.08], [0.06, 0.02, 0.09]]))
     """
     i = int(path.clearance_m.argmin())
     assert path.clearance_m[i] >= least_m, (

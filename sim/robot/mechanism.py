@@ -72,6 +72,13 @@ class Mechanism:
     servo_by_motors : the encoders are read for the pose alone, not by the servo
     zero, tare : how the robot that suffers from it counts travel and tares
     zero_shift_m : by which first touch is called too late, m
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> late = pm.Mechanism("slow clock", clock=lambda t: 0.99 * t)
+    >>> late.clock(100.0), late.tare
+    (99.0, 'press')
     """
 
     name: str

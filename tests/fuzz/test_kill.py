@@ -40,7 +40,7 @@ def test_fifty_kills_leave_no_lost_or_half_written_file(kind, tmp_path):
 
     def write(k: int) -> None:
         if kind == "scan":
-            write_scan(scan.replace(force_n=scan.force_n + k), path)
+            write_scan(scan.replace(force_n=scan.force_n + k % 10), path)
         else:
             about = study.study.model_copy(update={"name": f"version {k}"})
             write_study(study.model_copy(update={"study": about}), path)

@@ -250,7 +250,8 @@ def test_two_effects_of_which_only_a_sum_is_determined_are_both_undetermined(exp
         covariance[row, twin] = covariance[twin, row] = correlation * std**2
         model = SimpleNamespace(
             effects=(part, SimpleNamespace(effect=effect)), names=names,
-            unknowns=SimpleNamespace(unknowns=parameters), bounds=(-1e6 * ones, 1e6 * ones),
+            unknowns=SimpleNamespace(unknowns=parameters, at_natural_end=lambda u: u == 0),
+            bounds=(-1e6 * ones, 1e6 * ones),
         )  # fmt: skip
         made: Any = SimpleNamespace(model=model, u=ones, covariance_scaled=covariance)
         return undetermined(made, [name, "twin"])

@@ -265,8 +265,8 @@ def test_a_capsule_is_drawn_from_the_centre_of_its_lower_cap():
 
 
 def test_a_shape_that_cannot_be_drawn_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"'mesh'.*capsule, cylinder"):
-        LinkShape("link3", "mesh", (0, 0, 0), (0, 0, 0))
+    with pytest.raises(ValueError, match=r"'plane'.*capsule, cylinder"):
+        LinkShape("link3", "plane", (0, 0, 0), (0, 0, 0))
 
 
 def test_normals_of_an_outward_surface_point_outwards():

@@ -47,6 +47,7 @@ def test_what_does_not_work_is_said(tmp_path):
         pm.fit(experiment, inclusions=2)
 
 
+@pytest.mark.slow
 def test_the_kind_of_map_is_decided_by_evidence_and_said(tmp_path):
     found = pm.fit(pm.read_study(study(tmp_path, 'kind = "auto"')))
     assert "the kind of map by evidence" in found.message

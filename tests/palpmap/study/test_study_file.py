@@ -62,7 +62,7 @@ BAD = {
     "a missing scan": ('scan = "scan.csv"', "", r"study.scan: the key is missing; add the scan's"),
     "a scan that is no text": ('"scan.csv"', "3", r"study.scan: found 3, expected the name of a"),
     "an unknown shape": ('"block"', '"blok"', r"body.shape: found 'blok', .*right one is 'block'"),
-    "an unknown tip": ('"flat"', '"round"', r"probe.tip: found 'round', expected 'flat' or 'sph"),
+    "an unknown tip": ('"flat"', '"round"', r"probe.tip: found 'round', expected 'flat', 'sphere'"),
     "two lengths": ("0.096, 0.096, 0.048", "0.1, 0.1", r"body.size_m: .*expected three numbers"),
     "a length of text": ("0.096, 0.096,", '0.1, "a",', r"body.size_m.1: found 'a', expected a num"),
     "a negative length": ("0.096, 0.096,", "0.1, -0.1,", r"body.size_m.1: .*greater than 0"),

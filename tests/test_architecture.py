@@ -17,7 +17,7 @@ ALLOWED = {
     "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio", "coal"},
     "identify": {"models", "fem", "numpy", "scipy"},
 }
-FEM_DOORS_OF_SIM = ("sim.body.soft_body",)
+FEM_DOORS_OF_SIM = ("sim.body.block_compliance", "sim.body.soft_body")
 ORDER = {
     "models": (),
     "fem": (

@@ -33,8 +33,8 @@ from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
 _KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
-_KEPT_FINE = 2  # solutions of the finer model that are carried, of 15 MB each
-_KEPT_SOLUTIONS = 4  # of the coarse model: fits begin at the end of others
+_KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
+_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
 

@@ -77,6 +77,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
             )
         with stage("scanning", len(laboratory.plan)) as advance:
             scanned = make_scan(run.path, laboratory, recording, advance)
+        del laboratory  # its body takes 0.7 GB
         experiment = Experiment.of(read_scan(study.scan), study)
         with stage("building the model"):
             box_m = experiment.opened(thin=False).body.coarse.mesh.box_m

@@ -80,7 +80,7 @@ class FrameBatch:
         self._drawn = np.zeros(2)
         self._before = np.zeros(2)
         self._frames: list[Frame] = []
-        self._last: Frame | None = None
+        self._last_poses: NDArray[np.float64] | None = None  # no frame, which holds the body
         self._shapes: list[tuple[float, NDArray[np.float32]]] = []
         self._peak: tuple[Frame, NDArray[np.float32]] | None = None
 
@@ -122,13 +122,13 @@ class FrameBatch:
         if press is not None:
             largest = max(self._frames, key=lambda f: f.force_n)
             self._log_at_press(press, *(self._peak or (largest, None)))
-        self._last = self._frames[-1]
+        self._last_poses = self._frames[-1].link_poses
         self._frames, self._shapes, self._peak = [], [], None
 
     def log_last(self, log: Log) -> None:
         """Log the arm's last pose with `log(entity, *archetypes)`."""
-        if self._last is not None:
-            self._log_links(log, self._last.link_poses)
+        if self._last_poses is not None:
+            self._log_links(log, self._last_poses)
 
     def _send_frames(self) -> None:
         when = [rr.TimeColumn(parts.SIM_TIME, duration=[f.time_s for f in self._frames])]

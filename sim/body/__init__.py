@@ -1,7 +1,8 @@
 """The body that is really there: soft body, its hidden truth, its true map."""
 
+from sim.body.block_compliance import forget_models
 from sim.body.law import Creep
-from sim.body.soft_body import SoftBody, forget_models
+from sim.body.soft_body import SoftBody
 from sim.body.true_body import PAPER_SIZE_M, HiddenBody
 from sim.body.true_map import Inclusion, TruthMap, drawn_truth
 

@@ -6,16 +6,12 @@ times the solution for 1 N there: the contact gets that column of the tetrahedra
 exchange, not a law fitted to it. The tip's travel on a block is that of two meshes extrapolated
 (`fem.palpation.richardson`), the surface that of the finer one. The meshes are the laboratory's own
 (finer than the identifier's and cut differently), and so is its stiffness map.
-
-`block_compliance` gives the same for a `HiddenBody`, for the bench, and keeps its solutions.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -31,17 +27,13 @@ from fem import (
 )
 from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
-from fem.palpation import RefinedResponse, Response, travel_under
+from fem.palpation import RefinedResponse
 from models import InputError
 from sim.body.law import Creep, LawCurve, growing_contact, solved_radii
-from sim.body.true_body import HiddenBody
 from sim.motion import Tip
 
 DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
-SKINNED = 10 / 7  # times as many cells a side: a skin's effect reaches about a tip's radius
-PATCHES = 12  # across a tip, where its pressure is solved for
-UNCONVERGED = 0.57  # 8 x 8 x 4 cells of the paper's block
 SPLIT = "alternating"
 CELLS = float(np.prod(DIVISIONS))
 CHANGED, LEAST_FORCE_N, CREPT_M = 0.02, 1e-5, 2e-8  # from which the contact asks for the law again
@@ -111,7 +103,6 @@ class SoftBody:
         model = RefinedModel(*models) if len(models) == 2 else models[0]
         self.modulus = modulus
         solved = model.evaluate(modulus(model.points_m))
-        self._response = solved.fine if isinstance(solved, RefinedResponse) else solved
         punch = np.asarray(solved.compliance)
         self._punch = punch[self._first]
         bend = np.zeros(count) if bend_per_m is None else bend_per_m
@@ -145,7 +136,14 @@ class SoftBody:
         )
         self.surface_triangles = local.reshape(-1, 3)
         self.surface_nodes_m = mesh.nodes[self._surface]
-        self._unit_displacement = lru_cache(maxsize=4)(self._solve_surface)
+        response = solved.fine if isinstance(solved, RefinedResponse) else solved
+        first, surface = self._first, self._surface
+
+        @lru_cache(maxsize=4)  # not of a method: the body would keep itself, 0.7 GB, alive
+        def unit_displacement(press: int) -> np.ndarray:
+            return response.displacement(int(first[press]))[surface]
+
+        self._unit_displacement = unit_displacement
 
     def displacement(self, press: int, force_n: float) -> float:
         """Depth of the tip at a press under a force, m, with the creep up to now."""
@@ -195,9 +193,6 @@ class SoftBody:
         """
         depth = self.curves[press].at(force_n)[0]
         return self._unit_displacement(press) * depth / self._punch[press]
-
-    def _solve_surface(self, press: int) -> np.ndarray:
-        return self._response.displacement(int(self._first[press]))[self._surface]
 
     def _stiffen(
         self,
@@ -255,142 +250,6 @@ def true_meshes(
     surface = Surface(*shape)
     edge = float(np.cbrt(surface.volume) / (SURFACE_EDGES * np.cbrt(np.prod(divisions) / CELLS)))
     return [tetrahedralize_surface(*surface, edge)]
-
-
-def block_compliance(
-    body: HiddenBody,
-    points_m: np.ndarray,
-    radius_m: np.ndarray,
-    profile: str = "flat",
-    divisions: tuple[int, int, int] = DIVISIONS,
-    converged: bool = True,
-    upright: bool = False,
-) -> np.ndarray:
-    """Compliance of presses straight down on the top of a block, (j,) m/N.
-
-    Meshes and solutions are kept in memory: the same presses on another map cost one solution, and
-    the same body nothing.
-
-    Parameters
-    ----------
-    body : the block
-    points_m : (j, 2) x and y, in the frame in which the body is shifted
-    radius_m : (j,) of the contact
-    profile : of the pressure, see `fem.Contacts`
-    divisions : of the finer mesh
-    converged : False for a coarse mesh alone, which is about a hundredth too stiff
-    upright : the flat tip keeps the surface under it level; else its pressure is the half-space's
-    """
-    rows = np.column_stack([points_m - np.array(body.shift_m), radius_m])
-    unique, back = np.unique(rows, axis=0, return_inverse=True)
-    where = (unique.tobytes(), profile, divisions, converged)
-    shape = (body.size_m, body.poisson_ratio, body.skin_thickness_m)
-    solved = _kept(
-        _SOLVED, (body, upright, *where), lambda: _solve(body, shape, where, unique, upright)
-    )
-    return solved[back.ravel()]
-
-
-_MODELS: OrderedDict[Hashable, Any] = OrderedDict()
-_SOLVED: OrderedDict[Hashable, Any] = OrderedDict()
-_LARGEST = {id(_MODELS): 2, id(_SOLVED): 256}  # a model of two tip radii takes 0.8 GB
-
-
-def _kept(store: OrderedDict[Hashable, Any], key: Hashable, make: Callable[[], Any]) -> Any:
-    """Return the entry of a key, made if it is missing; the oldest entry is dropped."""
-    if key not in store:
-        store[key] = make()
-    store.move_to_end(key)
-    while len(store) > _LARGEST[id(store)]:
-        store.popitem(last=False)
-    return store[key]
-
-
-def forget_models() -> None:
-    """Free the models that `block_compliance` keeps, gigabytes; their solutions stay."""
-    _MODELS.clear()
-
-
-def _solve(
-    body: HiddenBody,
-    shape: tuple,
-    where: tuple[bytes, str, Divisions, bool],
-    presses: np.ndarray,
-    upright: bool,
-) -> np.ndarray:
-    _, profile, divisions, converged = where
-    model = _kept(
-        _MODELS, (shape, where), lambda: _model(body, profile, divisions, converged, presses)
-    )
-    response = _respond(model, body)
-    result = np.array(response.compliance)
-    if upright:
-        own = response.fine if isinstance(response, RefinedResponse) else response
-        result *= 1 - _upright_gain(own, body)
-    result.flags.writeable = False
-    return result
-
-
-def _upright_gain(response: Response, body: HiddenBody) -> np.ndarray:
-    """Relative part (j,) of the compliance that a tip loses which stays level.
-
-    Forces q on a grid of patches that add up to nothing join the pressure, so that the
-    complementary energy C + 2 q.u + q.G q is least: u is the travel under the tip, G the influence
-    of patches on the half-space with the modulus at the contact. The least energy is C + q.u.
-    """
-    contacts = response.model.contacts
-    modulus = body.modulus(contacts.points_m)
-    centres, side = patch_grid(1.0, PATCHES, disc=True)
-    system = np.ones((len(centres) + 1, len(centres) + 1))
-    system[-1, -1] = 0  # the last row: the forces add up to nothing
-    gain = np.empty(len(contacts))
-    for j, radius in enumerate(contacts.radius_m):
-        system[:-1, :-1] = half_space_matrix(centres * radius, side * radius, body.poisson_ratio)
-        system[:-1, :-1] /= modulus[j]
-        travel = travel_under(response, j, centres)
-        forces = np.linalg.solve(system, np.append(-travel, 0.0))[:-1]
-        gain[j] = -(forces @ travel) / response.compliance[j]
-    return gain
-
-
-def _respond(model: PalpationModel | RefinedModel, body: HiddenBody) -> Response | RefinedResponse:
-    modulus = body.modulus(model.points_m)
-    support = (body.base_normal_m_per_pa, body.base_tangential_m_per_pa)
-    fibres = None
-    if body.fibre_share:
-        along = np.array([np.cos(body.fibre_angle_rad), np.sin(body.fibre_angle_rad), 0.0])
-        fibres = (along, body.fibre_share * modulus)
-    return model.evaluate(modulus, support, fibres)
-
-
-def _model(
-    body: HiddenBody,
-    profile: str,
-    divisions: tuple[int, int, int],
-    converged: bool,
-    presses: np.ndarray,
-) -> PalpationModel | RefinedModel:
-    top = np.full(len(presses), body.size_m[2])
-    points = np.column_stack([presses[:, :2], top])
-    contacts = Contacts(points, np.array([0.0, 0.0, -1.0]), presses[:, 2], profile)
-    share = COARSENING if converged else UNCONVERGED
-    if body.skin_thickness_m:
-        x, y, z = (round(SKINNED * count) for count in divisions)
-        divisions = (x, y, z)
-    coarser = [max(round(share * count), 1) for count in divisions]
-    coarse = PalpationModel(_layered(body, coarser), body.poisson_ratio, contacts)
-    if not converged:
-        return coarse
-    fine = PalpationModel(_layered(body, list(divisions)), body.poisson_ratio, contacts)
-    return RefinedModel(coarse, fine)
-
-
-def _layered(body: HiddenBody, divisions: list[int]) -> Mesh:
-    """Mesh of the block; a skin gets a layer of cells of its own."""
-    levels, height = None, body.size_m[2]
-    if body.skin_thickness_m:
-        levels = [*np.linspace(0, height - body.skin_thickness_m, divisions[2] + 1), height]
-    return block_mesh(body.size_m, divisions, split=SPLIT, levels_m=levels)
 
 
 def _split(triangles: np.ndarray) -> np.ndarray:

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from models import PressProgram
-from sim.body.soft_body import DIVISIONS, block_compliance
+from sim.body.block_compliance import block_compliance
+from sim.body.soft_body import DIVISIONS
 from sim.body.true_body import HiddenBody
 
 PARTS = ("load", "hold", "unload")

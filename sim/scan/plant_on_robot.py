@@ -12,7 +12,8 @@ import numpy as np
 from models import InputError, PressProgram, Scan, nearest, read_arm
 from sim.bench.amplitude_search import amplitude_for
 from sim.bench.press import Planted
-from sim.body.soft_body import DIVISIONS, Divisions, block_compliance
+from sim.body.block_compliance import block_compliance
+from sim.body.soft_body import DIVISIONS, Divisions
 from sim.body.true_body import HiddenBody
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan

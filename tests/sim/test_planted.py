@@ -17,7 +17,7 @@ from models.scan_file import read_scan
 from sim.bench.amplitude_search import amplitude_for, size_of
 from sim.bench.planted_scan import BETWEEN_SCANS_S, further_scan, planted_scan
 from sim.bench.press import press, record
-from sim.body.soft_body import block_compliance
+from sim.body.block_compliance import block_compliance
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
 from sim.planted.bench import Bench

@@ -15,7 +15,7 @@ from identify.body.shifted_block import ShiftedBlock
 from identify.catalogue.body_shift import BodyShift
 from identify.effects.conformance.example_scan import trial
 from identify.optimize.result import InadmissibleError
-from sim.body.soft_body import block_compliance
+from sim.body.block_compliance import block_compliance
 from sim.body.true_body import HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
 from sim.planted.body import body_shift

@@ -23,7 +23,7 @@ from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
 from sim.scan.press_log import PressLog, press_result
 from sim.scan.result import PHASES, Frame, PressResult, ScanRun
-from sim.scan.watchdog import Watchdog, limits_of
+from sim.scan.watchdog import BRAKING_M_PER_S2, Watchdog, limits_of
 
 TRANSIT, APPROACH, TOUCH, LOAD, HOLD, UNLOAD, RETRACT = range(len(PHASES))
 DWELL_S = 0.06
@@ -46,9 +46,6 @@ FREE_S = 0.1
 
 LONGEST_REST_S, AT_REST_RAD = 3.0, 1e-3
 """After a fault the arm stands until it is where it should be, to this in rad and rad/s."""
-
-BRAKING_M_PER_S2 = 5.0
-"""Of the tip after a fault."""
 
 
 def run_scan(
@@ -454,7 +451,8 @@ class Program:
             self.contact.shift(self.body_pose(self.time_s, self.number))
         self._step(phase, q, slope * control.speed_m_per_s)
         self.posture = q
-        self.watchdog.look(control.depth_m, touched, loaded=LOAD <= phase <= UNLOAD)
+        loaded = LOAD <= phase <= UNLOAD
+        self.watchdog.look(control.depth_m, control.speed_m_per_s, touched, loaded)
         control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n, self.time_s)
 

@@ -27,6 +27,9 @@ REPEATED_S = 0.05
 SLOW_HZ = 10.0
 """Corner of the filter on the difference of the two measurements of force."""
 
+BRAKING_M_PER_S2 = 5.0
+"""Of the tip after a fault."""
+
 APART_RAD = 5e-4
 """Largest change between the reading at a joint and at its motor since the scan began."""
 
@@ -57,7 +60,7 @@ class Limits:
     ----------
     force_n : of the measured force, and of that which the joints' torques show
     disagreement_n : of these two from each other
-    travel_m : of the tip beyond the planned surface
+    travel_m : of the tip beyond the planned surface, braking included
     seek_m : of the tip beyond the planned surface before it has touched
     speed : of the joints, (n,) rad/s
     """
@@ -142,12 +145,12 @@ class Watchdog:
         error = self._noise / np.sqrt(len(readings))
         return np.where(np.abs(mean) > 4 * error, mean, 0.0)
 
-    def look(self, depth_m: float, touched: bool, loaded: bool) -> None:
+    def look(self, depth_m: float, speed_m_per_s: float, touched: bool, loaded: bool) -> None:
         """Check one step; raise the fault that was found.
 
         Parameters
         ----------
-        depth_m : commanded
+        depth_m, speed_m_per_s : commanded
         touched : the tip is or was in contact
         loaded : the force is controlled
         """
@@ -159,7 +162,10 @@ class Watchdog:
             raise PressFault(
                 "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
             )
-        if depth_m > (limits.travel_m if touched else limits.seek_m):
+        # The table may lie at the limit: the tip has to stand before it
+        speed = max(speed_m_per_s, 0.0)
+        stands_m = depth_m + speed * rig.dt + speed**2 / (2 * BRAKING_M_PER_S2)
+        if stands_m > (limits.travel_m if touched else limits.seek_m):
             if not touched:
                 raise PressFault(
                     "touch",
@@ -168,7 +174,7 @@ class Watchdog:
                 )
             raise PressFault(
                 "travel",
-                f"the tip has gone {1e3 * depth_m:.3g} mm deep at {force:.3g} N, the limit is "
+                f"the tip comes {1e3 * stands_m:.3g} mm deep at {force:.3g} N, the limit is "
                 f"{1e3 * limits.travel_m:.3g} mm; press with less force or set a larger depth_m",
             )
         read = float(rig.sensor_n[2])

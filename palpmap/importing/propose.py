@@ -29,7 +29,7 @@ from palpmap.importing.look import (
 from palpmap.importing.mapping.rig import Rig, parse_rig
 from palpmap.importing.readers.recording import PART, Channel, Recording, Table
 from palpmap.importing.readers.units import LENGTH
-from palpmap.importing.streams.cutting import force_with_depth
+from palpmap.importing.streams.alignment import force_with_depth
 
 ALIKE = 0.02  # of the correlation: two frames cannot be separated
 PHASE_WORDS = {

@@ -1,148 +1,210 @@
-"""The clocks of force and pose brought together roughly.
-
-The sign: a positive offset is added to the pose's clock to get the force's; the force then lags.
-"""
+"""Force and pose of a recording on one clock, in the scan's frame."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from models import InputError
-from palpmap.importing.streams.stream import Stream
+from palpmap.importing.mapping.columns import matrices, numbers, rotated
+from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
+from palpmap.importing.readers.recording import Recording
+from palpmap.importing.streams.clocks import rough_offset
+from palpmap.importing.streams.contact import Contact, SpoiltPress
+from palpmap.importing.streams.lag import Lag, find_lag
+from palpmap.importing.streams.path import smooth_path
+from palpmap.importing.streams.press import Window, rough_contact, window_of
+from palpmap.importing.streams.spans import Way, way_into_body
+from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
+from palpmap.importing.streams.weight import without_weight
 
-GRID_S = 0.01
-SMOOTHED_S = 0.02
-NEAR_STEP_S = 0.02
-SHARED_S = 0.5  # two sensors of one clock are never further apart
-NEARLY = 0.9  # of the best correlation: two offsets this close cannot be separated
+ONE_DIRECTION_DEG = 2.0
+UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 
-@dataclass(frozen=True)
-class RoughOffset:
-    """Where force and motion go together best.
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Force and pose on one clock, in the scan's frame.
 
     Attributes
     ----------
-    offset_s : to add to the pose's clock
-    line : (3,) unit, the line of motion along which the force changes, either way
+    sensor, unweighed, force : force in the sensor's axes; in the scan's frame; without the tool's
+        weight and the sensor's bias, where the tip's turning shows them
+    pose : of the tip's end
+    direction : (3,) mean direction of pressing
+    spans : begin and end of each motion into the body and out again, s
+    stated : direction of each press, see `palpmap.importing.streams.press.window_of`
+    lag : of the force behind the pose, in s with rough offset; None where it cannot be seen
+    offset_s : rough offset of the clocks
     """
 
+    sensor: Stream
+    unweighed: Stream
+    force: Stream
+    pose: Stream
+    direction: np.ndarray
+    spans: list[tuple[float, float]]
+    stated: np.ndarray | Stream | None
+    lag: Lag | None
     offset_s: float
-    line: np.ndarray
 
 
-def rough_offset(force: Stream, pose: Stream, known_s: float | None) -> RoughOffset:
-    """Find the offset at which the force's rate and the tip's velocity correlate best.
-
-    Parameters
-    ----------
-    known_s : offset that the user states; only the direction is then found
+def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
+    """Bring force and pose of a recording together, and take re-tares and the tool's weight out.
 
     Raises
     ------
     InputError
-        Several offsets fit as well as each other.
+        A stream in which no presses are seen, with the key that would help.
     """
-    start_f, start_p = force.time_s[0], pose.time_s[0]
-    rate, velocity = _rate(force, slice(None), cut=True), _rate(pose, slice(0, 3), cut=False)
-    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    # fast moves from place to place, in which the tip turns, must not outweigh the presses
-    velocity = velocity / (speed + np.median(speed) + 1e-12)
-    size = len(rate) + len(velocity)
-    rates, velocities = np.fft.rfft(rate, size, axis=0), np.fft.rfft(velocity, size, axis=0)
-    product = np.conj(velocities)[:, :, None] * rates[:, None, :]
-    correlation = np.fft.irfft(product, size, axis=0)  # (size, 3, k)
-    lags = np.arange(size)
-    lags[lags > len(rate)] -= size
-    offsets = lags * GRID_S + start_f - start_p
-    strength = np.linalg.norm(correlation, axis=(1, 2))
-    if known_s is not None:
-        best = int(np.abs(offsets - known_s).argmin())
-        return RoughOffset(known_s, _line(correlation[best]))
-    near = np.abs(offsets) <= SHARED_S
-    best = int(strength.argmax())
-    if near.any() and strength[near].max() >= NEARLY * strength[best]:
-        best = int(np.flatnonzero(near)[strength[near].argmax()])
-    else:
-        others = np.abs(offsets - offsets[best]) > 2 * SHARED_S
-        if strength[others].max(initial=0.0) > NEARLY * strength[best]:
-            second = offsets[others][strength[others].argmax()]
-            raise InputError(
-                "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "
-                f"{offsets[best]:.2f} s and {second:.2f} s fit alike, as the presses follow each "
-                "other evenly; state the offset that gives the force's clock"
+    assert rig.pose  # `Rig.needed` asks
+    force = read_force(recording, rig, said)
+    pose = read_pose(recording, rig, rig.pose, said)
+    force, jumps = without_jumps(force)
+    said += [
+        f"At {time:.2f} s the force jumps by {size:.3g} N from one message to the next and stays: "
+        "the sensor was set to zero anew; the force was run on."
+        for time, size in jumps
+    ]
+    sensor = force
+    force, pose, way, offset = _roughly_aligned(force, pose, rig)
+    pose, offset = pose.later(way.offset_s), offset + way.offset_s
+    mean_direction, spans = way.direction, way.spans
+    stated = _stated_directions(recording, rig, pose, offset)
+    windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
+    windows = [window for window in windows if window is not None]
+    rough_contacts = [_contact_or_none(window) for window in windows]
+    unweighed = force
+    if rig.force.frame == "tip" and force.values.shape[1] == 3:
+        force = without_weight(force, pose, windows, rough_contacts, said)
+    lag = None
+    if rig.pose.clock_offset_s is None:
+        lag = _lag_of(windows, rough_contacts, pose)
+        said.append(_lag_words(lag, offset))
+        if lag is not None:
+            pose = Stream(
+                pose.time_s + lag.at(pose.time_s), pose.values, pose.gaps + lag.at(pose.gaps)
             )
-    return RoughOffset(float(offsets[best]), _line(correlation[best]))
+    if rig.press.direction == TRAVEL:
+        touching = [
+            window.direction
+            for window, contact in zip(windows, rough_contacts, strict=True)
+            if contact is not None
+        ]
+        stated = _common_direction(touching, said)
+    pose = smooth_path(pose)
+    return Aligned(sensor, unweighed, force, pose, mean_direction, spans, stated, lag, offset)
 
 
-def _line(correlation: np.ndarray) -> np.ndarray:
-    """Return the line of motion along which the force changes most, (3,), either way."""
-    return np.linalg.svd(correlation)[0][:, 0]
+def force_with_depth(recording: Recording, rig: Rig) -> float:
+    """Return how closely force and depth rise together by a mapping, -1 to 1.
 
-
-def closer_offset(
-    force: Stream, pose: Stream, direction: np.ndarray, spans: Sequence[tuple[float, float]]
-) -> tuple[float, float]:
-    """Bring the clocks together to some 0.05 s: the force rises with depth beyond a threshold.
-
-    Parameters
-    ----------
-    force, pose : roughly on one clock; the force along the direction in its first column
-    direction : (3,) unit, supposed to point into the body
-    spans : begin and end of each press, s
-
-    Returns
-    -------
-    offset_s : to add to the pose's clock
-    correlation : mean over the presses, -1 to 1; of the two ways to point, the higher is right
+    Raises
+    ------
+    InputError
+        If they do not at all, or against each other.
     """
-    offsets = np.arange(-SHARED_S, SHARED_S + NEAR_STEP_S / 2, NEAR_STEP_S)
-    found = []
-    for start, end in spans:
-        time = np.arange(start, end, GRID_S)
-        if len(time) < 20:
+    assert rig.pose  # the caller's mapping has one
+    force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
+    return _roughly_aligned(without_jumps(force)[0], pose, rig)[2].correlation
+
+
+def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Stream, Way, float]:
+    """Force and pose in the base's frame, the way into the body, and the clocks' rough offset."""
+    assert rig.pose
+    rough = rough_offset(force, pose, rig.pose.clock_offset_s)
+    pose = pose.later(rough.offset_s)
+    if force.values.shape[1] == 3:
+        force = replace(force, values=in_base(rig, force, pose))
+    return force, pose, way_into_body(force, pose, rough.line, rig), rough.offset_s
+
+
+def _stated_directions(
+    recording: Recording, rig: Rig, pose: Stream, offset_s: float
+) -> np.ndarray | Stream | None:
+    """Directions of pressing that the mapping states: one, one a message, or None for travel."""
+    stated = rig.press.direction
+    if stated == TRAVEL:
+        return None
+    if stated in AXES:
+        if pose.values.shape[1] == 3:
+            raise InputError(
+                f'key press.direction: found "{stated}", expected pose.orientation too, or "travel"'
+            )
+        axis = np.eye(3)["xyz".index(stated[-1])] * (1 if "+" in stated else -1)
+        return Stream(pose.time_s, matrices(pose.values[:, 3:]) @ axis, pose.gaps)
+    if isinstance(stated[0], str):
+        values, _ = numbers(recording, stated, "", "", "press.direction")
+        if len(values) != len(pose.time_s):
+            raise InputError(
+                "key press.direction: expected columns of the pose's table, without repeated rows"
+            )
+        return Stream(pose.time_s, rotated(rig, values, place=False), pose.gaps)
+    direction = rotated(rig, np.array([stated], float), place=False)[0]
+    return direction / np.linalg.norm(direction)
+
+
+def _contact_or_none(window: Window) -> Contact | None:
+    try:
+        return rough_contact(window)
+    except SpoiltPress:
+        return None
+
+
+def _lag_of(
+    windows: Sequence[Window], contacts: Sequence[Contact | None], pose: Stream
+) -> Lag | None:
+    force_time, force, pose_time, travel = [], [], [], []
+    for window, contact in zip(windows, contacts, strict=True):
+        if contact is None:
             continue
-        depth = smoothed(pose.at(time)[:, :3] @ direction[:, None], 5)
-        levels = depth.min() + np.array([0.2, 0.35, 0.5, 0.65, 0.8, 0.9]) * np.ptp(depth)
-        pressed = np.maximum(depth - levels, 0.0)
-        pressed = pressed - pressed.mean(axis=0)
-        pressed /= np.linalg.norm(pressed, axis=0) + 1e-12
-        moved = np.array([np.interp(time + o, force.time_s, force.values[:, 0]) for o in offsets])
-        moved -= moved.mean(axis=1, keepdims=True)
-        moved /= np.linalg.norm(moved, axis=1, keepdims=True) + 1e-12
-        each = moved @ pressed  # (offsets, levels)
-        found.append(each[:, np.abs(each).max(axis=0).argmax()])
-    if not found:
-        return 0.0, 0.0
-    mean = np.median(found, axis=0)
-    k = int(np.abs(mean).argmax())
-    return float(offsets[k]), float(mean[k])
+        rows = slice(contact.touch, contact.release + 1)
+        time = window.time_s[rows]
+        step = max(min(pose.step_s, float(np.median(np.diff(time)))), 1e-3)
+        grid = np.arange(time[0] - 0.2, time[-1] + 0.2, step)
+        depth = pose.at(grid)[:, :3] @ window.direction
+        force_time.append(time)
+        force.append((window.force_n - contact.tare_n)[rows])
+        pose_time.append(grid)
+        travel.append(depth - window.depth_m[contact.touch])
+    return find_lag(force_time, force, pose_time, travel)
 
 
-def _rate(stream: Stream, columns: slice, cut: bool) -> np.ndarray:
-    """Rates of change on an even grid, (p, k); the largest are cut, as jumps are no motion."""
-    time = np.arange(stream.time_s[0], stream.time_s[-1], GRID_S)
-    values = smoothed(Stream(stream.time_s, stream.values[:, columns], stream.gaps).at(time), 5)
-    rate = np.gradient(values, GRID_S, axis=0)
-    if cut:
-        largest = 3 * np.quantile(np.abs(rate), 0.95, axis=0)
-        rate = np.clip(rate, -largest, largest)
-    return rate
+def _lag_words(lag: Lag | None, offset_s: float) -> str:
+    if lag is None:
+        return (
+            f"The offset of the clocks is {offset_s:.3f} s to some {UNSEEN_S * 1e3:.0f} ms; no "
+            "press shows the lag between force and pose more closely."
+        )
+    total = offset_s + lag.lag_s
+    size = f"{1e3 * total:.1f} ms" if abs(total) < 1 else f"{total:.4f} s"
+    words = (
+        f"The force lags the pose by {size} (standard deviation {1e3 * lag.error_s:.2g} ms, "
+        f"{lag.presses} presses); the pose was moved by it."
+    )
+    if not lag.has_corners:
+        words += (
+            " The tip starts and stops softly, so that lag and viscosity look alike: state "
+            "pose.clock_offset_s if you know it."
+        )
+    if lag.rate:
+        words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
+    return words
 
 
-def smoothed(values: np.ndarray, count: int) -> np.ndarray:
-    """Return the moving mean of `count` samples (odd), (m, k); shorter at the ends."""
-    half = count // 2
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    m = len(values)
-    low, high = np.maximum(np.arange(m) - half, 0), np.minimum(np.arange(m) + half + 1, m)
-    return (total[high] - total[low]) / (high - low)[:, None]
-
-
-def smooth(values: np.ndarray, time: np.ndarray, width_s: float = SMOOTHED_S) -> np.ndarray:
-    """Return the moving mean over a width in time, (m,)."""
-    step = float(np.median(np.diff(time)))
-    return smoothed(values[:, None], 2 * int(width_s / step / 2) + 1)[:, 0]
+def _common_direction(directions: Sequence[np.ndarray], said: list[str]) -> np.ndarray | None:
+    """One direction where all presses go the same way, None where each has its own."""
+    if not directions:
+        return None
+    mean = np.mean(directions, axis=0)
+    mean /= np.linalg.norm(mean)
+    angle = np.degrees(np.arccos(np.clip(np.array(directions) @ mean, -1, 1)))
+    x, y, z = mean
+    if np.quantile(angle, 0.9) < ONE_DIRECTION_DEG:
+        said.append(f"All presses go along ({x:.4f}, {y:.4f}, {z:.4f}), by the tip's travel.")
+        return mean
+    said.append(f"Each press has the direction of its own travel, up to {angle.max():.0f} degrees "
+                "from their mean.")  # fmt: skip
+    return None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
-from palpmap.importing.streams.alignment import SMOOTHED_S, smooth
+from palpmap.importing.streams.clocks import SMOOTHED_S, smooth
 
 NOISE_LEVELS = 5.0
 LEAST_CONTACT = 0.03  # of the press's largest force

@@ -9,23 +9,18 @@ from itertools import pairwise
 import numpy as np
 
 from models import InputError, Scan
-from palpmap.importing.mapping.columns import matrices, numbers, rotated
-from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
+from palpmap.importing.mapping.rig import Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.alignment import GRID_S, rough_offset, smooth
-from palpmap.importing.streams.contact import Contact, SpoiltPress
-from palpmap.importing.streams.lag import Lag, find_lag
-from palpmap.importing.streams.path import smooth_path
-from palpmap.importing.streams.press import CutPress, Window, cut_press, rough_contact, window_of
-from palpmap.importing.streams.spans import way_into_body
-from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
-from palpmap.importing.streams.weight import without_weight
+from palpmap.importing.streams.alignment import UNSEEN_S, Aligned, aligned
+from palpmap.importing.streams.clocks import GRID_S, smooth
+from palpmap.importing.streams.contact import SpoiltPress
+from palpmap.importing.streams.lag import Lag
+from palpmap.importing.streams.press import CutPress, cut_press, window_of
+from palpmap.importing.streams.stream import Stream
 
-ONE_DIRECTION_DEG = 2.0
 FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
 LAW = 0.006  # of the travel: what the unknown law of the force adds to the touch's error
-UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 SAME_PLACE_M = 1.0e-3
 SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
 UNRECOVERED = 0.05  # of the travel before: how deep the surface may still lie, one deviation
@@ -78,83 +73,6 @@ class Cut:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Aligned:
-    """Force and pose on one clock, in the scan's frame.
-
-    Attributes
-    ----------
-    sensor, unweighed, force : force in the sensor's axes; in the scan's frame; without the tool's
-        weight and the sensor's bias, where the tip's turning shows them
-    pose : of the tip's end
-    direction : (3,) mean direction of pressing
-    spans : begin and end of each motion into the body and out again, s
-    stated : direction of each press, see `palpmap.importing.streams.press.window_of`
-    lag, offset_s : see `Cut`
-    """
-
-    sensor: Stream
-    unweighed: Stream
-    force: Stream
-    pose: Stream
-    direction: np.ndarray
-    spans: list[tuple[float, float]]
-    stated: np.ndarray | Stream | None
-    lag: Lag | None
-    offset_s: float
-
-
-def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
-    """Bring force and pose of a recording together, and take re-tares and the tool's weight out.
-
-    Raises
-    ------
-    InputError
-        A stream in which no presses are seen, with the key that would help.
-    """
-    assert rig.pose  # `Rig.needed` asks
-    force = read_force(recording, rig, said)
-    pose = read_pose(recording, rig, rig.pose, said)
-    force, jumps = without_jumps(force)
-    said += [
-        f"At {time:.2f} s the force jumps by {size:.3g} N from one message to the next and stays: "
-        "the sensor was set to zero anew; the force was run on."
-        for time, size in jumps
-    ]
-    sensor = force
-    rough = rough_offset(force, pose, rig.pose.clock_offset_s)
-    pose = pose.later(rough.offset_s)
-    if force.values.shape[1] == 3:
-        force = replace(force, values=in_base(rig, force, pose))
-    way = way_into_body(force, pose, rough.line, rig)
-    pose, offset = pose.later(way.offset_s), rough.offset_s + way.offset_s
-    mean_direction, spans = way.direction, way.spans
-    stated = _stated_directions(recording, rig, pose, offset)
-    windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
-    windows = [window for window in windows if window is not None]
-    rough_contacts = [_contact_or_none(window) for window in windows]
-    unweighed = force
-    if rig.force.frame == "tip" and force.values.shape[1] == 3:
-        force = without_weight(force, pose, windows, rough_contacts, said)
-    lag = None
-    if rig.pose.clock_offset_s is None:
-        lag = _lag_of(windows, rough_contacts, pose)
-        said.append(_lag_words(lag, offset))
-        if lag is not None:
-            pose = Stream(
-                pose.time_s + lag.at(pose.time_s), pose.values, pose.gaps + lag.at(pose.gaps)
-            )
-    if rig.press.direction == TRAVEL:
-        touching = [
-            window.direction
-            for window, contact in zip(windows, rough_contacts, strict=True)
-            if contact is not None
-        ]
-        stated = _common_direction(touching, said)
-    pose = smooth_path(pose)
-    return Aligned(sensor, unweighed, force, pose, mean_direction, spans, stated, lag, offset)
-
-
 def cut_stream(recording: Recording, rig: Rig) -> Cut:
     """Cut a stream of force and pose into presses.
 
@@ -186,113 +104,6 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     )
     said.insert(0, f"{len(presses)} presses were cut, {len(left_out)} were left out.")
     return Cut(tuple(presses), tuple(left_out), lag, streams.offset_s, tuple(said))
-
-
-def force_with_depth(recording: Recording, rig: Rig) -> float:
-    """Return how closely force and depth rise together by a mapping, -1 to 1.
-
-    Raises
-    ------
-    InputError
-        If they do not at all, or against each other.
-    """
-    assert rig.pose  # the caller's mapping has one
-    force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
-    force, _ = without_jumps(force)
-    rough = rough_offset(force, pose, rig.pose.clock_offset_s)
-    pose = pose.later(rough.offset_s)
-    if force.values.shape[1] == 3:
-        force = replace(force, values=in_base(rig, force, pose))
-    return way_into_body(force, pose, rough.line, rig).correlation
-
-
-def _stated_directions(
-    recording: Recording, rig: Rig, pose: Stream, offset_s: float
-) -> np.ndarray | Stream | None:
-    """Directions of pressing that the mapping states: one, one a message, or None for travel."""
-    stated = rig.press.direction
-    if stated == TRAVEL:
-        return None
-    if stated in AXES:
-        if pose.values.shape[1] == 3:
-            raise InputError(
-                f'key press.direction: found "{stated}", expected pose.orientation too, or "travel"'
-            )
-        axis = np.eye(3)["xyz".index(stated[-1])] * (1 if "+" in stated else -1)
-        return Stream(pose.time_s, matrices(pose.values[:, 3:]) @ axis, pose.gaps)
-    if isinstance(stated[0], str):
-        values, _ = numbers(recording, stated, "", "", "press.direction")
-        if len(values) != len(pose.time_s):
-            raise InputError(
-                "key press.direction: expected columns of the pose's table, without repeated rows"
-            )
-        return Stream(pose.time_s, rotated(rig, values, place=False), pose.gaps)
-    direction = rotated(rig, np.array([stated], float), place=False)[0]
-    return direction / np.linalg.norm(direction)
-
-
-def _contact_or_none(window: Window) -> Contact | None:
-    try:
-        return rough_contact(window)
-    except SpoiltPress:
-        return None
-
-
-def _lag_of(
-    windows: Sequence[Window], contacts: Sequence[Contact | None], pose: Stream
-) -> Lag | None:
-    force_time, force, pose_time, travel = [], [], [], []
-    for window, contact in zip(windows, contacts, strict=True):
-        if contact is None:
-            continue
-        rows = slice(contact.touch, contact.release + 1)
-        time = window.time_s[rows]
-        step = max(min(pose.step_s, float(np.median(np.diff(time)))), 1e-3)
-        grid = np.arange(time[0] - 0.2, time[-1] + 0.2, step)
-        depth = pose.at(grid)[:, :3] @ window.direction
-        force_time.append(time)
-        force.append((window.force_n - contact.tare_n)[rows])
-        pose_time.append(grid)
-        travel.append(depth - window.depth_m[contact.touch])
-    return find_lag(force_time, force, pose_time, travel)
-
-
-def _lag_words(lag: Lag | None, offset_s: float) -> str:
-    if lag is None:
-        return (
-            f"The offset of the clocks is {offset_s:.3f} s to some {UNSEEN_S * 1e3:.0f} ms; no "
-            "press shows the lag between force and pose more closely."
-        )
-    total = offset_s + lag.lag_s
-    size = f"{1e3 * total:.1f} ms" if abs(total) < 1 else f"{total:.4f} s"
-    words = (
-        f"The force lags the pose by {size} (standard deviation {1e3 * lag.error_s:.2g} ms, "
-        f"{lag.presses} presses); the pose was moved by it."
-    )
-    if not lag.has_corners:
-        words += (
-            " The tip starts and stops softly, so that lag and viscosity look alike: state "
-            "pose.clock_offset_s if you know it."
-        )
-    if lag.rate:
-        words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
-    return words
-
-
-def _common_direction(directions: Sequence[np.ndarray], said: list[str]) -> np.ndarray | None:
-    """One direction where all presses go the same way, None where each has its own."""
-    if not directions:
-        return None
-    mean = np.mean(directions, axis=0)
-    mean /= np.linalg.norm(mean)
-    angle = np.degrees(np.arccos(np.clip(np.array(directions) @ mean, -1, 1)))
-    x, y, z = mean
-    if np.quantile(angle, 0.9) < ONE_DIRECTION_DEG:
-        said.append(f"All presses go along ({x:.4f}, {y:.4f}, {z:.4f}), by the tip's travel.")
-        return mean
-    said.append(f"Each press has the direction of its own travel, up to {angle.max():.0f} degrees "
-                "from their mean.")  # fmt: skip
-    return None
 
 
 def _cut_all(streams: Aligned, rig: Rig) -> tuple[list[CutPress], list[tuple[float, str]], int]:

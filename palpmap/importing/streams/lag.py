@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from palpmap.importing.streams.alignment import smooth
+from palpmap.importing.streams.clocks import smooth
 
 GRID_S = 0.01
 MEAN_S = 0.11  # both are averaged alike: a pose's remaining noise makes the force seem to lead

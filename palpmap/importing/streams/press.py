@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpmap.importing.mapping.rig import Rows
-from palpmap.importing.streams.alignment import smooth
+from palpmap.importing.streams.clocks import smooth
 from palpmap.importing.streams.contact import (
     TARE_S,
     TOUCH_SHARE,
@@ -23,10 +23,8 @@ SIDEWAYS_M = 1.0e-3
 SIDEWAYS = 0.2  # of the stroke
 LONGEST_GAP_S = 0.1
 LONGEST_GAP = 0.08  # of the contact
-HOLD_SMOOTHED_S, HOLD_SMOOTHED = (
-    0.06,
-    0.1,
-)  # at least; of the way in: noise of the speed stops no tip
+HOLD_SMOOTHED_S = 0.06  # at least: noise of the speed stops no tip
+HOLD_SMOOTHED = 0.1  # of the way in
 STILL = 0.25  # of the speed on the way in or out: slower, the tip holds
 LEFT = 0.03  # of the travel: so far out, the hold is over
 ROUGH_FIT = 0.05  # of the largest force: the way in is no smooth curve
@@ -142,12 +140,7 @@ def cut_press(
         return None
     force = window.force_n - contact.tare_n
     inside = slice(contact.touch, contact.release + 1)
-    length = time[contact.release] - time[contact.touch]
-    for gaps, name in ((force_gaps, "force"), (pose_gaps, "pose")):
-        for start, end in gaps.tolist():
-            overlap = min(end, time[contact.release]) - max(start, time[contact.touch] - 0.05)
-            if overlap > min(LONGEST_GAP_S, LONGEST_GAP * length):
-                raise SpoiltPress(f"{1e3 * (end - start):.0f} ms of the {name} are missing")
+    _refuse_gaps(time, contact, force_gaps, pose_gaps)
     even_depth, even_force = smooth(depth, time), smooth(force, time)
     peak = float(even_force[inside].max())
     noise = noise_of(window.force_n[:, None])[0]
@@ -156,7 +149,6 @@ def cut_press(
             f"the force without contact differs by {contact.jump_n:.3g} N before and after"
         )
     travel, way_in = _way_in(time, even_depth, contact)
-    top = way_in.stop - 1
     touch, touch_error, rough = find_touch(depth[way_in], force[way_in], travel)
     if touch_error > UNSURE * travel:
         raise SpoiltPress(
@@ -168,11 +160,8 @@ def cut_press(
     even_force = smooth(force, time)
     if rough > 3 * noise + ROUGH_FIT * peak:
         raise SpoiltPress(f"the force on the way in is no smooth curve (off by {rough:.2g} N)")
-    first = (
-        int(np.flatnonzero(even_depth[: top + 1] < touch)[-1]) + 1
-        if np.any(even_depth[: top + 1] < touch)
-        else contact.touch
-    )
+    above = np.flatnonzero(even_depth[: way_in.stop] < touch)
+    first = int(above[-1]) + 1 if len(above) else contact.touch
     touched = slice(first, contact.release + 1)
     held = _hold(time[touched], depth[touched] - touch)
     parts = (
@@ -197,6 +186,17 @@ def cut_press(
         displacement_m=np.concatenate([columns[2] for _, columns in made]),
         phase=np.concatenate([np.full(len(columns[0]), name, "U8") for name, columns in made]),
     )
+
+
+def _refuse_gaps(
+    time: np.ndarray, contact: Contact, force_gaps: np.ndarray, pose_gaps: np.ndarray
+) -> None:
+    start_s, end_s = time[contact.touch], time[contact.release]
+    longest = min(LONGEST_GAP_S, LONGEST_GAP * (end_s - start_s))
+    for gaps, name in ((force_gaps, "force"), (pose_gaps, "pose")):
+        for start, end in gaps.tolist():
+            if min(end, end_s) - max(start, start_s - 0.05) > longest:
+                raise SpoiltPress(f"{1e3 * (end - start):.0f} ms of the {name} are missing")
 
 
 def rough_contact(window: Window) -> Contact | None:

@@ -10,7 +10,8 @@ from models import InputError
 from palpmap.importing.mapping.columns import matrices
 from palpmap.importing.mapping.rig import Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.cutting import aligned, cut_stream
+from palpmap.importing.streams.alignment import aligned
+from palpmap.importing.streams.cutting import Cut, cut_stream
 from palpmap.importing.streams.lag import Lag
 from palpmap.importing.streams.stream import noise_of
 
@@ -73,18 +74,7 @@ def check_rig(recording: Recording, rig: Rig) -> RigCheck:
     cut = cut_stream(recording, rig)
     streams = aligned(recording, rig, [])
     raw, clean, pose = streams.unweighed, streams.force, streams.pose
-    rows, press_of, side = [], [], []
-    for k, press in enumerate(cut.presses):
-        for s, (start, end) in enumerate(
-            ((press.touch_s - APART_S - FREE_S, press.touch_s - APART_S),
-             (press.release_s + APART_S, press.release_s + APART_S + FREE_S))
-        ):  # fmt: skip
-            found = np.flatnonzero((raw.time_s >= start) & (raw.time_s <= end))
-            if len(found) >= FEWEST:
-                rows.append(found)
-                press_of.append(k)
-                side.append(s)
-    press_of, side = np.array(press_of, int), np.array(side, int)
+    rows, press_of, side = _free_stretches(raw.time_s, cut)
     both = [k for k in range(len(cut.presses)) if np.sum(press_of == k) == 2]
     if len(both) < 3:
         raise InputError(
@@ -97,33 +87,45 @@ def check_rig(recording: Recording, rig: Rig) -> RigCheck:
         means = np.array([values[r].mean(axis=0) for r in rows])
         return means[:, 0] if means.shape[1] == 1 else np.einsum("si,si->s", means, direction)
 
-    with_weight, free = along(raw.values), along(clean.values)
-    time = np.array([raw.time_s[r].mean() for r in rows])
-    slope, error = _slope(time[side == 0], free[side == 0])
-
     def of(values: np.ndarray, which: int) -> np.ndarray:
         return np.array([values[(press_of == k) & (side == which)][0] for k in both])
 
-    every = np.concatenate(rows)
-    turned = pose.values.shape[1] == 7 and _turns(matrices(pose.at(time)[:, 3:]))
+    with_weight, free = along(raw.values), along(clean.values)
+    time = np.array([raw.time_s[r].mean() for r in rows])
+    slope, error = _slope(time[side == 0], free[side == 0])
     level = free - slope * (time - time.mean())
-    window = [noise_of(pose.values[:, :3])[axis] for axis in range(3)]
+    turned = pose.values.shape[1] == 7 and _turns(matrices(pose.at(time)[:, 3:]))
     return RigCheck(
         time_s=np.array([cut.presses[k].touch_s for k in both]),
         before_n=of(with_weight, 0),
         after_n=of(with_weight, 1),
-        bias_n=streams.sensor.values[every].mean(axis=0),
+        bias_n=streams.sensor.values[np.concatenate(rows)].mean(axis=0),
         drift_n_per_min=60 * slope,
         drift_error=60 * error,
         gravity_n=float(np.std(level[side == 0])) if turned else None,
         hysteresis_n=float(np.median(of(free, 1) - of(free, 0))),
         noise_n=float(np.median([noise_of(raw.values[r]).max() for r in rows])),
-        noise_m=float(max(window)),
+        noise_m=float(noise_of(pose.values[:, :3]).max()),
         lag=cut.lag,
         offset_s=cut.offset_s,
         force_n=float(np.median([press.force_n.max() for press in cut.presses])),
         said=cut.said,
     )
+
+
+def _free_stretches(
+    time_s: np.ndarray, cut: Cut
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Rows of the free stretches, the press of each, and its side: 0 before it, 1 after it."""
+    rows, press_of, side = [], [], []
+    for k, press in enumerate(cut.presses):
+        for s, start in enumerate((press.touch_s - APART_S - FREE_S, press.release_s + APART_S)):
+            found = np.flatnonzero((time_s >= start) & (time_s <= start + FREE_S))
+            if len(found) >= FEWEST:
+                rows.append(found)
+                press_of.append(k)
+                side.append(s)
+    return rows, np.array(press_of, int), np.array(side, int)
 
 
 def _slope(time: np.ndarray, values: np.ndarray) -> tuple[float, float]:

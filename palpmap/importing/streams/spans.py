@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 from models import InputError
 from palpmap.importing.mapping.rig import Rig
-from palpmap.importing.streams.alignment import GRID_S, closer_offset, smoothed
+from palpmap.importing.streams.clocks import GRID_S, closer_offset, smoothed
 from palpmap.importing.streams.stream import Stream
 
 TOGETHER = 0.6  # least correlation of force and depth

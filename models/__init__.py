@@ -6,7 +6,7 @@ from models.errors import InputError
 from models.press_program import PressProgram, grid_program, read_program
 from models.replaced import replaced
 from models.scan import Scan
-from models.scan_checks import PHASES, nearest
+from models.scan_columns import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
 from models.scan_quality import OUTLYING, Doubt, scan_findings, touching, without_outliers

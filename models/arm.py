@@ -28,7 +28,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from models.errors import InputError
-from models.scan_checks import nearest
+from models.scan_columns import nearest
 
 ARMS = Path(__file__).parent / "arms"
 ARM_PACKAGE = "package://example-robot-data/"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from models.scan_checks import CONTACT_PHASES, OUTCOMES, PHASES
+from models.scan_columns import CONTACT_PHASES, OUTCOMES, PHASES
 
 _WORDS = {"phase": PHASES, "outcome": OUTCOMES}
 

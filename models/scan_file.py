@@ -17,7 +17,8 @@ import pyarrow.parquet as pq
 from models.errors import InputError
 from models.replaced import replaced
 from models.scan import Scan
-from models.scan_checks import (
+from models.scan_checks import check_columns
+from models.scan_columns import (
     DIRECTION,
     FORCE_VECTOR,
     OUTCOME,
@@ -25,7 +26,6 @@ from models.scan_checks import (
     TEXT,
     TIP_POSE,
     Where,
-    check_columns,
     check_header,
     cut,
 )

@@ -11,11 +11,8 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan
+from models.scan_readings import bad_readings, presses_of
 
-FACTOR = 2.0  # off by this much from both sides: a reading off by 3 is seen beside its noise
-NOISE_LEVELS = 8.0  # robust standard deviations of the scan's differences to the neighbours
-RESOLUTION_STEPS = 2.5  # of a sensor's: lines through rounded readings are off by up to two
-LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is worth a stop
 NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
 LITTLE_FORCE = 0.3  # of a typical press's largest: only below it can a rise be none
 NO_RISE = 3.0  # standard deviations of the force's slope over travel
@@ -108,41 +105,6 @@ def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
     return scan.rows(keep), tuple(sentences)
 
 
-def bad_readings(scan: Scan) -> list[tuple[int, str, float, float]]:
-    """Find single readings of force or travel that no neighbour in their press explains.
-
-    A reading is compared with the line through its two neighbours, and with the lines through the
-    two readings before and the two after it. The nearest of the three counts, so that a corner of
-    the motion and the neighbours of a bad reading are not taken for one. A tip that really jumps
-    moves force and travel alike: then neither is bad.
-
-    Parameters
-    ----------
-    scan : rows in contact
-
-    Returns
-    -------
-    list of (row, column, found, expected)
-    """
-    time = scan.time_s if scan.has_time else np.arange(len(scan), dtype=float)
-    presses = [np.arange(len(scan))[rows] for _, rows in _by_press(scan)]
-    found: dict[str, dict[int, tuple[float, float]]] = {}
-    for column in ("force_n", "displacement_m"):
-        values = getattr(scan, column)
-        allowed = _allowed_errors(values, time, presses)
-        found[column] = {}
-        for rows in presses:
-            for row, expected in _off_in_press(rows, values, time, allowed):
-                found[column][row] = (float(values[row]), expected)
-    both = found["force_n"].keys() & found["displacement_m"].keys()
-    return sorted(
-        (row, column, *pair)
-        for column, pairs in found.items()
-        for row, pair in pairs.items()
-        if row not in both
-    )
-
-
 def identical_presses(scan: Scan) -> list[tuple[int, int]]:
     """Return pairs of press ids with the same place and the very same readings, later one last.
 
@@ -152,7 +114,7 @@ def identical_presses(scan: Scan) -> list[tuple[int, int]]:
     first: dict[bytes, int] = {}
     pairs = []
     used = scan.used()
-    for press, rows in _by_press(used):
+    for press, rows in presses_of(used):
         parts = (used.point_m[rows], used.direction[rows], used.force_n[rows])
         key = b"".join(part.tobytes() for part in (*parts, used.displacement_m[rows]))
         if len(np.unique(used.force_n[rows])) < 4:
@@ -161,15 +123,6 @@ def identical_presses(scan: Scan) -> list[tuple[int, int]]:
             pairs.append((first[key], press))
         first.setdefault(key, press)
     return pairs
-
-
-def _by_press(scan: Scan) -> list[tuple[int, slice]]:
-    starts = np.unique(scan.press, return_index=True)[1]
-    ends = np.append(starts[1:], len(scan))
-    return [
-        (int(press), slice(int(a), int(b)))
-        for press, a, b in zip(scan.press_ids, starts, ends, strict=True)
-    ]
 
 
 def _named(presses: Sequence[int], scan: Scan) -> str:
@@ -188,75 +141,10 @@ def _bad_reading(scan: Scan, row: int, column: str, found: float, expected: floa
     )
 
 
-def _allowed_errors(
-    values: np.ndarray, time: np.ndarray, presses: Sequence[np.ndarray]
-) -> np.ndarray:
-    """Largest difference to the neighbours that noise makes, by the number of lines 0..3."""
-    errors, lines = [], []
-    for rows in presses:
-        expected, count = _from_neighbours(values[rows], time[rows])
-        errors.append(np.abs(values[rows] - expected))
-        lines.append(count)
-    error, count = np.concatenate(errors), np.concatenate(lines)
-    least = LEAST_ERROR * np.median([np.abs(values[rows]).max() for rows in presses])
-    steps = np.diff(np.unique(values))
-    steps = steps[steps > 1e-9 * np.abs(values).max()]  # else rounding of the computer
-    if len(steps):
-        least = max(least, RESOLUTION_STEPS * steps.min())
-    allowed = np.full(4, np.inf)
-    for number in range(1, 4):  # one line alone is off by more than the nearest of three
-        if np.any(count == number):
-            noise = 1.4826 * np.median(error[count == number])
-            allowed[number] = max(NOISE_LEVELS * noise, least)
-    return allowed
-
-
-def _off_in_press(
-    rows: np.ndarray, values: np.ndarray, time: np.ndarray, allowed: np.ndarray
-) -> list[tuple[int, float]]:
-    """Bad readings of one press, each with its expected value.
-
-    Of several that disagree, the one without which the others agree best is taken out first.
-    """
-
-    def off(rows: np.ndarray) -> dict[int, float]:
-        read = values[rows]
-        expected, lines = _from_neighbours(read, time[rows])
-        small, large = np.sort(np.abs([read, expected]), axis=0)
-        wrong = (np.abs(read - expected) > allowed[lines]) & (
-            (large > FACTOR * small) | (read * expected < 0)
-        )
-        return dict(zip(rows[wrong].tolist(), expected[wrong].tolist(), strict=True))
-
-    found = []
-    while doubtful := off(rows):
-        left = {row: len(off(rows[rows != row])) for row in doubtful}
-        worst = min(left, key=lambda row: (left[row], -abs(values[row] - doubtful[row])))
-        found.append((worst, doubtful[worst]))
-        rows = rows[rows != worst]
-    return found
-
-
-def _from_neighbours(values: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Value that the neighbours in a press predict, the nearest of up to three, NaN without any.
-
-    Second, the number of lines that there were to choose from.
-    """
-    best, lines = np.full(len(values), np.nan), np.zeros(len(values), dtype=int)
-    for a, b in ((-1, 1), (-2, -1), (1, 2)):
-        row = np.arange(max(0, -a), len(values) - max(0, b))
-        slope = (values[row + b] - values[row + a]) / (time[row + b] - time[row + a])
-        line = values[row + a] + slope * (time[row] - time[row + a])
-        nearer = ~(np.abs(line - values[row]) >= np.abs(best[row] - values[row]))
-        best[row[nearer]] = line[nearer]
-        lines[row] += 1
-    return best, lines
-
-
 def _clipped(scan: Scan) -> list[int]:
     largest = scan.force_n.max()
     found = []
-    for press, rows in _by_press(scan):
+    for press, rows in presses_of(scan):
         at = (scan.force_n[rows] == largest) & (scan.phase[rows] == "load")
         travel = scan.displacement_m[rows]
         if np.sum(at) >= CLIPPED_ROWS and np.ptp(travel[at]) > CLIPPED_TRAVEL * travel.max():
@@ -281,7 +169,7 @@ def _without_contact(scan: Scan) -> list[int]:
     Noise is told by the third differences within presses, robustly; the slope of force over travel
     then has the standard deviation noise / sqrt(sum of squares of the travel).
     """
-    presses = _by_press(scan)
+    presses = presses_of(scan)
     typical = float(np.median([scan.force_n[rows].max() for _, rows in presses]))
     rough = np.concatenate([np.diff(scan.force_n[rows], 3) for _, rows in presses])
     noise = 1.4826 * float(np.median(np.abs(rough))) / np.sqrt(20) if len(rough) else 0.0
@@ -302,8 +190,8 @@ def _without_contact(scan: Scan) -> list[int]:
 def _collapsed(scan: Scan) -> list[int]:
     """Presses whose force falls from one reading to the next and stays down, the tip inside."""
     found = []
-    typical = np.median([scan.force_n[rows].max() for _, rows in _by_press(scan)])
-    for press, rows in _by_press(scan):
+    typical = np.median([scan.force_n[rows].max() for _, rows in presses_of(scan)])
+    for press, rows in presses_of(scan):
         going = scan.phase[rows] != "unload"
         force, travel = scan.force_n[rows][going], scan.displacement_m[rows][going]
         if len(force) < 3:
@@ -319,7 +207,7 @@ def _collapsed(scan: Scan) -> list[int]:
 def _free_travel(scan: Scan) -> list[Doubt]:
     """Find travel that was counted from above the surface: the tip moves and feels nothing."""
     free, rises = {}, []
-    for press, rows in _by_press(scan):
+    for press, rows in presses_of(scan):
         load = scan.phase[rows] == "load"
         force, travel = scan.force_n[rows][load], scan.displacement_m[rows][load]
         if len(force) < 3:
@@ -346,7 +234,7 @@ def _free_travel(scan: Scan) -> list[Doubt]:
 
 def _missing_phases(scan: Scan) -> list[Doubt]:
     found = []
-    presses = _by_press(scan)
+    presses = presses_of(scan)
     for phase in ("load", "hold", "unload"):
         without = [press for press, rows in presses if not np.any(scan.phase[rows] == phase)]
         if without and (phase == "load" or len(without) < len(presses) / 2):

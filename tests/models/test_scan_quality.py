@@ -16,12 +16,12 @@ from models.scan import Scan
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans
 from models.scan_quality import (
-    bad_readings,
     identical_presses,
     scan_findings,
     touching,
     without_outliers,
 )
+from models.scan_readings import bad_readings
 from palpmap.__main__ import app
 from tests.paths import LAB, TESTS
 

@@ -11,16 +11,17 @@ from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing, true_compliance
 
+NEAR = Inclusion(300.0, 0.030, 0.030, 0.02, 0.008)
 FAINT = Inclusion(300.0, 0.044, 0.018, 0.02, 0.008)
 
 
-def fitted(truth: GaussianMap, start: GaussianMap) -> FitResult:
+def fitted(truth: GaussianMap, start: GaussianMap, **options) -> FitResult:
     press, _, _, force = timing(4)
     table = scan(true_compliance(truth.modulus)[press] * force, force, 4)
     own = model(table, replace(mechanics(), fine=None))
     nodes = own.mechanics.coarse.mesh.nodes
     box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
-    return fit_jointly(replace(own, space=parameter_space(start, box)), start)
+    return fit_jointly(replace(own, space=parameter_space(start, box)), start, **options)
 
 
 def test_of_a_homogeneous_body_no_inclusion_is_seen():
@@ -28,8 +29,13 @@ def test_of_a_homogeneous_body_no_inclusion_is_seen():
     assert redundant_inclusions(fitted(GaussianMap(5000.0), start)) == (1,)
 
 
-def test_the_one_that_is_there_is_kept_and_the_other_is_named():
+def test_of_two_that_stand_for_one_only_one_is_named():
     (real,) = TRUE.inclusions
-    for start, unseen in (((real, FAINT), (2,)), ((FAINT, real), (1,)), ((real,), ())):
-        fit = fitted(TRUE, GaussianMap(TRUE.background_pa, start))
-        assert redundant_inclusions(fit) == unseen
+    fit = fitted(TRUE, GaussianMap(TRUE.background_pa, (real, NEAR)), max_evaluations=12)
+    (named,) = redundant_inclusions(fit)
+    kept = fit.map.inclusions[2 - named]
+    assert np.hypot(kept.x_m - real.x_m, kept.y_m - real.y_m) < 0.003
+
+
+def test_the_one_that_is_there_is_kept():
+    assert redundant_inclusions(fitted(TRUE, TRUE)) == ()

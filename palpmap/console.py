@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
 
-DONE = 0
 FAILED_CRITERION = 1
 BAD_INPUT = 2
 INTERRUPTED = 130

@@ -39,7 +39,6 @@ ORDER = {
 """Folders and modules of each package: one imports from itself and from those before it."""
 GROUND = {
     "fem.errors",
-    "identify.json_record",
     "palpmap.console",
     "palpmap.record",
     "palpmap.run_folder",

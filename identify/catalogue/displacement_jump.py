@@ -1,17 +1,14 @@
 """A robot or a body that is knocked at one instant."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import EffectParameter, Values, WorkedExample
+from identify.effects.jump import Jump, step_in_time
 from identify.effects.readings import Readings
-from identify.effects.smooth import pauses, step_in_time
 from identify.effects.units import length, more, seconds
 
 
-class DisplacementJump(Effect):
+class DisplacementJump(Jump):
     """A step of the displacement at one instant of the scan."""
 
     name = "displacement_jump"
@@ -55,18 +52,6 @@ class DisplacementJump(Effect):
     ) -> np.ndarray:
         """Add the step."""
         return travel_m + height_m * step_in_time(readings, at_s)
-
-    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
-        """Pauses between two presses, but for those near the ends of the scan."""
-        return [{"at_s": at} for at in pauses(readings)]
-
-    def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Bound the instant by the scan; its scale is the time of a press."""
-        height, at = self.parameters
-        if readings.time_s is None:
-            return height, at
-        end = max(float(readings.elapsed_s.max()), 1e-3)
-        return height, replace(at, upper=end, typical=end / readings.presses)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say when the step came, and how high it is."""

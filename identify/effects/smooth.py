@@ -1,20 +1,15 @@
-"""Functions of time over a scan: natural cubic splines, the free form of a drift, and steps."""
+"""Functions of time over a scan: natural cubic splines, the free form of a drift."""
 
 from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import expit
 
 from identify.effects.readings import Readings
 
 KNOTS = 5
 """Knots after the first, evenly over the scan: courses no faster than two fifths of it."""
-
-
-_STEP = 0.03  # of a press's time: a third of the rise of a step
-_EDGE = 3  # presses on either side of a step, at least
 
 
 def knot_names(prefix: str) -> list[tuple[str, str]]:
@@ -37,18 +32,3 @@ def smooth_in_time(readings: Readings, values: Sequence[float]) -> np.ndarray:
 def _basis() -> CubicSpline:
     """One spline a knot after the first: 1 there, 0 at the others."""
     return CubicSpline(np.linspace(0, 1, KNOTS + 1), np.eye(KNOTS + 1)[:, 1:], bc_type="natural")
-
-
-def step_in_time(readings: Readings, at_s: float) -> np.ndarray:
-    """Return a step (m,) from 0 to 1 at an instant of the scan's clock.
-
-    It takes a tenth of the time of a press, so that its instant can be sought.
-    """
-    width = _STEP * max(float(readings.elapsed_s.max()) / max(readings.presses, 1), 1e-9)
-    return expit((readings.elapsed_s - at_s) / width)
-
-
-def pauses(readings: Readings) -> list[float]:
-    """Return the middle of each pause between two presses on the scan's clock, s."""
-    first = readings.first[_EDGE : readings.presses - _EDGE + 1]
-    return (0.5 * (readings.elapsed_s[first - 1] + readings.elapsed_s[first])).tolist()

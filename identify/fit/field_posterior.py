@@ -123,11 +123,6 @@ class FieldPosterior:
         of_effects = of_effects + gain @ (self._of_s - half.T @ half) @ gain.T
         return np.block([[of_s, -(gain @ across).T], [-gain @ across, of_effects]])
 
-    @property
-    def prior_cost(self) -> float:
-        """Square of the prior's distance of the most probable field from its mean."""
-        return float(self.weights @ self.of_field @ self.weights)
-
     @cached_property
     def chi2(self) -> float:
         """Chi-square of the readings beside every field of the prior, the best effects taken.

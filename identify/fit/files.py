@@ -12,10 +12,9 @@ from identify.fit.field_evidence import Hyper
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
 from identify.fit.spots import Spot
-from identify.json_record import read_json_record
 from identify.map import FreeMap, GaussianMap, Grid
 from identify.measurement.noise import Noise
-from models import replaced
+from models import InputError, replaced
 
 SCHEMA = 1
 
@@ -49,8 +48,33 @@ def write_fit(fit: FitResult, path: str | Path) -> None:
 
 
 def read_fit(path: str | Path) -> FitResult:
-    """Read a fit that `write_fit` wrote; `InputError` for a newer schema or another file."""
-    return read_json_record(path, "fit", "palpmap fit", SCHEMA, _fit)
+    """Read a fit that `write_fit` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is no such record, or was written by a newer version.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(
+            f"{path}: not a readable fit ({error}); `palpmap fit` writes it"
+        ) from error
+    found = content.pop("schema", None) if isinstance(content, dict) else None
+    if not isinstance(found, int):
+        raise InputError(f"{path}: no 'schema' number found, expected a fit of palpmap")
+    if found > SCHEMA:
+        raise InputError(
+            f"{path}: written with schema {found}, this palpmap reads up to {SCHEMA}; "
+            "update palpmap"
+        )
+    try:
+        return _fit(content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: damaged fit, cannot use {error}; `palpmap fit` writes it anew"
+        ) from error
 
 
 def _fit(content: dict) -> FitResult:

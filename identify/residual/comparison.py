@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from identify.json_record import read_json_record
 from identify.residual.courses import Course
 from identify.residual.per_press import PressResidual
 from identify.residual.simple_laws import LawMatch
@@ -150,33 +149,3 @@ class Comparison:
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         with replaced(path) as beside:
             beside.write_text(text, encoding="utf-8")
-
-
-def read_comparison(path: Path) -> Comparison:
-    """Read a Comparison from its JSON file.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is no such record, or was written by a newer version.
-    """
-    return read_json_record(path, "comparison", "palpmap compare", SCHEMA, _from_dict)
-
-
-def _from_dict(data: dict[str, Any]) -> Comparison:
-    fields = {k: v for k, v in data.items() if k != "chi2_per_dof"}
-    for name in ("also_along", "confused_with", "notes"):
-        fields[name] = tuple(fields[name])
-    fields["tests"] = tuple(ResidualTest(**t) for t in fields["tests"])
-    fields["levels"] = {k: tuple(Level(**v) for v in lv) for k, lv in fields["levels"].items()}
-    fields["presses"] = tuple(
-        PressResidual(**{**p, "point_m": tuple(p["point_m"])}) for p in fields["presses"]
-    )
-    fields["largest"] = tuple(
-        Reading(**{**r, "point_m": tuple(r["point_m"])}) for r in fields["largest"]
-    )
-    if fields.get("law") is not None:
-        fields["law"] = LawMatch(**fields["law"])
-    if course := fields.get("course"):
-        fields["course"] = Course(**{**course, "as_good": tuple(course["as_good"])})
-    return Comparison(**fields)

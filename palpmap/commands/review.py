@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from palpmap.recording.reader import RecordingSummary
 
 RECORDING = "recording.rrd"
-PICTURE = "recording.png"
 
 
 def run_review(

@@ -301,8 +301,8 @@ def unseen_inclusions(record: ExplainRecord) -> str:
     if len(unseen) == 1:
         which = f"Inclusion {numbers} is not seen: without it the model is as good."
     else:
-        which = f"Inclusions {numbers} are not all seen: without any one the model is as good."
-    return f"{which} Set inclusions = {count - 1} under [map], or scan closer."
+        which = f"Inclusions {numbers} are not seen: without them the model is as good."
+    return f"{which} Set inclusions = {count - len(unseen)} under [map], or scan closer."
 
 
 def unseen_effects(record: ExplainRecord) -> str:

@@ -232,7 +232,7 @@ class ExplainRecord(CountRecord, FileRecord):
         default=None, description="what the presses show without a map, null if not asked"
     )
     unseen_inclusions: tuple[int, ...] = Field(
-        default=(), description="numbers of the inclusions that the readings do not ask for"
+        default=(), description="numbers of the inclusions that can be left out together"
     )
     stated_lengths: tuple[GeometryConfounder, ...] = Field(
         default=(), description="lengths of the study whose error would look like an effect"

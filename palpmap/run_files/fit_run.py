@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 
 from fem import Mesh
-from identify.fit import FitIteration, FitResult, FreeMapIteration, read_fit, write_fit
+from identify.fit import FitIteration, FitResult, FreeMapIteration, write_fit
 from identify.map import FreeMap, GaussianMap
 from identify.residual import compare
-from models import Scan, read_scan, thinned, touching
+from models import Scan, thinned, touching
 from palpmap.experiment import Experiment
 from palpmap.figures.curves import near_largest_force
 from palpmap.figures.fit import draw_figures, save_figures
@@ -25,7 +25,7 @@ from palpmap.run_files.volume import write_vti
 from palpmap.run_folder import how_made
 from palpmap.study.kept_inputs import keep_inputs
 from palpmap.study.placement import place_scan
-from palpmap.study.study import Study, load_study
+from palpmap.study.study import Study
 
 RECORDED_PARTS = ("body", "presses", "fit", "comparison", "events", "about")
 
@@ -130,19 +130,6 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
         {name: path for name, path in paths.items() if path.suffix == ".png"},
     )
     recording.event(finding.comparison.statement)
-
-
-def load_finding(run: Path) -> Finding:
-    """Read a run folder's fit, study, scan and truth, and compare them.
-
-    Raises
-    ------
-    InputError
-        Something is missing, or the fit belongs to another scan.
-    """
-    fit, study = read_fit(run / "fit.json"), load_study(run / "study.toml")
-    scan = read_scan(study.scan, study.study.units_checked)
-    return with_making(finding_of(fit, study, scan), run)
 
 
 def with_making(finding: Finding, run: Path) -> Finding:

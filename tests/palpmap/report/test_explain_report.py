@@ -16,7 +16,6 @@ from identify.design.assessment import assess
 from identify.design.detection_limits import Limit
 from identify.design.geometry_confounders import GeometryConfounder
 from identify.design.undetected_bias import UndetectedBias
-from identify.residual.comparison import read_comparison
 from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
@@ -283,9 +282,9 @@ def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(tol
 
 
 def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):
-    found = read_comparison(explained_case.folder / "comparison.json")
-    assert found.is_noise
-    assert_allclose(found.rms_m, explained_case.record.ladder[-1].rms_m, rtol=1e-12)
+    found = json.loads((explained_case.folder / "comparison.json").read_text())
+    assert found["is_noise"]
+    assert_allclose(found["rms_m"], explained_case.record.ladder[-1].rms_m, rtol=1e-12)
     names = {path.stem for path in (explained_case.folder / "figures").iterdir()}
     assert {"ladder", "residuals", "evidence_1", "maps", "confusion", "parameters"} <= names
 
@@ -426,8 +425,8 @@ def test_unseen_inclusions_are_counted_without_those_of_effects(told):
     assert "Set inclusions = 0 under" in unseen_inclusions(one)
     more = {**parameters, "inclusion_2.radius_m": p}
     two = told.record.changed(unseen_inclusions=(1, 2), parameters=more)
-    assert "Inclusions 1 and 2 are not all seen" in unseen_inclusions(two)
-    assert "Set inclusions = 1 under" in unseen_inclusions(two)
+    assert "Inclusions 1 and 2 are not seen" in unseen_inclusions(two)
+    assert "Set inclusions = 0 under" in unseen_inclusions(two)
     assert unseen_inclusions(told.record) == ""
 
 

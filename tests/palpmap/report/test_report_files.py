@@ -6,6 +6,7 @@ import re
 from contextlib import redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,10 +20,10 @@ from identify.fit.search import FitIteration
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.errors_in_variables import whitening
 from identify.measurement.noise import Noise
-from identify.residual.comparison import read_comparison
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import write_scan
+from palpmap.api import read_run
 from palpmap.commands.compare import run_compare
 from palpmap.console import Output
 from palpmap.figures.curves import draw_convergence, draw_curves
@@ -34,7 +35,7 @@ from palpmap.report.fit_report import write_report
 from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.tables import parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
-from palpmap.run_files.fit_run import load_finding
+from palpmap.run_files.fit_run import with_making
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
 
@@ -137,6 +138,11 @@ class Page(HTMLParser):
             self.text.append(data)
 
 
+def load_finding(run: Path) -> Finding:
+    """Return the finding of a run folder."""
+    return with_making(read_run(run).fit.finding, run)
+
+
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     run = make_run(tmp_path_factory.mktemp("with space") / "a run")
@@ -151,7 +157,7 @@ def test_noise_passes_and_is_said_in_json(done):
     assert passed is True
     assert record["is_noise"] is True
     assert record["statement"].startswith("The residual is noise")
-    assert read_comparison(run / "comparison.json").statement == record["statement"]
+    assert json.loads((run / "comparison.json").read_text())["statement"] == record["statement"]
     commands = [r["command"] for r in json.loads((run / "run.json").read_text())["runs"]]
     assert commands == ["fit", "compare"]
 

@@ -7,8 +7,7 @@ import subprocess
 import pytest
 
 from palpmap.report.fit_report import write_report
-from palpmap.run_files.fit_run import load_finding
-from tests.palpmap.report.test_report_files import make_run
+from tests.palpmap.report.test_report_files import load_finding, make_run
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MEASURE = """<script>

@@ -75,12 +75,13 @@ def stated(answer: str) -> AnswerRecord:
         )
     if names[0] in words:
         return AnswerRecord(verdict=words[names[0]])
-    from palpmap.study.study import EFFECTS
+    from identify.catalogue import CATALOGUE
 
+    known = [effect.name for effect in CATALOGUE]
     for name in names:
-        if name not in EFFECTS:
+        if name not in known:
             raise InputError(
-                f"--answer: found '{name}', expected none, unexplained or {', '.join(EFFECTS)}"
+                f"--answer: found '{name}', expected none, unexplained or {', '.join(known)}"
             )
     return AnswerRecord(verdict="explained", added=tuple(names))
 

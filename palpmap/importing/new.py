@@ -12,8 +12,9 @@ from models import InputError, Scan, read_scan, replaced, scan_findings, touchin
 from palpmap.importing.importing import checked_study, commented
 from palpmap.study.body import Body
 from palpmap.study.contact_body import surface_notes
+from palpmap.study.faults import fault_sentence
 from palpmap.study.placement import place_scan
-from palpmap.study.study import About, Map, Noise, Probe, Study, fault_sentence, load_study
+from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
 
 FLAGS = {
     "tip": ("--tip", "the tip's shape, flat or sphere"),

@@ -17,6 +17,11 @@ def _edge(value: float) -> float:
     return value
 
 
+def as_tuple(value: Any) -> Any:
+    """Return a list of a TOML file as a tuple, anything else as it is."""
+    return tuple(value) if isinstance(value, list) else value
+
+
 def _three(value: Any) -> Any:
     if isinstance(value, (list, tuple)) and len(value) == 3:
         return tuple(value)

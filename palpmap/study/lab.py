@@ -19,39 +19,34 @@ position_m = [0.5, 0.2, 0.1]
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field
 
 from models import ARMS, InputError, nearest
-from palpmap.study.body import Positive, Real, Table
-from palpmap.study.study import fault_sentence
+from palpmap.study.body import Positive, Real, Table, as_tuple
+from palpmap.study.faults import read_table
 
 if TYPE_CHECKING:
     from sim.motion import ScanPlan, ScanSettings
 
 
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-Triple = Annotated[tuple[Real, Real, Real], BeforeValidator(_tuple)]
+Triple = Annotated[tuple[Real, Real, Real], BeforeValidator(as_tuple)]
 
 
 class LabBody(Table):
     """`[body]`: pose of the body's frame in the world frame, the arm's base."""
 
     position_m: Triple | None = None
-    quaternion: Annotated[tuple[Real, Real, Real, Real], BeforeValidator(_tuple)] = (1, 0, 0, 0)
+    quaternion: Annotated[tuple[Real, Real, Real, Real], BeforeValidator(as_tuple)] = (1, 0, 0, 0)
 
 
 class LabObstacle(Table):
     """One entry of `[[obstacles]]`: a box that the arm keeps clear of, world frame."""
 
-    size_m: Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_tuple)]
+    size_m: Annotated[tuple[Positive, Positive, Positive], BeforeValidator(as_tuple)]
     position_m: Triple = Field(description="of its centre")
 
 
@@ -60,10 +55,10 @@ class Lab(Table):
 
     arm: str = "panda"
     truth: str | None = None
-    plant: Annotated[tuple[str, ...], BeforeValidator(_tuple)] = ()
+    plant: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = ()
     body: LabBody = LabBody()
     robot: dict[str, Any] = Field(default_factory=dict)
-    obstacles: Annotated[tuple[LabObstacle, ...], BeforeValidator(_tuple)] = ()
+    obstacles: Annotated[tuple[LabObstacle, ...], BeforeValidator(as_tuple)] = ()
 
     def placed(self, plan: ScanPlan) -> ScanPlan:
         """Return the plan with the body at the laboratory's place."""
@@ -92,14 +87,7 @@ def read_lab(path: Path) -> Lab:
     """
     from sim.motion import ScanSettings
 
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a laboratory ({error})") from error
-    try:
-        found = Lab.model_validate(tables)
-    except ValidationError as error:
-        raise InputError(fault_sentence(path, error, Lab)) from error
+    found = read_table(path, Lab, "laboratory")
     known = tuple(
         f.name for f in fields(ScanSettings) if f.name not in ("seed", "arm", "obstacles")
     )

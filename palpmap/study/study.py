@@ -1,12 +1,10 @@
 """The study file: the known facts of an experiment, in TOML beside the scan that it names."""
 
-import difflib
 import os
-import re
 import tomllib
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     Field,
@@ -14,49 +12,13 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic.fields import FieldInfo
 
-from models import InputError, replaced
+from models import InputError, nearest, replaced
 from palpmap.study.body import Body, File, Positive, Real, Table
+from palpmap.study.faults import fault_sentence, shortened
+from palpmap.study.units_check import check_units
 
 SCHEMA = 1
-LARGEST_BODY_M = 1.0
-LARGEST_RADIUS_M = 0.05
-LARGEST_NOISE_M = 0.005
-SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
-SOFTEST_BODY_PA = 50.0
-UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
-EFFECTS = (
-    "viscoelasticity",
-    "finite_strain",
-    "strain_stiffening",
-    "anisotropy",
-    "skin_layer",
-    "extra_inclusion",
-    "stiffness_gradient",
-    "poisson_ratio",
-    "preconditioning",
-    "hysteresis",
-    "spherical_tip",
-    "base_compliance",
-    "base_sliding",
-    "tool_compliance",
-    "force_bias",
-    "force_drift",
-    "sensitivity_drift",
-    "force_saturation",
-    "contact_offset",
-    "touch_threshold",
-    "rigid_tip",
-    "inclusion_edge",
-    "inclusion_stretch",
-    "side_gradient",
-    "body_shift",
-    "surface_tilt",
-    "displacement_drift",
-    "breathing",
-    "mesh_error",
-)
 MOST_INCLUSIONS = 100
 LARGEST_NUMBER = 1e12  # of pascals or metres: diamond has as many pascals
 INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
@@ -161,7 +123,7 @@ class Map(Table):
         ]
         for name in [*self.initial, *self.fixed]:
             if name not in known:
-                near = _nearest(name, known)
+                near = nearest(name, tuple(known))
                 raise ValueError(
                     f"parameters of {self.inclusions} inclusions; '{name}' is none{near}"
                 )
@@ -194,11 +156,15 @@ class Effect(Table):
 
     @model_validator(mode="after")
     def _is_known(self) -> "Effect":
-        if self.file is None and self.name not in EFFECTS:
-            near = _nearest(self.name, list(EFFECTS))
+        if self.file is not None:
+            return self
+        from identify.catalogue import CATALOGUE  # here, as most studies name no effect
+
+        names = tuple(effect.name for effect in CATALOGUE)
+        if self.name not in names:
             raise ValueError(
                 "an effect of the catalogue (`palpmap effects` lists them), or with file = ... one "
-                f"of your own, not '{self.name}'{near}"
+                f"of your own, not '{self.name}'{nearest(self.name, names)}"
             )
         return self
 
@@ -286,7 +252,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
             f"{path}: found tables nested too deep, expected those of a study; correct it"
         ) from error
     if not study.study.units_checked:
-        _check_units(path, study)
+        check_units(path, study)
     folder = path.resolve().parent
     body = study.body
     if body.file is not None:
@@ -325,112 +291,3 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
         tables.setdefault("map", {})["inclusions"] = study.map.inclusions
     with replaced(path) as beside:
         beside.write_text(tomli_w.dumps(tables), encoding="utf-8")
-
-
-def _check_units(path: Path, study: Study) -> None:
-    """Refuse sizes that only make sense in millimetres or grams."""
-    lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
-    for key in ("cell_size_m", "thickness_m", "margin_m"):
-        lengths.append((f"body.{key}", getattr(study.body, key) or 0.0, LARGEST_BODY_M))
-    lengths += [("body.origin_m", abs(value), 3.0) for value in study.body.origin_m]
-    lengths += [("map.length_m", study.map.length_m or 0.0, LARGEST_BODY_M)]
-    lengths += [("probe.radius_m", study.probe.radius_m, LARGEST_RADIUS_M)]
-    lengths += [("noise.displacement_m", study.noise.displacement_m or 0.0, LARGEST_NOISE_M)]
-    lengths += [("noise.touch_m", study.noise.touch_m or 0.0, LARGEST_NOISE_M)]
-    for table in ("initial", "fixed"):
-        for name, value in getattr(study.map, table).items():
-            if name.endswith("_m"):
-                lengths.append((f"map.{table}.{name}", abs(value), 3.0))
-    for key, value, limit in lengths:
-        if value > limit:
-            raise InputError(
-                f"{path}, key {key}: found {value:g} m, expected at most {limit:g} m; this looks "
-                f"like millimetres: divide by 1000 ({UNITS_ESCAPE})"
-            )
-    for name in ("base_normal_m_per_pa", "base_tangential_m_per_pa"):
-        value = getattr(study.body, name) or 0.0
-        if value > SOFTEST_BASE_M_PER_PA:
-            raise InputError(
-                f"{path}, key body.{name}: found {value:g} m/Pa, expected at most "
-                f"{SOFTEST_BASE_M_PER_PA:g} m/Pa; this looks like mm/kPa: multiply by 1e-6 "
-                f"({UNITS_ESCAPE})"
-            )
-    for table in ("initial", "fixed"):
-        background = getattr(study.map, table).get("background_pa", inf)
-        if background < SOFTEST_BODY_PA:
-            raise InputError(
-                f"{path}, key map.{table}.background_pa: found {background:g} Pa, expected at "
-                f"least {SOFTEST_BODY_PA:g} Pa; this looks like kilopascals: multiply by 1000 "
-                f"({UNITS_ESCAPE})"
-            )
-    noise = study.noise.force_n or 0.0
-    if noise > 2.0:
-        raise InputError(
-            f"{path}, key noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
-            f"grams: divide by 101.97 ({UNITS_ESCAPE})"
-        )
-
-
-_EXPECTED = {
-    "float_type": "a number without quotes",
-    "int_type": "a whole number without quotes",
-    "bool_type": "true or false, without quotes",
-    "string_type": "text in quotes",
-    "tuple_type": "a list in square brackets",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "finite_number": "a finite number",
-}
-"""Pydantic's kinds of faults in the words of a person who writes TOML."""
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    match = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.5)
-    return f"; the nearest right one is '{match[0]}'" if match else ""
-
-
-def shortened(found: object) -> str:
-    """Return a value as written in a file, cut where it is long.
-
-    >>> shortened("a" * 200)[-8:]
-    'aaaaa...'
-    """
-    text = repr(found)
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
-    """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
-    # A misspelt key is a missing one too: the misspelling explains more.
-    faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
-    fault = faults[0]
-    key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
-    fields = _fields_of_table(fault["loc"][:-1], root)
-    last = str(fault["loc"][-1])
-    found = fault["input"]
-    expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
-    expected = expected.removeprefix("Input should be ")
-    if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
-        expected = 'a table for each effect: write [[effects]], and name = "..." below it'
-    if fault["type"] == "extra_forbidden":
-        what = f"unknown key{_nearest(last, list(fields))}; expected {', '.join(fields)}"
-    elif fault["type"] == "missing":
-        what = f"the key is missing; add {fields[last].description}"
-    elif isinstance(found, dict) or last == "effects":
-        what = f"expected {expected}"
-    else:
-        what = f"found {shortened(found)}, expected {expected}"
-        if fault["type"] == "literal_error":
-            what += _nearest(str(found), re.findall("'([^']+)'", expected))
-    others = len(faults) - 1
-    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
-    return f"{path}, key {key}: {what}{more}"
-
-
-def _fields_of_table(location: tuple[int | str, ...], root: type[Table]) -> dict[str, FieldInfo]:
-    table = root
-    for part in location:
-        if field := table.model_fields.get(str(part)):
-            kinds = [field.annotation, *get_args(field.annotation)]
-            table = next((k for k in kinds if isinstance(k, type) and issubclass(k, Table)), table)
-    return {field.alias or name: field for name, field in table.model_fields.items()}

@@ -22,25 +22,20 @@ Positions are in the scan's frame, as in the study.
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from models import InputError
-from palpmap.study.body import NotNegative, Positive, Real, Table
-from palpmap.study.study import Study, fault_sentence
+from palpmap.study.body import NotNegative, Positive, Real, Table, as_tuple
+from palpmap.study.faults import read_table
+from palpmap.study.study import Study
 
 if TYPE_CHECKING:
     from fem.finite_strain import HyperelasticLaw
     from sim.body import Creep, TruthMap
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
 
 
 class TrueInclusion(Table):
@@ -77,7 +72,7 @@ class TruthFile(Table):
     """A true body."""
 
     background_pa: Positive
-    inclusions: Annotated[tuple[TrueInclusion, ...], BeforeValidator(_tuple)] = ()
+    inclusions: Annotated[tuple[TrueInclusion, ...], BeforeValidator(as_tuple)] = ()
     law: TrueLaw | None = None
     creep: TrueCreep | None = None
 
@@ -103,14 +98,7 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
     from sim.body import Creep, Inclusion, TruthMap
 
     path = Path(path)
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a true map ({error})") from error
-    try:
-        found = TruthFile.model_validate(tables)
-    except ValidationError as error:
-        raise InputError(fault_sentence(path, error, TruthFile)) from error
+    found = read_table(path, TruthFile, "true map")
     origin = np.array(study.body.origin_m)
     spots = tuple(
         Inclusion(

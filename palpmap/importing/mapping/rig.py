@@ -16,7 +16,8 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from models import InputError
 from palpmap.importing.readers.units import factor
 from palpmap.study.body import Body, Point, Positive, Real, Table
-from palpmap.study.study import Map, Noise, Probe, fault_sentence
+from palpmap.study.faults import fault_sentence
+from palpmap.study.study import Map, Noise, Probe
 
 
 def _list_of(count: int, what: str) -> BeforeValidator:

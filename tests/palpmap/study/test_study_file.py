@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from identify.catalogue.catalogue import CATALOGUE
 from models.errors import InputError
 from palpmap.study.study import (
     About,
@@ -61,7 +62,7 @@ BAD = {
     "a missing table": ('[probe]\ntip = "flat"\nradius_m = 0.005\n', "", r"key probe: .*missing"),
     "a missing scan": ('scan = "scan.csv"', "", r"study.scan: the key is missing; add the scan's"),
     "a scan that is no text": ('"scan.csv"', "3", r"study.scan: found 3, expected the name of a"),
-    "an unknown shape": ('"block"', '"blok"', r"body.shape: found 'blok', .*right one is 'block'"),
+    "an unknown shape": ('"block"', '"blok"', r"body.shape: found 'blok', .*right name is 'block'"),
     "an unknown tip": ('"flat"', '"round"', r"probe.tip: found 'round', expected 'flat', 'sphere'"),
     "two lengths": ("0.096, 0.096, 0.048", "0.1, 0.1", r"body.size_m: .*expected three numbers"),
     "a length of text": ("0.096, 0.096,", '0.1, "a",', r"body.size_m.1: found 'a', expected a num"),
@@ -139,7 +140,7 @@ BAD = {
     "an unknown parameter": (
         "inclusions = 1",
         "[map.initial]\ninclusion_1.zm = 0.01",
-        r"key map: .*'inclusion_1.zm' is none; the nearest right one is 'inclusion_1.z_m'",
+        r"key map: .*'inclusion_1.zm' is none; the nearest right name is 'inclusion_1.z_m'",
     ),
     "a parameter of no inclusion": (
         "inclusions = 1",
@@ -210,7 +211,7 @@ BAD = {
     "an unknown effect": (
         "[map]",
         '[[effects]]\nname = "tool_complianc"\n[map]',
-        r"effects.0: .*not 'tool_complianc'.*right one is 'tool_compliance'",
+        r"effects.0: .*not 'tool_complianc'.*right name is 'tool_compliance'",
     ),
     "text that is not TOML": ("[map]", "[map", r"not TOML: .*line 19"),
     "a newer schema": ("[study]", "[study]\nschema = 2", r"study.schema: found 2, .*update"),
@@ -283,6 +284,12 @@ def test_a_study_that_was_written_is_read_back_the_same(tmp_path):
     ):
         write_study(study, tmp_path / "study.toml")
         assert load_study(tmp_path / "study.toml") == study
+
+
+def test_every_effect_of_the_catalogue_can_stand_in_a_study(tmp_path):
+    effects = tuple(Effect(name=effect.name) for effect in CATALOGUE)
+    write_study(full_study(tmp_path, effects=effects), tmp_path / "study.toml")
+    assert load_study(tmp_path / "study.toml").effects == effects
 
 
 def test_a_study_written_beside_its_scan_can_move_with_it(tmp_path):

@@ -1,0 +1,96 @@
+"""Faults of TOML files, each in one sentence."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import TypeVar, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from models import InputError, nearest
+from palpmap.study.body import Table
+
+T = TypeVar("T", bound=Table)
+
+
+def read_table(path: Path, kind: type[T], what: str) -> T:
+    """Read a TOML file as a table.
+
+    Parameters
+    ----------
+    what : name of such a file, for messages
+
+    Raises
+    ------
+    InputError
+        Naming file and key, what was found and what is expected.
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a {what} ({error})") from error
+    try:
+        return kind.model_validate(tables)
+    except ValidationError as error:
+        raise InputError(fault_sentence(path, error, kind)) from error
+
+
+_EXPECTED = {
+    "float_type": "a number without quotes",
+    "int_type": "a whole number without quotes",
+    "bool_type": "true or false, without quotes",
+    "string_type": "text in quotes",
+    "tuple_type": "a list in square brackets",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+}
+"""Pydantic's kinds of faults in the words of a person who writes TOML."""
+
+
+def shortened(found: object) -> str:
+    """Return a value as written in a file, cut where it is long.
+
+    >>> shortened("a" * 200)[-8:]
+    'aaaaa...'
+    """
+    text = repr(found)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
+    """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
+    # A misspelt key is a missing one too: the misspelling explains more.
+    faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
+    fault = faults[0]
+    key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
+    fields = _fields_of_table(fault["loc"][:-1], root)
+    last = str(fault["loc"][-1])
+    found = fault["input"]
+    expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
+    expected = expected.removeprefix("Input should be ")
+    if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
+        expected = 'a table for each effect: write [[effects]], and name = "..." below it'
+    if fault["type"] == "extra_forbidden":
+        what = f"unknown key{nearest(last, tuple(fields))}; expected {', '.join(fields)}"
+    elif fault["type"] == "missing":
+        what = f"the key is missing; add {fields[last].description}"
+    elif isinstance(found, dict) or last == "effects":
+        what = f"expected {expected}"
+    else:
+        what = f"found {shortened(found)}, expected {expected}"
+        if fault["type"] == "literal_error":
+            what += nearest(str(found), tuple(re.findall("'([^']+)'", expected)))
+    others = len(faults) - 1
+    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
+    return f"{path}, key {key}: {what}{more}"
+
+
+def _fields_of_table(location: tuple[int | str, ...], root: type[Table]) -> dict[str, FieldInfo]:
+    table = root
+    for part in location:
+        if field := table.model_fields.get(str(part)):
+            kinds = [field.annotation, *get_args(field.annotation)]
+            table = next((k for k in kinds if isinstance(k, type) and issubclass(k, Table)), table)
+    return {field.alias or name: field for name, field in table.model_fields.items()}

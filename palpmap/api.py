@@ -21,34 +21,25 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from identify import Progress, silent
-from identify.catalogue import CATALOGUE
-from identify.design import BetterScans, assess, better_scans, detection_limits
-from identify.effects import Effect, Readings
-from identify.fit import FitIteration, fit_jointly, fit_map, read_fit
+from identify.effects import Readings
+from identify.fit import FitIteration, fit_map, read_fit
 from identify.map import GaussianMap
 from identify.measurement import scan_noise
 from identify.optimize import Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
 from identify.residual import run_difference
-from identify.select import (
-    Step,
-    kind_of_map,
-    refuse_effect,
-    start_fit,
-    step_of,
-    with_effects,
-)
-from identify.select import explain as explain_scan
-from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
+from identify.select import kind_of_map, refuse_effect, with_effects
+from models import InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.finding import study_outline
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
+from palpmap.selection import diagnose, explain, limits, start
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
-from palpmap.study.open_study import Problem, catalogue_with
+from palpmap.study.open_study import catalogue_with
 from palpmap.study.other_scan import placed_on_body_of
 from palpmap.study.study import Noise
 from palpmap.study.truth_file import Truth
@@ -178,121 +169,6 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
         return MapChange(one, other, run_difference(one, other, low, high))
     except ValueError as error:
         raise InputError(str(error)) from error
-
-
-def start(
-    experiment: Experiment,
-    effects: Sequence[Effect] = CATALOGUE,
-    progress: Progress = silent,
-    on_iteration: Callable[[FitIteration], None] | None = None,
-) -> Problem:
-    """Fit the model that diagnosis, explanation and limits start from.
-
-    Parameters
-    ----------
-    effects : candidates, beside the study's own
-    """
-    opened = experiment.opened(progress)
-    if opened.map.either:
-        kind = kind_of_map(opened, on_iteration)
-        progress(kind.says)
-        experiment = experiment.of_kind("free" if kind.free else "inclusions")
-        opened = experiment.opened(progress)
-    known = (*effects, *(effect for effect, _ in opened.effects), *experiment.own_effects)
-    catalogue = Catalogue({effect.name: effect for effect in known}.values())
-    return Problem(**vars(start_fit(opened, catalogue, on_iteration)), study=experiment.study)
-
-
-def diagnose(
-    experiment: Experiment,
-    effects: Sequence[Effect] = CATALOGUE,
-    *,
-    seed: int = 0,
-    progress: Progress = silent,
-) -> Diagnosis:
-    """Score every effect that the model may lack, without refitting.
-
-    Parameters
-    ----------
-    effects : candidates; `(*CATALOGUE, MyEffect())` adds one of your own
-    seed : of the simulated null distributions
-    progress : called with the present task, in words
-
-    Examples
-    --------
-    >>> import palpmap as pm
-    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
-    >>> pm.diagnose(study, [pm.CATALOGUE["contact_offset"]]).significant
-    ('contact_offset',)
-    """
-    problem = start(experiment, effects, progress)
-    fit = fit_jointly(problem.model, problem.start)
-    step = step_of(fit, problem.scan, problem.catalogue, seed, progress)
-    return Diagnosis(experiment, step, problem, seed)
-
-
-def explain(
-    experiment: Experiment,
-    effects: Sequence[Effect] = CATALOGUE,
-    *,
-    seed: int = 0,
-    progress: Progress = silent,
-    on_iteration: Callable[[FitIteration], None] | None = None,
-    on_step: Callable[[Step], None] | None = None,
-) -> Explanation:
-    """Find the effects that a scan lacks: score, refit, add, until the residual is noise.
-
-    Parameters
-    ----------
-    effects : candidates; `(*CATALOGUE, MyEffect())` adds one of your own
-    seed : of the simulated null distributions
-    progress : called with the present task, in words
-    on_iteration : called with each step of the map's fit
-    on_step : called with each new model
-
-    Examples
-    --------
-    >>> import palpmap as pm
-    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
-    >>> why = pm.explain(study, [pm.CATALOGUE["contact_offset"]])
-    >>> why.verdict, why.added
-    ('explained', ('contact_offset',))
-    """
-    problem = start(experiment, effects, progress, on_iteration)
-    found, without = explain_scan(problem, seed, on_step)
-    assessment = assess(found, problem.catalogue, without, progress)
-    return Explanation.of(found, experiment, problem, assessment, seed)
-
-
-def limits(
-    experiment: Experiment,
-    effects: Sequence[Effect] = CATALOGUE,
-    *,
-    plan: bool = False,
-    progress: Progress = silent,
-) -> Limits:
-    """Compute the smallest size at which this scan shows each effect, and its likenesses.
-
-    Parameters
-    ----------
-    effects : that may be missing
-    plan : also seek changed scans that would show smaller effects
-    progress : called with the present task, in words
-
-    Examples
-    --------
-    >>> import palpmap as pm
-    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
-    >>> (offset,) = pm.limits(study, [pm.CATALOGUE["contact_offset"]])
-    >>> 0 < offset.smallest_share < 0.1
-    True
-    """
-    problem = start(experiment, effects, progress)
-    fit = fit_jointly(problem.model, problem.start)
-    progress("computing what this scan can see")
-    found = tuple(detection_limits(fit, problem.catalogue))
-    better = better_scans(fit, problem.catalogue, found, progress) if plan else BetterScans()
-    return Limits(problem, fit, found, better)
 
 
 def scan(
@@ -426,4 +302,5 @@ __all__ = [
     "predict",
     "read_run",
     "scan",
+    "start",
 ]

@@ -77,21 +77,9 @@ def minimize_gauss_newton(
         diagonal = np.maximum(diagonal, np.diag(normal))
         free = free_directions(x, gradient, lower, upper)
         step = _solve(normal, gradient, diagonal, 0.0, free)
-        expected = -0.5 * float(gradient @ step)
-        slack = rtol * max(fun - above, 0.0)
-        if expected <= max(ftol, slack):
-            within = max(ftol, slack)
-            return result(
-                0,
-                f"converged: a further step would lower half of chi-square by {expected:.1e}, "
-                f"{within:.1e} is asked for",
-            )
-        if idle == _IDLE_STEPS:
-            return result(
-                0,
-                f"converged: the last {idle} steps lowered half of chi-square by "
-                f"{max(slack, enough):.1e} at most",
-            )
+        expected, slack = -0.5 * float(gradient @ step), rtol * max(fun - above, 0.0)
+        if ended := _end(expected, max(ftol, slack), idle, max(slack, enough)):
+            return result(0, ended)
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
         step = _solve(normal, gradient, diagonal, damping, free)
@@ -114,6 +102,24 @@ def minimize_gauss_newton(
             damping, growth = max(damping, _FELT) * growth, growth * 2
             if damping > 1e16:
                 return result(2, "no step lowers chi-square")
+
+
+def _end(expected: float, within: float, idle: int, lowered: float) -> str:
+    """Return the reason for convergence, or nothing.
+
+    Parameters
+    ----------
+    expected, within : decrease of |r|^2 / 2 by an undamped step, and one that no longer counts
+    idle, lowered : steps in a row that lowered it by no more than `lowered`
+    """
+    if expected <= within:
+        return (
+            f"converged: a further step would lower half of chi-square by {expected:.1e}, "
+            f"{within:.1e} is asked for"
+        )
+    if idle < _IDLE_STEPS:
+        return ""
+    return f"converged: the last {idle} steps lowered half of chi-square by {lowered:.1e} at most"
 
 
 def covariance(jac: np.ndarray) -> np.ndarray:

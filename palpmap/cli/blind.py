@@ -8,66 +8,75 @@ import typer
 from palpmap.cli.options import Json, Out, Quiet, Seed
 from palpmap.console import Output
 
+Effects = Annotated[
+    str | None,
+    typer.Option(
+        "--effects",
+        metavar="NAME,...",
+        help="What may be hidden: names of effects, A+B for two at once, or the words none, "
+        "structured, compliance, form, pair, outsider, single.",
+        show_default="anything",
+    ),
+]
+Size = Annotated[
+    float | None,
+    typer.Option(
+        "--size",
+        metavar="PERCENT",
+        help="Size of what is hidden, % of the signal's rms.",
+        show_default="1 to 10, drawn",
+    ),
+]
+Radii = Annotated[
+    int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm.")
+]
+Mixed = Annotated[
+    bool,
+    typer.Option(
+        "--mixed/--plain",
+        help="Press the places in random order, every other one three times as hard, which "
+        "shows smaller effects; or row by row with one force.",
+    ),
+]
+Tournament = Annotated[
+    int | None,
+    typer.Option(
+        "--tournament",
+        metavar="N",
+        min=1,
+        help="Make, explain and judge N trials, on all cores; goes on where it was stopped.",
+        show_default="one trial, not explained",
+    ),
+]
+Further = Annotated[
+    int,
+    typer.Option(
+        "--further",
+        metavar="N",
+        min=0,
+        help="Of a tournament: where the answer is ambiguous, make the presses that it "
+        "proposes and explain again, up to N times.",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", min=1, help="Processes.", show_default="one a core"),
+]
+Dask = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster that plays."),
+]
+
 
 def blind(
-    effects: Annotated[
-        str | None,
-        typer.Option(
-            "--effects",
-            metavar="NAME,...",
-            help="What may be hidden: names of effects, A+B for two at once, or the words none, "
-            "structured, compliance, form, pair, outsider, single.",
-            show_default="anything",
-        ),
-    ] = None,
-    size: Annotated[
-        float | None,
-        typer.Option(
-            "--size",
-            metavar="PERCENT",
-            help="Size of what is hidden, % of the signal's rms.",
-            show_default="1 to 10, drawn",
-        ),
-    ] = None,
-    radii: Annotated[
-        int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm.")
-    ] = 1,
-    mixed: Annotated[
-        bool,
-        typer.Option(
-            "--mixed/--plain",
-            help="Press the places in random order, every other one three times as hard, which "
-            "shows smaller effects; or row by row with one force.",
-        ),
-    ] = True,
-    tournament: Annotated[
-        int | None,
-        typer.Option(
-            "--tournament",
-            metavar="N",
-            min=1,
-            help="Make, explain and judge N trials, on all cores; goes on where it was stopped.",
-            show_default="one trial, not explained",
-        ),
-    ] = None,
-    further: Annotated[
-        int,
-        typer.Option(
-            "--further",
-            metavar="N",
-            min=0,
-            help="Of a tournament: where the answer is ambiguous, make the presses that it "
-            "proposes and explain again, up to N times.",
-        ),
-    ] = 0,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=1, help="Processes.", show_default="one a core"),
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster that plays."),
-    ] = None,
+    effects: Effects = None,
+    size: Size = None,
+    radii: Radii = 1,
+    mixed: Mixed = True,
+    tournament: Tournament = None,
+    further: Further = 0,
+    workers: Workers = None,
+    dask: Dask = None,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,

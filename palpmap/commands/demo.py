@@ -1,16 +1,18 @@
 """`palpmap demo`: scan, identify, compare on the virtual laboratory, in one run folder."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from identify.fit import FitIteration
 from models import read_scan
 from palpmap import api
 from palpmap.commands.scan import (
     PAPER_FORCE_N,
+    ScanRecord,
     make_scan,
     planned_laboratory,
     scan_record,
@@ -23,6 +25,7 @@ from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.result.finding import Finding
 from palpmap.result.truth import matched
+from palpmap.results import FitResult
 from palpmap.run_files.fit_run import finish_fit, record_step, with_making
 from palpmap.run_folder import RunFolder
 from palpmap.study.virtual_lab import (
@@ -31,6 +34,9 @@ from palpmap.study.virtual_lab import (
     default_study,
     grid_plan_of,
 )
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 #: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
 TOLERANCES = {
@@ -51,24 +57,13 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
     bool
         Whether all presses were made as promised and the map was found within `TOLERANCES`.
     """
-    from rich.markup import escape
-    from rich.table import Table
-
     force_n = PAPER_FORCE_N if paper_force else DEFAULT_FORCE_N
-    stage_s: dict[str, float] = {}
     with (
         RunFolder("demo", out, seed=seed, settings={"force_n": force_n}) as run,
         output.progress() as progress,
         Recording(run / "recording.rrd", "virtual phantom", seed=seed) as recording,
     ):
-
-        @contextmanager
-        def stage(name: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-            task, start = progress.add_task(name, total=total), time.perf_counter()
-            yield lambda: progress.advance(task)
-            stage_s[name] = time.perf_counter() - start
-            progress.update(task, total=total or 1, completed=total or 1)
-
+        stage = _Stages(progress)
         with stage("solving the body"):
             known = default_study()
             plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
@@ -89,9 +84,38 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
 
             fit = api.fit(experiment, on_iteration=on_iteration)
         with stage("comparing and drawing"):
-            finding = with_making(replace(fit.finding, stage_s=dict(stage_s)), run.path)
+            finding = with_making(replace(fit.finding, stage_s=dict(stage.seconds)), run.path)
             finish_fit(run.path, finding, recording)
-    presses = scan_record(scanned)
+    return _said(run, fit, finding, scan_record(scanned), stage.seconds, output)
+
+
+class _Stages:
+    """Stages of the demo: `with stages("scanning", 81) as advance`, and the seconds of each."""
+
+    def __init__(self, progress: "Progress") -> None:
+        self._progress = progress
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[], None]]:
+        task, start = self._progress.add_task(name, total=total), time.perf_counter()
+        yield lambda: self._progress.advance(task)
+        self.seconds[name] = time.perf_counter() - start
+        self._progress.update(task, total=total or 1, completed=total or 1)
+
+
+def _said(
+    run: RunFolder,
+    fit: FitResult,
+    finding: Finding,
+    presses: ScanRecord,
+    stage_s: Mapping[str, float],
+    output: Output,
+) -> bool:
+    """Print the result; return whether it is as it has to be."""
+    from rich.markup import escape
+    from rich.table import Table
+
     deviations = deviations_from_truth(finding)
     passed = presses.kept and all(deviation[2] for deviation in deviations.values())
     times = Table.grid(padding=(0, 2))
@@ -107,7 +131,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
                 name: {"deviation": value, "tolerance": limit, "within": within}
                 for name, (value, limit, within) in deviations.items()
             },
-            "seconds": stage_s,
+            "seconds": dict(stage_s),
         },
         scan_table(presses),
         *summary(finding),

@@ -1,0 +1,132 @@
+"""Search for missing effects, for the Python door: diagnose, explain, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from identify import Progress, silent
+from identify.catalogue import CATALOGUE
+from identify.design import BetterScans, assess, better_scans, detection_limits
+from identify.effects import Effect
+from identify.fit import FitIteration, fit_jointly
+from identify.select import Step, kind_of_map, start_fit, step_of
+from identify.select import explain as explain_scan
+from models import Catalogue
+from palpmap.experiment import Experiment
+from palpmap.selection_results import Diagnosis, Explanation, Limits
+from palpmap.study.open_study import Problem
+
+
+def start(
+    experiment: Experiment,
+    effects: Sequence[Effect] = CATALOGUE,
+    progress: Progress = silent,
+    on_iteration: Callable[[FitIteration], None] | None = None,
+) -> Problem:
+    """Fit the model that diagnosis, explanation and limits start from.
+
+    Parameters
+    ----------
+    effects : candidates, beside the study's own
+    """
+    opened = experiment.opened(progress)
+    if opened.map.either:
+        kind = kind_of_map(opened, on_iteration)
+        progress(kind.says)
+        experiment = experiment.of_kind("free" if kind.free else "inclusions")
+        opened = experiment.opened(progress)
+    known = (*effects, *(effect for effect, _ in opened.effects), *experiment.own_effects)
+    catalogue = Catalogue({effect.name: effect for effect in known}.values())
+    return Problem(**vars(start_fit(opened, catalogue, on_iteration)), study=experiment.study)
+
+
+def diagnose(
+    experiment: Experiment,
+    effects: Sequence[Effect] = CATALOGUE,
+    *,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Score every effect that the model may lack, without refitting.
+
+    Parameters
+    ----------
+    effects : candidates; `(*CATALOGUE, MyEffect())` adds one of your own
+    seed : of the simulated null distributions
+    progress : called with the present task, in words
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
+    >>> pm.diagnose(study, [pm.CATALOGUE["contact_offset"]]).significant
+    ('contact_offset',)
+    """
+    problem = start(experiment, effects, progress)
+    fit = fit_jointly(problem.model, problem.start)
+    step = step_of(fit, problem.scan, problem.catalogue, seed, progress)
+    return Diagnosis(experiment, step, problem, seed)
+
+
+def explain(
+    experiment: Experiment,
+    effects: Sequence[Effect] = CATALOGUE,
+    *,
+    seed: int = 0,
+    progress: Progress = silent,
+    on_iteration: Callable[[FitIteration], None] | None = None,
+    on_step: Callable[[Step], None] | None = None,
+) -> Explanation:
+    """Find the effects that a scan lacks: score, refit, add, until the residual is noise.
+
+    Parameters
+    ----------
+    effects : candidates; `(*CATALOGUE, MyEffect())` adds one of your own
+    seed : of the simulated null distributions
+    progress : called with the present task, in words
+    on_iteration : called with each step of the map's fit
+    on_step : called with each new model
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
+    >>> why = pm.explain(study, [pm.CATALOGUE["contact_offset"]])
+    >>> why.verdict, why.added
+    ('explained', ('contact_offset',))
+    """
+    problem = start(experiment, effects, progress, on_iteration)
+    found, without = explain_scan(problem, seed, on_step)
+    assessment = assess(found, problem.catalogue, without, progress)
+    return Explanation.of(found, experiment, problem, assessment, seed)
+
+
+def limits(
+    experiment: Experiment,
+    effects: Sequence[Effect] = CATALOGUE,
+    *,
+    plan: bool = False,
+    progress: Progress = silent,
+) -> Limits:
+    """Compute the smallest size at which this scan shows each effect, and its likenesses.
+
+    Parameters
+    ----------
+    effects : that may be missing
+    plan : also seek changed scans that would show smaller effects
+    progress : called with the present task, in words
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> study = pm.read_study("tests/data/twelve_presses/study.toml")
+    >>> (offset,) = pm.limits(study, [pm.CATALOGUE["contact_offset"]])
+    >>> 0 < offset.smallest_share < 0.1
+    True
+    """
+    problem = start(experiment, effects, progress)
+    fit = fit_jointly(problem.model, problem.start)
+    progress("computing what this scan can see")
+    found = tuple(detection_limits(fit, problem.catalogue))
+    better = better_scans(fit, problem.catalogue, found, progress) if plan else BetterScans()
+    return Limits(problem, fit, found, better)

@@ -115,7 +115,11 @@ class Breathing(Advice, Effect):
 def motion(time_s: np.ndarray, sine_m: float, cosine_m: float, frequency_hz: float) -> np.ndarray:
     """Motion of the body at times since the scan's clock began, m."""
     angle = 2 * math.pi * frequency_hz * time_s
-    return sine_m * np.sin(angle) + cosine_m * np.cos(angle)
+    total = np.zeros_like(angle)
+    for size, course in ((sine_m, np.sin), (cosine_m, np.cos)):
+        if size:  # a pattern of one amplitude needs no other, and there are thousands
+            total += size * course(angle)
+    return total
 
 
 def _band(readings: Readings) -> tuple[float, float]:

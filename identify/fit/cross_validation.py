@@ -90,7 +90,7 @@ def predicted_error(
     if share < 1:
         with suppress(InadmissibleError, SolverError):
             there = np.clip(fit.u - share * step / scale, *fit.model.bounds)
-            at = fit.model.linearise(there)
+            at = fit.model.linearise(there, slack=1.0)
             return (at.residual * at.sigma_m / fit.at.sigma_m)[out]
     return r[out] + share * (g[out] @ step)
 

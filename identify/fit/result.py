@@ -234,7 +234,7 @@ class FitResult:
         """Mean of the whitened residual under noise alone, (m,), see `curvature_bias`."""
         live = self._live
         return expected_residual(
-            lambda u: live.model.linearise(u).residual,
+            lambda u: live.model.linearise(u, slack=1.0).residual,
             live.u,
             live.at.residual,
             live.noise_covariance,

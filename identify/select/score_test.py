@@ -159,15 +159,19 @@ def beyond(
     a = pattern.columns  # hundreds of MB for thousands of shapes: few copies
     left = fitted @ (fitted.T @ a)
     np.subtract(a, left, out=left)
-    length = np.linalg.norm(a, axis=1)
-    kept = np.linalg.norm(left, axis=1)
+    length = np.sqrt(np.einsum("gmq,gmq->gq", a, a))
+    kept = np.sqrt(np.einsum("gmq,gmq->gq", left, left))
     visible = np.sqrt(np.sum(kept**2, axis=1) / np.maximum(np.sum(length**2, axis=1), 1e-300))
     if a.shape[2] == 1:  # signed: a one-sided score asks for the side
         basis = left / np.maximum(kept, 1e-300)[:, None, :]
     else:  # a direction below the visible share is rounding, and no degree of freedom
-        basis, share, _ = np.linalg.svd(left / np.maximum(length, 1e-300)[:, None, :], False)
-        seen = share > settings.visible
-        basis *= seen[:, None, :]
+        scale = 1 / np.maximum(length, 1e-300)
+        products = (left.swapaxes(1, 2) @ left) * scale[:, :, None] * scale[:, None, :]
+        square, directions = np.linalg.eigh(products)
+        square, directions = square[:, ::-1], directions[:, :, ::-1]
+        seen = square > settings.visible**2
+        combined = scale[:, :, None] * directions * seen[:, None, :]
+        basis = left @ (combined / np.sqrt(np.where(seen, square, 1.0))[:, None, :])
         basis = basis[:, :, : max(int(seen.sum(axis=1).max()), 1)]
     basis[visible < settings.visible] = 0.0
     return left, basis, visible

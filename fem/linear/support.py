@@ -122,23 +122,30 @@ class Foundation:
         values[self._place] += self._normal_values / compliance[0]
         values[self._place] += self._tangential_values / compliance[1]
 
-    def traction_squared(self, reactions: np.ndarray) -> np.ndarray:
-        """Integrals of t_n^2 and int |t_t|^2, (j, 2), from nodal reactions (j, b, 3)."""
-        return self._split(reactions, splu(self._mass).solve)
+    def tractions(self, reactions: np.ndarray) -> np.ndarray:
+        """Tractions (j, b, 3) at the nodes with these nodal forces (j, b, 3)."""
+        forces = reactions.transpose(1, 0, 2)
+        solved = splu(self._mass).solve(np.ascontiguousarray(forces.reshape(len(forces), -1)))
+        return solved.reshape(forces.shape).transpose(1, 0, 2)
 
-    def displacement_squared(self, displacement: np.ndarray) -> np.ndarray:
-        """Integrals of u_n^2 and int |u_t|^2, (j, 2), from nodal displacements (j, b, 3)."""
-        return self._split(displacement, lambda u: self._mass @ u)
+    def scaled(self, vectors: np.ndarray, normal: float, tangential: float) -> np.ndarray:
+        """Nodal vectors (j, b, 3) with their normal and tangential parts times a factor each."""
+        across = np.einsum("jba,ba->jb", vectors, self.normals)[:, :, None] * self.normals
+        return tangential * vectors + (normal - tangential) * across
 
-    def _split(self, vectors: np.ndarray, apply) -> np.ndarray:
-        across = np.einsum("jba,ba->jb", vectors, self.normals)
-        along = vectors - across[:, :, None] * self.normals
-        result = np.empty((len(vectors), 2))
-        for j in range(len(vectors)):
-            stacked = np.column_stack([across[j], along[j]])
-            squares = np.sum(stacked * apply(stacked), axis=0)
-            result[j] = squares[0], squares[1:].sum()
-        return result
+    def products(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Integrals of the products of normal and of tangential parts, (j, 2), of (j, b, 3)."""
+        normal = [
+            np.einsum("jba,ba->jb", each, self.normals)[..., None] for each in (first, second)
+        ]
+        along = [self.scaled(each, 0.0, 1.0) for each in (first, second)]
+        return np.column_stack([self._integral(*normal), self._integral(*along)])
+
+    def _integral(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Integral (j,) of the product of nodal values (j, b, c)."""
+        by_node = np.ascontiguousarray(second.transpose(1, 0, 2))
+        weighed = (self._mass @ by_node.reshape(len(by_node), -1)).reshape(by_node.shape)
+        return np.einsum("jbc,bjc->j", first, weighed)
 
 
 def first_order_rest(

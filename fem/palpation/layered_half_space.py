@@ -16,6 +16,7 @@ stretching; `fem.palpation.skin` has the two together.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ def skin_compliance(
     return SkinCompliance(*np.array(rows)[where].T)
 
 
+@lru_cache(maxsize=64)  # a fit asks again and again
 def _change(
     a: float, t: float, f: float, nu: float, profile: int, beyond_membrane: bool
 ) -> tuple[float, float, float]:

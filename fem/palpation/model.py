@@ -193,20 +193,10 @@ class PalpationModel:
             on which it slides.
         """
         material = self.material(modulus_pa, fibres, skin)
-        modulus, skin, local = material.modulus, material.skin, material.local
-        support = self.support
-        if support_compliance is not None:
-            normal, tangential = support_compliance
-            support = replace(
-                support,
-                normal=support.normal + normal,
-                tangential=support.tangential + tangential,
-            )
-        body = self._bonded if support.bonded else self.floating
+        support, springs = self.held(material, support_compliance)
+        body = self._bonded if springs is None else self.floating
         values = self.values(body, material)
-        springs = None
-        if not support.bonded:
-            springs = body.foundation.effective(support.normal, support.tangential, modulus)
+        if springs is not None:
             body.foundation.add(values, springs)
         if self.enrichment is not None:
             compliance, field, amplitude = self._enriched(body, material, values)
@@ -216,15 +206,28 @@ class PalpationModel:
             amplitude = np.zeros((len(compliance), 0))
         response = Response(compliance, self, body, material, field, amplitude, springs)
         if springs is not None:
-            if np.isinf(support.tangential):
+            if np.isinf(support[1]):
                 _check_equilibrium(response, springs)
-            asked = (support.normal, support.tangential)
-            compliance += first_order_rest(asked, springs, response.support_sensitivity)
-        if skin is not None:
-            compliance += body.near_skin(skin).value / local
+            compliance += first_order_rest(support, springs, response.support_sensitivity)
+        if material.skin is not None:
+            compliance += body.near_skin(material.skin).value / material.local
         for array in (compliance, field, amplitude):
             array.setflags(write=False)
         return response
+
+    def held(
+        self, material: Material, support_compliance: tuple[float, float] | None = None
+    ) -> tuple[tuple[float, float], tuple[float, float] | None]:
+        """Compliances (normal, tangential) that a support is to have, and those of its springs.
+
+        See `evaluate`; a bonded support has no springs.
+        """
+        own, more = self.support, (0.0, 0.0) if support_compliance is None else support_compliance
+        support = replace(own, normal=own.normal + more[0], tangential=own.tangential + more[1])
+        asked = support.normal, support.tangential
+        if support.bonded:
+            return asked, None
+        return asked, self.floating.foundation.effective(*asked, material.modulus)
 
     def material(
         self,

@@ -17,7 +17,7 @@ import numpy as np
 from fem.linear.modulus_samples import CLOSE_SAMPLES
 from fem.near_field.enrichment import sample_basis
 from fem.palpation.fibres import HORIZONTAL
-from fem.palpation.skin import Skin
+from fem.palpation.skin import Skin, by_skin
 
 if TYPE_CHECKING:
     from fem.palpation.constrained_body import ConstrainedBody
@@ -70,8 +70,9 @@ class Response:
         if skin is not None:
             near = self._body.near_skin(skin)
             np.fill_diagonal(by_local, -near.value / self._material.local**2)
-            for j, field in enumerate(nodal):
-                result[j, :own] -= skin.stretch_m * self._body.membrane.energies(field)
+            membrane = self._body.membrane
+            stretched = membrane.strains(nodal)
+            result[:, membrane.samples] -= skin.stretch_m * membrane.energies(stretched, stretched)
         if enrichment is None:
             result[:, own:] = by_local
             return result
@@ -119,17 +120,15 @@ class Response:
         return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
 
     def _by_skin(self, skin: Skin) -> np.ndarray:
-        near, local = self._body.near_skin(skin), self._material.local
-        stretch = self._stretch_energies * (skin.factor >= 1)
-        by_thickness = near.by_thickness / local - (skin.factor - 1) * stretch
-        return np.column_stack([by_thickness, near.by_factor / local - skin.thickness_m * stretch])
+        near = self._body.near_skin(skin)
+        return by_skin(skin, near, self._material.local, self._stretch_energies)
 
     @cached_property
     def _stretch_energies(self) -> np.ndarray:
         """Twice the energy of a membrane of t (f - 1) = 1 m under each press, (j,)."""
-        membrane, modulus = self._body.membrane, self._material.modulus
-        nodal = self._body.stiffness.prolong(self._free)
-        return np.array([membrane.energies(field) @ modulus for field in nodal])
+        membrane = self._body.membrane
+        strains = membrane.strains(self._body.stiffness.prolong(self._free))
+        return membrane.energies(strains, strains) @ self._material.modulus[membrane.samples]
 
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).
@@ -187,8 +186,18 @@ class Response:
         body = self.model.floating
         if self._springs is not None:
             base = self._body.stiffness.prolong(self._free)[:, body.foundation.nodes]
-            return body.foundation.displacement_squared(base) / np.square(self._springs)
-        return body.foundation.traction_squared(self._reactions(body))
+            return body.foundation.products(base, base) / np.square(self._springs)
+        traction = self.base_traction()
+        return body.foundation.products(traction, traction)
+
+    def base_traction(self) -> np.ndarray:
+        """Traction (j, b, 3) Pa of the support on the body at the nodes of `Foundation`."""
+        body = self.model.floating
+        if self._springs is not None:
+            base = self._body.stiffness.prolong(self._free)[:, body.foundation.nodes]
+            normal, tangential = self._springs
+            return body.foundation.scaled(base, -1 / normal, -1 / tangential)
+        return body.foundation.tractions(self._reactions(body))
 
     def _reactions(self, floating: ConstrainedBody) -> np.ndarray:
         """Nodal forces (j, b, 3) of the bonded surface on the body."""

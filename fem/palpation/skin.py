@@ -30,11 +30,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from fem.errors import MeshError
 from fem.linear.assembly import Stiffness, shape_derivatives
 from fem.linear.support import triangle_rule
 from fem.mesh.mesh import TET_EDGES, TRIANGLE_EDGES
+from fem.palpation.layered_half_space import SkinCompliance
 
 
 class Skin(NamedTuple):
@@ -53,6 +55,22 @@ class Skin(NamedTuple):
     def stretch_m(self) -> float:
         """Return t (f - 1) of the membrane, m; 0 for a skin softer than the body."""
         return self.thickness_m * max(self.factor - 1, 0)
+
+
+def by_skin(
+    skin: Skin, near: SkinCompliance, local_pa: np.ndarray, stretched: np.ndarray
+) -> np.ndarray:
+    """Return the derivative of compliances by a skin's thickness and factor, (j, 2) 1/N, m/N.
+
+    Parameters
+    ----------
+    near : its part beyond the membrane's, for E = 1, and `local_pa` (j,) the modulus it takes
+    stretched : (j,) twice the energy of a membrane of t (f - 1) = 1 m
+    """
+    stretched = stretched * (skin.factor >= 1)
+    by_thickness = near.by_thickness / local_pa - (skin.factor - 1) * stretched
+    by_factor = near.by_factor / local_pa - skin.thickness_m * stretched
+    return np.column_stack([by_thickness, by_factor])
 
 
 class Membrane:
@@ -87,7 +105,11 @@ class Membrane:
         law = np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]) / (1 - nu**2)
         self._law = law
         self._weights = area[:, None] * weights
-        self._samples, self._points = self._next_samples(), points
+        self._next, self._points = self._next_samples(), points
+        #: (s,) modulus samples beside the surface
+        self.samples, inverse = np.unique(self._next, return_inverse=True)
+        rows = np.arange(inverse.size)
+        self._gather = sp.csr_array((np.ones(len(rows)), (rows, inverse.ravel())))
         self._place = self._find_places()
 
     def _next_samples(self) -> np.ndarray:
@@ -119,7 +141,7 @@ class Membrane:
         return np.where((row >= 0) & (row <= column), self.stiffness.places(row, column), -1)
 
     def _modulus(self, modulus: np.ndarray) -> np.ndarray:
-        return modulus[self._samples] @ self._points.T
+        return modulus[self._next] @ self._points.T
 
     def values(self, modulus: np.ndarray) -> np.ndarray:
         """CSR values of the upper triangle for the modulus samples (p,)."""
@@ -131,14 +153,15 @@ class Membrane:
         np.add.at(data, self._place[there], local[there])
         return data
 
-    def energies(self, nodal: np.ndarray) -> np.ndarray:
-        """Twice the energy for E = 1 by modulus sample, (p,), of one field (n, 3)."""
-        field = nodal[self.faces].reshape(len(self.faces), -1)
-        strain = np.einsum("tqri,ti->tqr", self._strain, field)
-        density = self._weights * np.einsum("tqr,rs,tqs->tq", strain, self._law, strain)
-        result = np.zeros(len(self.stiffness.points_m))
-        np.add.at(result, self._samples, density @ self._points)
-        return result
+    def strains(self, nodal: np.ndarray) -> np.ndarray:
+        """Strains (j, t, q, 3) of the surface under fields (j, n, 3)."""
+        fields = nodal[:, self.faces].reshape(len(nodal), len(self.faces), -1)
+        return np.einsum("tqri,jti->jtqr", self._strain, fields, optimize=True)
+
+    def energies(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Twice the energy of strains (j, t, q, 3) for E = 1 at each of `samples`, (j, s)."""
+        density = np.einsum("jtqr,jtqr->jtq", first, second @ self._law) * self._weights
+        return (density @ self._points).reshape(len(first), -1) @ self._gather
 
 
 def _triangle_derivatives(points: np.ndarray, order: int) -> np.ndarray:

@@ -12,7 +12,11 @@ from fem.palpation.model import Material, PalpationModel, Response
 
 
 class Fields(NamedTuple):
-    """Displacement of every press: finite element part (3 f, j), near-field amplitudes (j, m)."""
+    """Displacement of every press: finite element part (3 f, j), near-field amplitudes (j, m).
+
+    The supported surface is free in all of them, so that fields of a bonded body and of one on
+    springs can be added.
+    """
 
     free: np.ndarray
     amplitude: np.ndarray
@@ -20,11 +24,16 @@ class Fields(NamedTuple):
     @classmethod
     def of(cls, response: Response) -> Fields:
         """Return the fields of a full solution."""
-        return cls(response._free, response.amplitude)
+        nodal = response._body.stiffness.prolong(response._free)
+        return cls(response.model.floating.stiffness.restrict(nodal), response.amplitude)
 
     def plus(self, other: Fields) -> Fields:
         """Return the sum."""
         return Fields(self.free + other.free, self.amplitude + other.amplitude)
+
+    def nodal(self, model: PalpationModel) -> np.ndarray:
+        """Return the finite element part at the nodes, (j, n, 3)."""
+        return model.floating.stiffness.prolong(self.free)
 
 
 def by_sample(model: PalpationModel, fields: Fields) -> np.ndarray:
@@ -41,7 +50,7 @@ def by_sample(model: PalpationModel, fields: Fields) -> np.ndarray:
         QuadraticModulus(np.ones((close, len(CLOSE_SAMPLES)))),
         np.ones(len(model.contacts)),
     )
-    probe = Response(np.ones(len(model.contacts)), model, model._bonded, unit, *fields, None)
+    probe = Response(np.ones(len(model.contacts)), model, model.floating, unit, *fields, None)
     return -probe.sensitivity[:, : -len(model.contacts)]
 
 

@@ -17,6 +17,14 @@ are strict where the samples carry positive energies, which those of the quadrat
 modulus around a tip and of the near field need not: their part of the energy is small. Energies are
 kept in single precision, so that bounds below 1e-6 mean nothing.
 
+Springs under the base and a skin join both sides: with the base displacements v_a, the tractions
+t_a, springs of compliance s, and a membrane of stretch r over the surface strains e_a,
+
+    G_ab += int v_a v_b / s + r int E e_a e_b,    H_ab += s int t_a t_b + int (r_a E_a)(r_b E_b)
+                                                          e_a e_b / (r E).
+
+A bonded base takes fields of bonded bodies alone, a body without a skin stresses of such bodies.
+
 Both matrices are linear in a field, E or 1/E. A new field joins the span of those asked for before
 (`_Modes`), at the cost of one pass over the energies; in the span, an evaluation takes about a
 millisecond.
@@ -28,17 +36,21 @@ Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from fem.errors import SolverError
+from fem.linear.support import first_order_rest
 from fem.palpation.model import Material, PalpationModel, Response
+from fem.palpation.skin import Skin, by_skin
 from fem.reduced.energies import Fields, by_sample, summed
 
 FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
+FAR_LAW = 0.3  # ... beside springs or a skin, whose bounds are wide before their second solution
 _BASES = 3  # the last ones that served
 _BYTES = 64e6  # of a basis's energies
 _MOST = 10  # snapshots of a basis: more are not worth their growth
@@ -47,12 +59,50 @@ _SPANNED_SLOPE = 1e-3  # ... of a derivative, relative to itself
 _RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and the solves stable
 
 
-class _Snapshot(NamedTuple):
+class _Law(NamedTuple):
+    """Springs (normal, tangential) m/Pa under the base, None where it is bonded; membrane (m)."""
+
+    springs: tuple[float, float] | None
+    stretch_m: float
+
+    @property
+    def kind(self) -> tuple[bool, bool]:
+        return self.springs is not None, self.stretch_m > 0
+
+
+class _Snapshot:
     """Full solution at modulus samples (p,), in units of the first one's."""
 
-    fields: Fields
-    modulus: np.ndarray
-    compliance: np.ndarray
+    def __init__(self, response: Response, modulus: np.ndarray) -> None:
+        self.modulus, self.law = modulus, _law(response._material, response._springs)
+        self._of = replace(response)  # without the sensitivities that are kept there
+
+    @property
+    def fields(self) -> Fields:
+        """The displacement of every press."""
+        return Fields.of(self._of)
+
+    @property
+    def has_skin(self) -> bool:
+        """Whether a skin counts in its compliance, be it as soft as to bear no stretching."""
+        return self._of._material.skin is not None
+
+    @cached_property
+    def base(self) -> np.ndarray:
+        """Displacement of the supported nodes, (j, b, 3)."""
+        model = self._of.model
+        return self.fields.nodal(model)[:, model.floating.foundation.nodes]
+
+    @cached_property
+    def traction(self) -> np.ndarray:
+        """Traction of the support on the body, (j, b, 3)."""
+        return self._of.base_traction()
+
+    @cached_property
+    def strains(self) -> np.ndarray:
+        """Strains of the surface that may bear a skin, see `fem.palpation.skin.Membrane`."""
+        model = self._of.model
+        return model.floating.membrane.strains(self.fields.nodal(model))
 
 
 class _Modes:
@@ -109,7 +159,7 @@ _Pairs = dict[tuple[int, int], tuple[_Snapshot, _Snapshot, np.ndarray]]
 class ReducedModel:
     """A palpation model in a basis for each press, from full solutions as they come.
 
-    Of bodies on a bonded support, without fibres and skin.
+    Of bodies without fibres.
 
     Parameters
     ----------
@@ -118,12 +168,12 @@ class ReducedModel:
     """
 
     def __init__(self, full: PalpationModel, most: int = _MOST) -> None:
-        if not full.support.bonded:
-            raise SolverError("a reduced model needs a bonded support; take the full model")
         self.full, self._most = full, most
         self._snapshots: dict[int, _Snapshot] = {}  # by number
+        self._loads: dict[int, np.ndarray] = {}  # (j,) work of the load on each
         self._used: dict[int, int] = {}  # evaluation in which each one last counted
         self._pairs: _Pairs = {}
+        self._surface: dict[tuple[int, int, str], np.ndarray] = {}
         self._next = self._evaluations = 0
         self.served = False  # any search
 
@@ -135,21 +185,24 @@ class ReducedModel:
         modulus = _samples(response._material)
         if modulus is None:
             return
-        field = Fields.of(response)
-        alone = -response.sensitivity[:, : len(modulus)]
         if not self._snapshots:
             self._unit = modulus
+        new = _Snapshot(response, modulus / self._unit)
+        if new.law.stretch_m:
+            alone = by_sample(self.full, new.fields)
+        else:
+            alone = -response.sensitivity[:, : len(modulus)]
+        if not self._snapshots:
             weight = (alone / response.compliance[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
             self._primal = _Modes(root, lambda a, b: modulus)
             self._dual = _Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
         while len(self._snapshots) >= self._most:
             self._drop(min(self._used, key=lambda number: self._used[number]))
-        new = _Snapshot(field, modulus / self._unit, np.array(response.compliance))
         number, self._next = self._next, self._next + 1
         energies = {number: alone}
         for other, known in self._snapshots.items():
-            both = by_sample(self.full, field.plus(known.fields))
+            both = by_sample(self.full, new.fields.plus(known.fields))
             own = self._pairs[other, other][2]
             energies[other] = 0.5 * (both - alone - own)
         self._snapshots[number] = new
@@ -160,49 +213,131 @@ class ReducedModel:
             self._pairs[key] = (first, new, mixed.astype(np.float32))
             for modes in (self._primal, self._dual):
                 modes.add(key, first, new, mixed)
+        self._loads[number] = np.array(response.compliance)
+        if any(new.law.kind) or new.has_skin:  # beyond what the matrix holds, too
+            self._loads[number] = alone @ modulus + self._of_law(new.law, number, number, modulus)
 
     def _drop(self, number: int) -> None:
         """Forget a snapshot."""
-        del self._snapshots[number], self._used[number]
+        del self._snapshots[number], self._used[number], self._loads[number]
         for key in [key for key in self._pairs if number in key]:
             del self._pairs[key], self._primal.sums[key], self._dual.sums[key]
+        for key in [key for key in self._surface if number in key[:2]]:
+            del self._surface[key]
 
-    def evaluate(self, modulus_pa: np.ndarray) -> ReducedResponse | None:
-        """Solve for all presses and a modulus (p,) at the full model's `points_m`, Pa.
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray,
+        support_compliance: tuple[float, float] | None = None,
+        skin: Skin | tuple | None = None,
+    ) -> ReducedResponse | None:
+        """Solve for all presses, as `PalpationModel.evaluate` does.
 
-        None before the first snapshot, and where the modulus is too steep for a cell around a tip.
+        None before the first snapshot that the body admits, where the modulus is too steep for a
+        cell around a tip, and where the body slides freely.
         """
         if not self._snapshots:
             return None
-        modulus = _samples(self.full.material(modulus_pa))
-        if modulus is None:
+        material = self.full.material(modulus_pa, skin=skin)
+        asked, springs = self.full.held(material, support_compliance)
+        modulus = _samples(material)
+        if modulus is None or np.isinf(asked[1]):  # whether it slides away, the full model knows
+            return None
+        law = _law(material, springs)
+        fields = [n for n, s in self._snapshots.items() if springs or not s.law.springs]
+        stresses = [n for n, s in self._snapshots.items() if law.stretch_m or not s.law.stretch_m]
+        if not fields or not stresses:
             return None
         relative = modulus / self._unit
         spanned = np.array([SPANNED])
         primal = self._primal.coefficients(relative[None], spanned, self._pairs)[0]
         dual = self._dual.coefficients(1 / relative[None], spanned, self._pairs)[0]
-        stiffness = self._matrix(self._primal, primal)
-        load = np.array([s.compliance for s in self._snapshots.values()]).T
+        stiffness = self._matrix(
+            self._primal, primal, fields, lambda a, b: self._of_law(law, a, b, modulus)
+        )
+        load = np.array([self._loads[n] for n in fields]).T
         weights = _solved(stiffness, load)
         low = np.einsum("ja,ja->j", weights, load)
-        flexibility = self._matrix(self._dual, dual)
-        high = 1 / _solved(flexibility, np.ones_like(load)).sum(axis=1)
+        flexibility = self._matrix(
+            self._dual, dual, stresses, lambda a, b: self._of_stress(law, a, b, modulus)
+        )
+        high = 1 / _solved(flexibility, np.ones(flexibility.shape[:2])).sum(axis=1)
         self._evaluations += 1
-        nearest = max(zip(np.abs(weights).max(axis=0), self._snapshots, strict=True))[1]
+        nearest = max(zip(np.abs(weights).max(axis=0), fields, strict=True))[1]
         self._used[nearest] = self._evaluations
+        response = ReducedResponse(
+            low, high, weights, weakref.ref(self), tuple(fields), law, material
+        )
+        more = np.zeros(len(low))
+        if springs is not None and not np.array_equal(asked, springs):
+            more += first_order_rest(asked, springs, response.support_sensitivity)
+        if material.skin is not None:
+            more += self.full.floating.near_skin(material.skin).value / material.local
+        low += more
+        high += more
         low.setflags(write=False)
-        return ReducedResponse(low, high, weights, weakref.ref(self), tuple(self._snapshots))
+        return response
 
-    def _matrix(self, modes: _Modes, coefficients: np.ndarray) -> np.ndarray:
-        """Matrix (j, m, m) of all snapshots for coefficients (q,) of the field."""
-        place = {number: index for index, number in enumerate(self._snapshots)}
-        size = len(place)
+    def _matrix(
+        self,
+        modes: _Modes,
+        coefficients: np.ndarray,
+        numbers: list[int],
+        more: Callable[[int, int], np.ndarray | float],
+    ) -> np.ndarray:
+        """Matrix (j, m, m) of some snapshots for coefficients (q,) of the field."""
+        size = len(numbers)
         result = np.empty((len(self.full.contacts), size, size))
-        for (a, b), sums in modes.sums.items():
-            result[:, place[a], place[b]] = result[:, place[b], place[a]] = sums @ coefficients
+        for column, b in enumerate(numbers):
+            for row, a in enumerate(numbers[: column + 1]):
+                both = modes.sums[a, b] @ coefficients + more(a, b)
+                result[:, row, column] = result[:, column, row] = both
         diagonal = np.arange(size)
         result[:, diagonal, diagonal] *= 1 + _RIDGE
         return result
+
+    def _of_law(self, law: _Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
+        """Part (j,) of G by springs and skin."""
+        both: np.ndarray | float = 0.0
+        if law.springs:
+            both = both + self._at_surface(a, b, "base") @ (1 / np.array(law.springs))
+        if law.stretch_m:
+            both = both + law.stretch_m * (
+                self._at_surface(a, b, "strains") @ modulus[self._beside]
+            )
+        return both
+
+    def _of_stress(self, law: _Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
+        """Part (j,) of H by springs and skin."""
+        both: np.ndarray | float = 0.0
+        if law.springs:
+            both = both + self._at_surface(a, b, "traction") @ np.array(law.springs)
+        stretches = [self._snapshots[n].law.stretch_m for n in (a, b)]
+        if all(stretches):
+            own = [self._snapshots[n].modulus[self._beside] for n in (a, b)]
+            unit = self._unit[self._beside]
+            ratio = unit**2 * own[0] * own[1] / modulus[self._beside]
+            both = both + np.prod(stretches) / law.stretch_m * (
+                self._at_surface(a, b, "strains") @ ratio
+            )
+        return both
+
+    @property
+    def _beside(self) -> np.ndarray:
+        """Modulus samples beside the surface that may bear a skin."""
+        return self.full.floating.membrane.samples
+
+    def _at_surface(self, a: int, b: int, what: str) -> np.ndarray:
+        """Products of two snapshots at the body's surface, by the name of their attribute.
+
+        Integrals (j, 2) of displacements or tractions over the base, energies (j, s) of strains.
+        """
+        if (a, b, what) not in self._surface:
+            body = self.full.floating
+            product = body.membrane.energies if what == "strains" else body.foundation.products
+            first, second = (getattr(self._snapshots[n], what) for n in (a, b))
+            self._surface[a, b, what] = product(first, second)
+        return self._surface[a, b, what]
 
 
 @dataclass(frozen=True)
@@ -221,6 +356,8 @@ class ReducedResponse:
     weights: np.ndarray
     _model: weakref.ref[ReducedModel]
     _numbers: tuple[int, ...]
+    _law: _Law
+    _material: Material
 
     @property
     def is_stale(self) -> bool:
@@ -235,6 +372,20 @@ class ReducedResponse:
             bound = float(np.max(np.abs(self.high / self.compliance - 1)))
         return bound if np.isfinite(bound) and self.compliance.min() > 0 else np.inf
 
+    @property
+    def _basis(self) -> ReducedModel:
+        own = self._model()
+        if own is None or self.is_stale:
+            raise SolverError("the basis has dropped a snapshot of this response; evaluate anew")
+        return own
+
+    def _pairs(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """Each pair of snapshots with its weight (j,) in an energy."""
+        for column, b in enumerate(self._numbers):
+            for row, a in enumerate(self._numbers[: column + 1]):
+                often = 1 if a == b else 2
+                yield a, b, often * self.weights[:, row] * self.weights[:, column]
+
     def gradient(self, modulus_gradient: np.ndarray) -> np.ndarray:
         """Return the derivative of the compliances with respect to parameters, (j, k).
 
@@ -247,70 +398,125 @@ class ReducedResponse:
         SolverError
             The response is stale.
         """
-        own = self._model()
-        if own is None or self.is_stale:
-            raise SolverError("the basis has dropped a snapshot of this response; evaluate anew")
-        modes = own._primal
-        columns = np.atleast_2d(np.asarray(modulus_gradient).T)[:, : len(own._unit)] / own._unit
+        own, law = self._basis, self._law
+        modes, whole = own._primal, np.atleast_2d(np.asarray(modulus_gradient).T)
+        columns = whole[:, : len(own._unit)] / own._unit
         length = np.linalg.norm(columns * modes._root, axis=1)
         by_mode = modes.coefficients(columns, _SPANNED_SLOPE * length, own._pairs)
-        place = {number: index for index, number in enumerate(self._numbers)}
         result = np.zeros((len(self.compliance), len(columns)))
-        for (a, b), sums in modes.sums.items():
-            if a not in place or b not in place:  # has joined since
-                continue
-            product = self.weights[:, place[a]] * self.weights[:, place[b]]
-            result -= (1 if a == b else 2) * product[:, None] * (sums @ by_mode.T)
+        for a, b, weight in self._pairs():
+            energy = modes.sums[a, b] @ by_mode.T
+            if law.stretch_m:
+                energy += law.stretch_m * (
+                    own._at_surface(a, b, "strains") @ whole[:, own._beside].T
+                )
+            result -= weight[:, None] * energy
+        skin, local = self._material.skin, self._material.local
+        if skin is not None:
+            near = own.full.floating.near_skin(skin).value
+            result -= (near / local**2)[:, None] * whole[:, -len(local) :].T
         return result if np.ndim(modulus_gradient) == 2 else result[:, 0]
+
+    @property
+    def support_sensitivity(self) -> np.ndarray:
+        """Derivative by the support's compliances, (j, 2), see `Response.support_sensitivity`."""
+        own, springs = self._basis, self._law.springs
+        what, square = ("traction", 1.0) if springs is None else ("base", np.square(springs))
+        parts = (weight[:, None] * own._at_surface(a, b, what) for a, b, weight in self._pairs())
+        return sum(parts, np.zeros((len(self.compliance), 2))) / square
+
+    @property
+    def skin_sensitivity(self) -> np.ndarray:
+        """Derivative by thickness and factor of the skin, see `Response.skin_sensitivity`."""
+        return self._by_skin(self._material.skin or Skin(0.0, 1.0))
+
+    def skin_sensitivity_at_null(self, thickness_m: float) -> np.ndarray:
+        """Return the derivative by the factor of a skin that is like the body, (j,) m/N."""
+        return self._by_skin(Skin(thickness_m, 1.0))[:, 1]
+
+    def _by_skin(self, skin: Skin) -> np.ndarray:
+        own = self._basis
+        modulus = self._material.modulus[own._beside]
+        parts = (
+            weight * (own._at_surface(a, b, "strains") @ modulus) for a, b, weight in self._pairs()
+        )
+        stretched = sum(parts, np.zeros(len(self.compliance)))
+        near = own.full.floating.near_skin(skin)
+        return by_skin(skin, near, self._material.local, stretched)
 
 
 class ReducedBases:
     """Reduced models of one palpation model around the maps of a search, grown as it goes.
 
-    A solution joins the basis that came nearest to it, or begins one of its own.
+    A solution joins the basis that came nearest to it, or begins one of its own. Springs and skins
+    have bases of their own.
     """
 
     def __init__(self, full: PalpationModel) -> None:
         self._full = full
         by_pair = 4.0 * len(full.contacts) * len(full.points_m)
         self._most = min(int((np.sqrt(1 + 8 * _BYTES / by_pair) - 1) / 2), _MOST)
-        self._bases: list[ReducedModel] = []  # the last one that served is last
+        self._bases: list[tuple[tuple[bool, bool], ReducedModel]] = []  # the last that served last
         self._nearest: tuple[float, ReducedModel] | None = None
 
-    def evaluate(self, modulus_pa: np.ndarray, tolerance: float) -> ReducedResponse | None:
-        """Return the compliances for a modulus (p,) at `points_m`, Pa; None if none is certain.
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray,
+        tolerance: float,
+        support_compliance: tuple[float, float] | None = None,
+        skin: Skin | tuple | None = None,
+    ) -> ReducedResponse | None:
+        """Return the compliances for a body as `PalpationModel.evaluate` does, or None.
 
         Parameters
         ----------
         tolerance : of the bound of their relative error
         """
         self._nearest = None
-        for basis in reversed(self._bases):
-            response = basis.evaluate(modulus_pa)
+        material = self._full.material(modulus_pa, skin=skin)
+        kind = _law(material, self._full.held(material, support_compliance)[1]).kind
+        for entry in reversed(self._bases):
+            if entry[0] != kind:
+                continue
+            basis = entry[1]
+            response = basis.evaluate(modulus_pa, support_compliance, skin)
             if response is None:
                 return None
             if response.error <= tolerance:
-                self._bases.remove(basis)
-                self._bases.append(basis)
+                self._bases.remove(entry)
+                self._bases.append(entry)
                 basis.served = True
                 return response
             if self._nearest is None or response.error < self._nearest[0]:
                 self._nearest = response.error, basis
         return None
 
-    def add(self, response: Response) -> None:
-        """Take the full solution for the modulus that was evaluated last."""
-        if self._most < 2 or _samples(response._material) is None:
+    def add(self, response: Response, plain: Response | None = None) -> None:
+        """Take the full solution for the body that was evaluated last.
+
+        `plain` : that without springs and skin at this modulus, which joins a new basis
+        """
+        material = response._material
+        if self._most < 2 or _samples(material) is None or material.fibres is not None:
             return
-        if self._nearest is not None and self._nearest[0] <= FAR:
+        kind = _law(material, response._springs).kind
+        far = FAR_LAW if any(kind) else FAR
+        if self._nearest is not None and self._nearest[0] <= far:
             self._nearest[1].add(response)
             return
-        if len(self._bases) == _BASES:
-            idle = [basis for basis in self._bases if not basis.served]
-            self._bases.remove((idle or self._bases)[0])
+        own = [entry for entry in self._bases if entry[0] == kind]
+        if len(own) == (1 if any(kind) else _BASES):
+            idle = [entry for entry in own if not entry[1].served]
+            self._bases.remove((idle or own)[0])
         basis = ReducedModel(self._full, self._most)
+        if plain is not None:
+            basis.add(plain)
         basis.add(response)
-        self._bases.append(basis)
+        self._bases.append((kind, basis))
+
+
+def _law(material: Material, springs: tuple[float, float] | None) -> _Law:
+    return _Law(springs, 0.0 if material.skin is None else material.skin.stretch_m)
 
 
 def _samples(material: Material) -> np.ndarray | None:

@@ -310,8 +310,8 @@ class BodyMechanics:
         that of a body without fibres, skin and springs: they change the ratio little, and it need
         not be made anew for each of their values.
         """
-        if slack >= self.settings.plain_slack and not self._is_reducible(stiffness, state):
-            plain = BodyState(state.box_m, self.poisson_ratio, *state.modulus_changes)
+        plain = _plain(state)
+        if slack >= self.settings.plain_slack and _solved_state(state) != plain:
             base = self._found(stiffness, plain, slack).compliance
             return self._log_ratio(which, model, stiffness, plain, base, slack)
         key = (which, stiffness, _solved_state(state))
@@ -354,34 +354,25 @@ class BodyMechanics:
             self._bases.append(ReducedBases(self.coarse))
         (bases,) = self._bases
         modulus = positive_modulus(ChangedMap(stiffness, state), self.coarse.points_m)
-        near = bases.evaluate(modulus, slack * self.settings.reduced_error)
+        near = bases.evaluate(modulus, slack * self.settings.reduced_error, *_law(state))
         if near is not None:
             return near
         response = self._solved(stiffness, state)
-        bases.add(response)
+        bases.add(response, self._solutions.get((stiffness, _plain(state))))
         return response
 
     def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
-        """Whether a state changes no more of the body than its modulus."""
-        plain = BodyState(state.box_m, 0.0, *state.modulus_changes)
-        bonded = self.coarse.support.bonded
-        return bonded and isinstance(stiffness, GaussianMap) and _solved_state(state) == plain
+        """Whether reduced bases know the law of a state."""
+        return isinstance(stiffness, GaussianMap) and not state.fibre_share
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
-        base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
         angle, share = state.fibre_angle_rad, state.fibre_share
         direction = np.array([np.cos(angle), np.sin(angle), 0.0])
-        skin = (state.skin_thickness_m, state.skin_factor)
-        if not skin[1] > 0:
-            raise InadmissibleError("a skin needs a positive modulus")
+        base, skin = _law(state)
+        fibres = (direction, share * modulus) if share else None
         try:
-            return model.evaluate(
-                modulus,
-                support_compliance=base if any(base) else None,
-                fibres=(direction, share * modulus) if share else None,
-                skin=skin if skin[0] > 0 else None,
-            )
+            return model.evaluate(modulus, base, fibres, skin)
         except SolverError as error:
             raise InadmissibleError(str(error)) from error
 
@@ -392,6 +383,20 @@ def _keep(last: dict, key: Any, value: Any, most: int) -> None:
     last[key] = value
     while len(last) > most:
         del last[next(iter(last))]
+
+
+def _law(state: BodyState) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """Compliance of the support and skin of a state, each None without."""
+    base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
+    skin = (state.skin_thickness_m, state.skin_factor)
+    if not skin[1] > 0:
+        raise InadmissibleError("a skin needs a positive modulus")
+    return base if any(base) else None, skin if skin[0] > 0 else None
+
+
+def _plain(state: BodyState) -> BodyState:
+    """Return the part of a state that changes the modulus."""
+    return BodyState(state.box_m, 0.0, *state.modulus_changes)
 
 
 def _solved_state(state: BodyState) -> BodyState:

@@ -59,7 +59,7 @@ class BodyResponse:
 
     @property
     def _near(self) -> Response | ReducedResponse:
-        """The solution that answers for changes of the modulus."""
+        """The solution that answers for all changes but those of fibres."""
         stale = isinstance(self._response, ReducedResponse) and self._response.is_stale
         return self._full if stale else self._response
 
@@ -105,7 +105,7 @@ class BodyResponse:
             ]
         )
         if by_base.any():
-            change += self._scale * (self._full.support_sensitivity @ by_base)
+            change += self._scale * (self._near.support_sensitivity @ by_base)
         fibres = _fibres(state) - _fibres(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
@@ -113,11 +113,14 @@ class BodyResponse:
             change += self._scale * self._by_skin(old, state)
         return change, local
 
-    def exact_change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-        """Change of compliance (j,) and local modulus (j,) to any state, by another solution."""
+    def exact_change(self, state: BodyState, slack: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Change of compliance (j,) and local modulus (j,) to any state, by another solution.
+
+        `slack` see `BodyMechanics.evaluate`.
+        """
         # A copy: solutions of the fits are used, and stay in memory for them
         aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
-        other = aside.evaluate(self._map, state)
+        other = aside.evaluate(self._map, state, slack)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 
     def compliance_on(self, model: PalpationModel) -> np.ndarray:
@@ -133,11 +136,11 @@ class BodyResponse:
         """First-order change of the finite elements' compliance (j,) by another skin."""
         thickness = old.skin_thickness_m
         if old.skin_factor != 1 and thickness > 0:
-            by_thickness, by_factor = self._full.skin_sensitivity.T
+            by_thickness, by_factor = self._near.skin_sensitivity.T
             change = by_thickness * (new.skin_thickness_m - thickness)
             return change + by_factor * (new.skin_factor - old.skin_factor)
         # A body without a skin is one with a skin like itself, of any thickness
-        by_factor = self._full.skin_sensitivity_at_null(new.skin_thickness_m)
+        by_factor = self._near.skin_sensitivity_at_null(new.skin_thickness_m)
         return by_factor * (new.skin_factor - 1)
 
     @cached_property

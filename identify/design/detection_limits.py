@@ -250,7 +250,8 @@ def _at_its_size(
         values = np.clip(nulls + sizes * typical, low, high)
         named = dict(zip((p.name for p in amplitudes), values.tolist(), strict=True))
         try:
-            moved_m = _moved(model, at, effect, {**effect.null, **linear.shape, **named})
+            given = {**effect.null, **linear.shape, **named}
+            moved_m = _moved(model, at, effect, given, settings.slack)
         except InadmissibleError:
             return found
         moved = at.whitened(moved_m, model.readings.press)
@@ -314,7 +315,7 @@ def _absorbed(
             break
         here = np.clip(here + step * min(1.0, settings.longest_step / longest), low, high)
         try:
-            there = model.linearise(here, slack=1.0)
+            there = model.linearise(here, settings.slack)
         except InadmissibleError:
             return None
         residual, jacobian = there.residual, there.jacobian
@@ -334,14 +335,18 @@ def _inward(sizes: np.ndarray, amplitudes: Sequence[EffectParameter]) -> np.ndar
 
 
 def _moved(
-    model: MeasurementModel, at: Linearised, effect: Effect, values: Mapping[str, float]
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    values: Mapping[str, float],
+    slack: float,
 ) -> np.ndarray:
     """Return the change of the readings by an effect of these values, (m,) m."""
     present, force = model.chain, at.latent_force_n
     c, e = at.body.compliance, at.body.local_modulus
     base = present.predict(c, e, force, at.values)
     if isinstance(effect, BodyEffect):
-        dc, de = at.body.exact_change(effect.body(at.state, **values))
+        dc, de = at.body.exact_change(effect.body(at.state, **values), slack)
         moved = present.predict(c + dc, e + de, force, at.values)
     else:
         chain = replace(present, effects=[*present.effects, effect])

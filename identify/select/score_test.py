@@ -25,6 +25,7 @@ from identify.select.null_distribution import score_null
 from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
 _STEP = 1e-4  # of an amplitude's typical size, for its derivative
+_SLACK = 10.0  # of the patterns at an effect's levels, which change compliances by a tenth
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ def _far_patterns(
     for level in advice(effect).levels(at.state):
         for shape in shapes:
             state = effect.body(at.state, **{**null, **shape, amplitude.name: level})
-            dc, de = at.body.exact_change(state)
+            dc, de = at.body.exact_change(state, _SLACK)
             moved = model.moved_by_body(at, dc, de)
             size = (level - null[amplitude.name]) / amplitude.typical
             found.append((shape, at.whitened(moved / size, press)[None, :, None]))

@@ -46,7 +46,7 @@ def solved(full, parameters):
 
 
 def bounded_by(low, high) -> ReducedResponse:
-    return ReducedResponse(low, high, np.ones((4, 1)), lambda: None, (0,))  # pyright: ignore[reportArgumentType]
+    return ReducedResponse(low, high, np.ones((4, 1)), lambda: None, (0,), None, None)  # pyright: ignore[reportArgumentType]
 
 
 def answered(model, *arguments):
@@ -195,10 +195,84 @@ def test_far_from_all_snapshots_the_bound_is_never_small(full, reduced):
     assert bounded_by(np.ones(4), np.full(4, 0.9)).error == pytest.approx(0.1)
 
 
-def test_a_body_on_springs_is_refused():
+def test_a_body_whose_own_support_gives_way_has_a_basis():
     mesh = block_mesh((0.04, 0.04, 0.024), (3, 3, 2))
     soft = PalpationModel(
         mesh, 0.45, contacts(), near_field=False, support=Support("base", normal=1e-6)
     )
-    with pytest.raises(SolverError, match="bonded support"):
-        ReducedModel(soft)
+    model = grown(soft, 3)
+    (parameters,) = drawn(1, 2)
+    found = answered(model, field(parameters, soft.points_m))
+    error = solved(soft, parameters).compliance / found.compliance - 1
+    assert np.all(error > 0)
+    assert np.all(error < found.high / found.compliance - 1)
+    slides = PalpationModel(
+        mesh, 0.45, contacts(), near_field=False, support=Support("base", tangential=np.inf)
+    )
+    model = ReducedModel(slides)
+    model.add(solved(slides, CENTRE))
+    assert model.evaluate(field(CENTRE, slides.points_m)) is None
+
+
+HELD = (None, (0.0, 2e-6), (1e-6, 5e-7))  # about a fifth of the block's height over its modulus
+SKINS = (None, (1e-3, 4.0), (1e-3, 0.5))
+LAWS = [(base, skin) for base in HELD for skin in SKINS if base or skin]
+
+
+@pytest.fixture(scope="module")
+def with_laws(full):
+    """A basis of a few solutions with springs and skins, beside plain ones."""
+    model, field_ = ReducedModel(full, most=20), field(CENTRE, full.points_m)
+    for base in (None, (1e-6, 0.0), (0.0, 1e-6), (2e-6, 2e-6)):
+        for skin in (None, (1e-3, 2.0), (1e-3, 8.0)):
+            model.add(full.evaluate(field_, base, skin=skin))
+    for parameters in drawn(3, 1):
+        model.add(solved(full, parameters))
+    return model
+
+
+@pytest.mark.parametrize(("base", "skin"), LAWS)
+def test_springs_and_skins_lie_between_the_bounds(full, with_laws, base, skin):
+    (parameters,) = CENTRE + 0.05 * (drawn(1, 3) - CENTRE)
+    modulus = field(parameters, full.points_m)
+    found = answered(with_laws, modulus, base, skin)
+    expected = full.evaluate(modulus, base, skin=skin)
+    plain = full.evaluate(modulus).compliance
+    error = expected.compliance / found.compliance - 1
+    bound = found.high / found.compliance - 1
+    assert np.all(error > -2e-7)
+    assert np.all(error < bound + 2e-7)
+    assert error.max() < 2e-3
+    assert error.max() < 0.1 * np.abs(expected.compliance / plain - 1).max()
+    slope = slopes(parameters, full.points_m)
+    pairs = [(found.gradient(slope), expected.gradient(slope))]
+    pairs += [(getattr(r, name) for r in (found, expected))
+              for name in ("support_sensitivity", "skin_sensitivity")]  # fmt: skip
+    for near, exact in pairs:
+        assert np.all(np.abs(near - exact).max(axis=0) <= 0.15 * np.abs(exact).max(axis=0))
+
+
+def test_derivatives_by_springs_and_skin_are_those_of_the_reduced_compliance(full, with_laws):
+    modulus, base, skin = field(CENTRE + 0.05 * HALF, full.points_m), (1e-6, 5e-7), (1e-3, 4.0)
+    found = answered(with_laws, modulus, base, skin)
+    own = np.hstack([found.support_sensitivity, found.skin_sensitivity])
+    law = np.array([*base, *skin])
+    for column, step in enumerate(np.diag(1e-3 * law)):
+        up, down = (
+            answered(with_laws, modulus, (law + sign * step)[:2], (law + sign * step)[2:])
+            for sign in (1, -1)
+        )
+        quotient = (up.compliance - down.compliance) / (2 * step[column])
+        assert np.abs(own[:, column] - quotient).max() < 2e-3 * np.abs(quotient).max()
+    stiffer = 1.001 * modulus
+    quotient = (answered(with_laws, stiffer, base, skin).compliance - found.compliance) / 1e-3
+    assert found.gradient(modulus) == pytest.approx(quotient, rel=3e-3)
+
+
+def test_springs_and_skins_are_exact_at_their_snapshots(full, with_laws):
+    modulus = field(CENTRE, full.points_m)
+    for base, skin in [((1e-6, 0.0), None), (None, (1e-3, 8.0)), ((2e-6, 2e-6), (1e-3, 2.0))]:
+        found = answered(with_laws, modulus, base, skin)
+        expected = full.evaluate(modulus, base, skin=skin).compliance
+        assert found.compliance == pytest.approx(expected, rel=1e-6)
+        assert found.error < 1e-5

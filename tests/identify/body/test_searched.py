@@ -68,23 +68,62 @@ def test_a_far_map_is_solved_in_full_and_joins(mechanics, monkeypatch):
     assert far.compliance == pytest.approx(full, rel=3e-6)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"fibre_share": 0.1},
-        {"skin_thickness_m": 1e-3, "skin_factor": 2.0},
-        {"base_normal_m_per_pa": 1e-8},
-    ],
-)
-def test_other_laws_are_solved_in_full(mechanics, change):
+LAWS = [
+    {"skin_thickness_m": 1e-3, "skin_factor": 2.0},
+    {"base_normal_m_per_pa": 1e-6},
+    {"base_tangential_m_per_pa": 1e-6},
+]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_springs_and_skins_have_bases_too(mechanics, monkeypatch, law):
+    plain = mechanics.state()
+    mechanics.evaluate(MAP, plain)
+    for size in (0.5, 1.0):
+        mechanics.evaluate(MAP, scaled(plain, law, size), slack=10.0)
+    solved = counted(monkeypatch, mechanics.coarse)
+    state = scaled(plain, law, 0.8)
+    near = mechanics.evaluate(moved(0.02), state, slack=10.0)
+    changes = [near.change(other)[0] for other in (plain, scaled(plain, law, 0.81))]
+    assert not solved
+    full = mechanics.evaluate(moved(0.02), state)
+    tolerance = 10 * mechanics.settings.reduced_error
+    assert near.compliance == pytest.approx(full.compliance, rel=tolerance, abs=0)
+    assert near.compliance.tolist() != full.compliance.tolist()
+    for change, other in zip(changes, (plain, scaled(plain, law, 0.81)), strict=True):
+        assert change == pytest.approx(full.change(other)[0], rel=0.03)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_at_the_null_springs_and_skins_need_no_solution(mechanics, monkeypatch, law):
     mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
-    state = mechanics.state().changed(**change)
+    state = scaled(mechanics.state(), law, 0.01)
+    null = mechanics.evaluate(moved(0.01), mechanics.state(), slack=1.0)
+    solved = counted(monkeypatch, mechanics.coarse)
+    change = null.change(state)[0]
+    assert not solved
+    full = mechanics.evaluate(moved(0.01), mechanics.state())
+    assert change == pytest.approx(full.change(state)[0], rel=2e-3)
+
+
+def test_fibres_are_solved_in_full(mechanics):
+    mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
+    state = mechanics.state().changed(fibre_share=0.1)
     near = mechanics.evaluate(MAP, state, slack=1.0).compliance
     assert near.tolist() == mechanics.evaluate(MAP, state).compliance.tolist()
-    # ... and their derivatives at the null
     null = mechanics.evaluate(moved(0.01), mechanics.state(), slack=1.0)
     full = mechanics.evaluate(moved(0.01), mechanics.state())
     assert null.change(state)[0] == pytest.approx(full.change(state)[0], rel=1e-3)
+
+
+def scaled(state, law: dict[str, float], size: float):
+    """Return a state with a law of that size; a skin keeps its thickness."""
+    null = {"skin_factor": 1.0}
+    sized = {
+        key: value if key == "skin_thickness_m" else null.get(key, 0.0) * (1 - size) + size * value
+        for key, value in law.items()
+    }
+    return state.changed(**sized)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -7,10 +7,14 @@ from pathlib import Path
 
 
 @contextmanager
-def replaced(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replaced(path: str | os.PathLike[str], ending: str = ".part") -> Iterator[Path]:
     """Give a path beside `path` to write to; at the end that file takes its place in one step.
 
     A killed program leaves the old file or the new one. After an error the file beside is removed.
+
+    Parameters
+    ----------
+    ending : added to the name of the file beside; writers that go by a file's ending need their own
 
     Raises
     ------
@@ -26,7 +30,7 @@ def replaced(path: str | os.PathLike[str]) -> Iterator[Path]:
     'text'
     """
     path = Path(path)
-    beside = path.with_name(path.name + ".part")
+    beside = path.with_name(path.name + ending)
     try:
         yield beside
         beside.replace(path)

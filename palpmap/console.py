@@ -22,9 +22,12 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
 
+    from palpmap.progress import Stage
+
 FAILED_CRITERION = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+LINE_S = 5.0
 
 
 class Task(NamedTuple):
@@ -71,48 +74,71 @@ class Output:
         from rich.console import Console
         from rich.progress import (
             BarColumn,
-            MofNCompleteColumn,
             Progress,
             TaskProgressColumn,
             TextColumn,
             TimeElapsedColumn,
-            TimeRemainingColumn,
         )
+
+        from palpmap.progress import CountColumn, LeftColumn
 
         return Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            MofNCompleteColumn(),
+            CountColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
             TextColumn("left"),
-            TimeRemainingColumn(),
+            LeftColumn(),
             console=Console(stderr=True),
             disable=self.quiet,
         )
 
     @contextmanager
-    def task(self) -> Iterator[Task]:
-        """Show a task of unknown length on stderr, while the context lasts.
+    def task(self, stages: "Sequence[Stage]" = ()) -> Iterator[Task]:
+        """Show a task on stderr, while the context lasts: share and time left by its stages.
 
-        Where stderr is no terminal, each step is a line with the seconds so far.
+        Where stderr is no terminal, each stage is a line with the seconds so far, the share and
+        the time left; a long stage tells its steps `LINE_S` apart.
         """
+        from palpmap.progress import Course, in_words, seconds_left
+
         start = time.monotonic()
+        course = Course(stages) if stages else None
         with self.progress() as progress:
-            number, said = progress.add_task("reading", total=None), ["reading"]
+            total = 1.0 if course else None
+            number = progress.add_task("reading", total=total, ends_s=None)
+            told: tuple[str, int, float] = ("reading", -1, -LINE_S)
+
+            def show(share: float, text: str | None = None) -> float | None:
+                now = time.monotonic()
+                left = seconds_left(share, now - start)
+                progress.update(
+                    number, description=text, completed=share,
+                    ends_s=None if left is None else now + left,
+                )  # fmt: skip
+                return left
 
             def say(text: str) -> None:
-                progress.update(number, description=text)
-                if not (progress.console.is_terminal or self.quiet) and text != said[-1]:
-                    said[0] = text
-                    seconds = time.monotonic() - start
-                    progress.console.print(f"{seconds:6.1f} s  {text}", markup=False)
+                nonlocal told
+                left = show(course.at(text), text) if course else None
+                if not course:
+                    progress.update(number, description=text)
+                seconds, stage = time.monotonic() - start, course.stage if course else 0
+                new = stage != told[1] or seconds - told[2] >= LINE_S or not course
+                if progress.console.is_terminal or self.quiet or text == told[0] or not new:
+                    return
+                told = (text, stage, seconds)
+                share = f"{100 * course.share():3.0f} %  " if course else ""
+                also = "" if left is None else f" (about {in_words(left)} left)"
+                line = f"{seconds:6.1f} s  {share}{text}{also}"
+                progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
-            yield Task(
-                say,
-                lambda *_: progress.advance(number),
-                progress.console.print,
-            )
+            def advance(*_: object) -> None:
+                if course:
+                    show(course.again())
+
+            yield Task(say, advance, progress.console.print)
             progress.update(number, description="done", total=1, completed=1)
 
 

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from identify.residual import Prediction as PredictionOfScan
 from identify.residual import RunDifference
+from models import replaced
 from palpmap.experiment import Experiment
 from palpmap.record import FileRecord, Record
 from palpmap.results import FitResult, Shown, drawn, values_of
@@ -161,6 +162,7 @@ class Prediction(Shown, PredictionOfScan):
 
     def write_files(self, folder: Path) -> None:
         """Write the files into a folder that is there."""
+        from palpmap.figures.fit import save_figures
         from palpmap.figures.style import png
         from palpmap.report.prediction_report import write_prediction_report
 
@@ -169,13 +171,14 @@ class Prediction(Shown, PredictionOfScan):
         columns = (
             scan.press, scan.force_n, scan.displacement_m, self.predicted_m, self.sd_m, self.error_n
         )  # fmt: skip
-        np.savetxt(
-            folder / "prediction.csv", np.column_stack(columns), delimiter=",", comments="",
-            fmt=("%d", *["%.9g"] * 5),
-            header="press,force_n,displacement_m,predicted_m,sd_m,error_n",
-        )  # fmt: skip
+        with replaced(folder / "prediction.csv") as beside:
+            np.savetxt(
+                beside, np.column_stack(columns), delimiter=",", comments="",
+                fmt=("%d", *["%.9g"] * 5),
+                header="press,force_n,displacement_m,predicted_m,sd_m,error_n",
+            )  # fmt: skip
         pictures = {"prediction": png(self.plot())}
-        (folder / "prediction.png").write_bytes(pictures["prediction"])
+        save_figures(pictures, folder)
         write_prediction_report(
             self, folder / "report.html", name=self.fit.experiment.study.name,
             other=self.experiment.study.name, origin_m=self._origin_m, notes=self.notes,
@@ -275,14 +278,15 @@ class MapChange(Shown):
 
     def write_files(self, folder: Path) -> None:
         """Write difference.json, the picture and report.html into a folder that is there."""
+        from palpmap.figures.fit import save_figures
         from palpmap.figures.style import png
         from palpmap.report.difference_report import write_difference_report
 
         self.record.write(folder / "difference.json")
-        picture = png(self.plot())
-        (folder / "difference.png").write_bytes(picture)
+        pictures = {"difference": png(self.plot())}
+        save_figures(pictures, folder)
         names = [fit.experiment.study.name for fit in (self.one, self.other)]
         write_difference_report(
             self.difference, folder / "report.html", names=names, origin_m=self._origin_m,
-            pictures={"difference": picture}, how=how_made(folder),
+            pictures=pictures, how=how_made(folder),
         )  # fmt: skip

@@ -11,6 +11,7 @@ from models import Catalogue, InputError
 from palpmap import api
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study
+from palpmap.progress import DIAGNOSE
 from palpmap.report.draw import console
 from palpmap.result.explain_record import parameters_of, step_record
 from palpmap.result.history import VersionRecord, read_history, write_history
@@ -44,7 +45,7 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
     own = [load_effect(path) for path in effects]
     catalogue = Catalogue((*CATALOGUE, *own, *experiment.own_effects))
     _refuse(name, study, experiment, catalogue)
-    with output.task() as task:
+    with output.task(DIAGNOSE) as task:
         before = api.diagnose(experiment, catalogue, seed=seed, progress=task.say)
         after = before.with_effect(name)
     fit, target = after.step.fit, next_version(study)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models import InputError
+from models import InputError, replaced
 from palpmap.console import Output
 from palpmap.importing.mapping.rig import load_rig
 from palpmap.importing.readers.read import read_recording
@@ -37,7 +37,8 @@ def run_check_rig(*, files: Sequence[Path], rig: Path, out: Path | None, output:
     if out is not None:
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
-            out.write_text(page(found, mapping.name, rows), encoding="utf-8")
+            with replaced(out) as beside:
+                beside.write_text(page(found, mapping.name, rows), encoding="utf-8")
         except OSError as error:
             raise InputError(f"{out}: cannot be written ({error.strerror})") from error
         last = [f"Page: {plain(str(out))}"]

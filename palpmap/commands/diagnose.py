@@ -7,6 +7,7 @@ from identify.catalogue import CATALOGUE, load_effect
 from palpmap import api
 from palpmap.console import Output, plain
 from palpmap.experiment import read_study
+from palpmap.progress import DIAGNOSE
 from palpmap.result.next_step import after_diagnosis
 from palpmap.run_folder import RunFolder
 
@@ -24,7 +25,7 @@ def run_diagnose(
     experiment = read_study(study)
     own = [load_effect(path) for path in effects]
     with RunFolder("diagnose", out, seed=seed, inputs=[*experiment.inputs, *effects]) as run:
-        with output.task() as task:
+        with output.task(DIAGNOSE) as task:
             found = api.diagnose(experiment, (*CATALOGUE, *own), seed=seed, progress=task.say)
         found.record.write(run / "diagnosis.json")
         is_noise = found.is_noise and not found.significant

@@ -8,6 +8,7 @@ from identify.select import Step
 from palpmap import api
 from palpmap.console import Output, plain, to_type
 from palpmap.experiment import read_study
+from palpmap.progress import EXPLAIN
 from palpmap.report.explain_console import explain_summary, step_line
 from palpmap.result.next_step import next_steps
 from palpmap.run_folder import RunFolder
@@ -43,7 +44,7 @@ def run_explain(
     inputs = [*experiment.inputs, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         kept = keep_inputs(experiment.study, experiment.scan, run.path)
-        with output.task() as task:
+        with output.task(EXPLAIN) as task:
 
             def on_step(step: Step) -> None:
                 if not output.quiet and not output.json:

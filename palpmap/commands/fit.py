@@ -12,6 +12,7 @@ from models import without_outliers as cleaned
 from palpmap import api
 from palpmap.console import Output, is_for_the_user, to_type
 from palpmap.experiment import Experiment, read_study
+from palpmap.progress import FIT
 from palpmap.report.fit_console import summary
 from palpmap.result.next_step import after_fit
 from palpmap.run_files.fit_run import FitRun
@@ -79,7 +80,7 @@ def run_fit(
         "left_out": list(left_out),
     }
     doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.kind in DOUBTFUL]
-    with _naming(doubts), output.task() as task:
+    with _naming(doubts), output.task(FIT) as task:
         for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:_SAID])):
             task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder

@@ -7,6 +7,7 @@ from identify.catalogue import CATALOGUE, load_effect
 from palpmap import api
 from palpmap.console import Output, plain
 from palpmap.experiment import read_study
+from palpmap.progress import LIMITS
 from palpmap.result.next_scan import write_planned
 from palpmap.run_folder import RunFolder
 
@@ -23,7 +24,7 @@ def run_limits(
     experiment = read_study(study)
     own = [load_effect(path) for path in effects]
     with RunFolder("limits", out, inputs=[*experiment.inputs, *effects]) as run:
-        with output.task() as task:
+        with output.task(LIMITS) as task:
             found = api.limits(experiment, (*CATALOGUE, *own), plan=plan, progress=task.say)
         write_planned(found.better, found.problem.experiment.origin_m, run.path)
         found.record.write(run / "limits.json")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from models import InputError
+from models import InputError, replaced
 from palpmap.export.body import ExportedBody
 from palpmap.export.febio import write_febio
 from palpmap.export.mujoco import write_mujoco
@@ -51,7 +51,8 @@ def export_run(run: Run, form: str, path: Path | None = None) -> tuple[Path, lis
                 f"press is then that of the fit to {100 * found.largest:.1f} %."
             )
         else:
-            WRITERS[form](body, path)
+            with replaced(path, f".part{ENDINGS[form]}") as beside:
+                WRITERS[form](body, beside)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); check --out") from error
     return path, said

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from models import replaced
 from palpmap.export.body import ExportedBody
 
 DENSITY = 1000.0  # kg/m^3; a static analysis does not use it
@@ -50,8 +49,7 @@ def write_febio(body: ExportedBody, path: Path) -> None:
         "</Output>",
         "</febio_spec>",
     ]
-    with replaced(path) as beside:
-        beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _rows(tag: str, table: np.ndarray) -> Iterable[str]:

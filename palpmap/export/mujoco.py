@@ -18,7 +18,7 @@ import numpy as np
 
 from fem import Mesh, PalpationModel, block_mesh
 from fem.contact import contact_weights
-from models import InputError
+from models import InputError, replaced
 from palpmap.export.body import ExportedBody
 
 if TYPE_CHECKING:
@@ -68,16 +68,19 @@ def write_mujoco(body: ExportedBody, path: Path) -> Agreement:
     names = (body.model.support.surface, *body.model.support.held)
     held = np.unique(np.concatenate([mesh.surface_nodes(name) for name in names]))
     vertices = mesh.nodes + body.origin_m
-    path.write_text(_mjcf(body, mesh, vertices, held, nu, factor * float(in_map[0])), "utf-8")
-    np.savez_compressed(
-        path.with_suffix(".npz"),
-        vertices_m=vertices,
-        elements=mesh.cells,
-        modulus_pa=factor * in_map,
-        map_pa=in_map,
-        weights=contact_weights(mesh, model.contacts).astype(np.float32),
-        compliance_m_per_n=fit.compliance_m_per_n,
-    )
+    with replaced(path.with_suffix(".npz")) as beside, beside.open("wb") as file:
+        np.savez_compressed(
+            file,
+            vertices_m=vertices,
+            elements=mesh.cells,
+            modulus_pa=factor * in_map,
+            map_pa=in_map,
+            weights=contact_weights(mesh, model.contacts).astype(np.float32),
+            compliance_m_per_n=fit.compliance_m_per_n,
+        )
+    with replaced(path) as beside:
+        mjcf = _mjcf(body, mesh, vertices, held, nu, factor * float(in_map[0]))
+        beside.write_text(mjcf, encoding="utf-8")
     return Agreement(factor, nu, float(np.abs(ratio / factor - 1).max()))
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models import replaced
 from palpmap.figures.style import settle
 from palpmap.paper.identical_twin import PaperResult, symbol
 
@@ -57,7 +58,8 @@ def _draw(number: int, results: Sequence[PaperResult], folder: Path) -> list[Pat
     paths = [folder / f"paper_test_{name}{ending}" for ending in (".png", ".svg")]
     settle(figure, _DPI)
     for path in paths:
-        figure.savefig(path, dpi=_DPI)
+        with replaced(path, f".part{path.suffix}") as beside:
+            figure.savefig(beside, dpi=_DPI)
     return paths
 
 

@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from palpmap.recording import entities as parts
+from palpmap.recording.integrity import examine
 
 LONGEST_FLUSH_S = 20.0
 Log = Callable[..., None]
@@ -74,6 +75,15 @@ class RecordingFile:
             raise OSError(errno.EIO, reason, str(self._path)) from error
 
     def close(self) -> None:
-        """Write the footer, which marks a whole recording."""
+        """Write the footer, which marks a whole recording.
+
+        Raises
+        ------
+        OSError
+            The file has no footer: the disk is full. It is readable as far as it goes.
+        """
         self.flush()
         self.stream.disconnect()
+        if not examine(self._path).closed:
+            reason = "the recording could not be written whole; make room on the disk"
+            raise OSError(errno.ENOSPC, reason, str(self._path))

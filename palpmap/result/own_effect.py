@@ -5,6 +5,7 @@ from pathlib import Path
 from string import Template
 
 from identify.residual import Comparison
+from models import replaced
 
 OWN_EFFECT = "own_effect.py"
 
@@ -120,4 +121,5 @@ def write_own_effect(pattern: str, path: Path) -> None:
     known = PATTERNS[pattern]
     bound = 1000 * known.size
     text = _FILE.substitute(vars(known), low=-bound, high=bound)
-    path.write_text(text, encoding="utf-8")
+    with replaced(path) as beside:
+        beside.write_text(text, encoding="utf-8")

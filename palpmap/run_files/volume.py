@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identify.map import FreeMap
+from models import replaced
 from palpmap.result.finding import Finding
 
 
@@ -37,4 +38,5 @@ def write_vti(finding: Finding, path: Path) -> None:
         # VTK's first axis runs fastest
         volume.point_data[name] = value.reshape(grid.counts).ravel(order="F").astype(np.float32)
     volume.set_active_scalars("modulus_pa")
-    volume.save(path)
+    with replaced(path, ".part.vti") as beside:
+        volume.save(beside)

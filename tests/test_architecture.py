@@ -40,6 +40,7 @@ ORDER = {
 GROUND = {
     "fem.errors",
     "palpmap.console",
+    "palpmap.progress",
     "palpmap.record",
     "palpmap.run_folder",
     "palpmap.units",

@@ -21,6 +21,7 @@ from palpmap.importing.streams.stream import Stream, in_base, read_force, read_p
 from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
+MOST_ROUNDS, SETTLED_S = 4, 3.0e-3
 UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 
@@ -73,20 +74,27 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     pose, offset = pose.later(way.offset_s), offset + way.offset_s
     mean_direction, spans = way.direction, way.spans
     stated = _stated_directions(recording, rig, pose, offset)
-    windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
-    windows = [window for window in windows if window is not None]
-    rough_contacts = [_contact_or_none(window) for window in windows]
+    lag = None
+    for _ in range(MOST_ROUNDS):  # where the contact begins depends on the lag, and it on that
+        windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
+        windows = [window for window in windows if window is not None]
+        rough_contacts = [_contact_or_none(window) for window in windows]
+        if rig.pose.clock_offset_s is not None:
+            break
+        more = _lag_of(windows, rough_contacts, pose)
+        if more is None:
+            break
+        pose = Stream(
+            pose.time_s + more.at(pose.time_s), pose.values, pose.gaps + more.at(pose.gaps)
+        )
+        lag = more if lag is None else lag.and_then(more)
+        if abs(more.lag_s) < SETTLED_S:
+            break
     unweighed = force
     if rig.force.frame == "tip" and force.values.shape[1] == 3:
         force = without_weight(force, pose, windows, rough_contacts, said)
-    lag = None
     if rig.pose.clock_offset_s is None:
-        lag = _lag_of(windows, rough_contacts, pose)
         said.append(_lag_words(lag, offset))
-        if lag is not None:
-            pose = Stream(
-                pose.time_s + lag.at(pose.time_s), pose.values, pose.gaps + lag.at(pose.gaps)
-            )
     if rig.press.direction == TRAVEL:
         touching = [
             window.direction

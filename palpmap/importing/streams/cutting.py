@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +21,7 @@ FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
 LAW = 0.006  # of the travel: what the unknown law of the force adds to the touch's error
 SAME_PLACE_M = 1.0e-3
+SURELY_IN = 0.2  # of the travel
 SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
 UNRECOVERED = 0.05  # of the travel before: how deep the surface may still lie, one deviation
 
@@ -85,7 +85,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     streams = aligned(recording, rig, said)
     lag = streams.lag
     presses, left_out, free = _cut_all(streams, rig)
-    presses = _unrecovered([_widened(press, lag) for press in presses], said)
+    presses = _unrecovered([_widened(press, lag) for press in presses], streams.pose, said)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -172,17 +172,22 @@ def _widened(press: CutPress, lag: Lag | None) -> CutPress:
     return replace(press, touch_error_m=float(error))
 
 
-def _unrecovered(presses: Sequence[CutPress], said: list[str]) -> list[CutPress]:
-    """Widen the touch's error of presses soon after another at the same place."""
-    found = list(presses)
-    for k, (before, press) in enumerate(pairwise(presses), start=1):
-        rest = press.touch_s - before.release_s
-        apart = float(np.linalg.norm(press.point_m - before.point_m))
-        if apart > SAME_PLACE_M or rest > SOON * (before.release_s - before.touch_s):
+def _unrecovered(presses: Sequence[CutPress], pose: Stream, said: list[str]) -> list[CutPress]:
+    """Widen the touch's error of presses soon after another, cut or left out, at the same place."""
+    found = []
+    for press in presses:
+        rows = pose.time_s < press.touch_s
+        offset = pose.values[rows, :3] - press.point_m
+        depth = offset @ press.direction
+        beside = np.linalg.norm(offset - depth[:, None] * press.direction, axis=1)
+        deep = SURELY_IN * float(press.displacement_m.max())
+        inside = np.flatnonzero((beside < SAME_PLACE_M) & (depth > deep))
+        rest = press.touch_s - float(pose.time_s[inside[-1]]) if len(inside) else np.inf
+        if rest > SOON * len(inside) * pose.step_s:
+            found.append(press)
             continue
-        sunk = UNRECOVERED * float(before.displacement_m.max())
-        error = float(np.hypot(press.touch_error_m, sunk))
-        found[k] = replace(press, touch_error_m=error)
+        error = float(np.hypot(press.touch_error_m, UNRECOVERED * depth[inside].max()))
+        found.append(replace(press, touch_error_m=error))
         said.append(
             f"The press at {press.touch_s:.2f} s follows another at the same place after "
             f"{rest:.2g} s: the body may not have recovered, so its depth of first touch is known "

@@ -16,8 +16,8 @@ MEAN_S = 0.11  # both are averaged alike: a pose's remaining noise makes the for
 GAP_S = 0.03  # messages missing: the mean around them is not used
 CORNER_SMOOTHED_S = 0.08
 CORNER_S, CORNER = 0.08, 0.7  # a change of speed by this share in twice this time is a corner
-CLOSE_S, LOOSE_S = 1.0e-3, 5.0e-3  # what the force's law adds to the lag's error
-FURTHEST_S, SEARCH_STEP_S = 0.16, 0.004
+SHARPNESS, LAW_S = (0.7, 0.95), (7.0e-3, 1.0e-3)  # what the force's law adds to the lag's error
+FURTHEST_S, SEARCH_STEP_S = 0.24, 0.004
 TRIMMED_S = 0.06  # of both ends of a contact, where lag and touch mix
 CONTACT_SHARE = 0.07  # of a press's travel: below it the touch itself disturbs
 CORNER_SHARE = 0.1
@@ -52,6 +52,10 @@ class Lag:
         """Return the lag at times of the pose's clock, s."""
         return self.lag_s + self.rate * (time_s - self.middle_s)
 
+    def and_then(self, more: Lag) -> Lag:
+        """Return the sum with what was found after this lag was taken out."""
+        return replace(more, lag_s=self.lag_s + more.lag_s, rate=self.rate + more.rate)
+
 
 def find_lag(
     force_time: Sequence[np.ndarray],
@@ -75,9 +79,9 @@ def find_lag(
     courses = [_course(*one) for one in zip(force_time, force, pose_time, travel, strict=True)]
     courses = [course for course in courses if course is not None]
     sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
-    corners = bool(sharp) and float(np.median(sharp)) > CORNER
+    sharpness = float(np.median(sharp)) if sharp else 0.0
     # a soft motion does not tell: a lag then does as well as relaxation
-    if courses and corners and not _relaxes(courses):
+    if courses and sharpness > CORNER and not _relaxes(courses):
         courses = [replace(course, relaxing=course.relaxing[:, :0]) for course in courses]
     middles, lags, errors = [], [], []
     for course in courses:
@@ -106,8 +110,10 @@ def find_lag(
     rate_error = spread / np.sqrt(np.sum((middle[kept] - centre) ** 2) + 1e-12)
     if abs(line[1]) < 5 * rate_error or abs(line[1]) * np.ptp(middle) < 1e-3:
         line[:] = float(np.average(lag[kept], weights=error[kept] ** -2)), 0.0
-    total = float(np.hypot(scale, CLOSE_S if corners else LOOSE_S))
-    return Lag(float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), corners)
+    total = float(np.hypot(scale, np.interp(sharpness, SHARPNESS, LAW_S)))
+    return Lag(
+        float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), sharpness > SHARPNESS[1]
+    )
 
 
 def _sharpest(time: np.ndarray, travel: np.ndarray) -> float:

@@ -55,14 +55,11 @@ class BodyModel:
         sphere = self.coarse.contacts.profile == "hertz"
         contacts, note = contacts_of(scan, sphere, most_m)
 
-        def pressed(model: PalpationModel, near_field: bool = True) -> PalpationModel:
-            return PalpationModel(
-                model.mesh, model.stiffness.poisson_ratio, contacts,
-                near_field=near_field, support=model.support,
-            )  # fmt: skip
+        def pressed(model: PalpationModel) -> PalpationModel:
+            return model.on(model.mesh, contacts)
 
         coarse = pressed(self.coarse)
-        search = coarse if self.search is self.coarse else pressed(self.search, near_field=False)
+        search = coarse if self.search is self.coarse else pressed(self.search)
         if self.fine is self.coarse:
             return BodyModel(search, coarse, coarse, note)
         if isinstance(self.fine, RefinedModel):

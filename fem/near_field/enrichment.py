@@ -62,11 +62,13 @@ class Enrichment(NamedTuple):
         are not close to a tip, and where a cell's mean change of volume is resisted the part of
         that over the cells that are
     close : integrals over the cells close to this tip or another, at their `CLOSE_SAMPLES`
+    computed : the same by cell, far from the tips and close to them, for other presses and meshes
     """
 
     load: np.ndarray
     ordinary: tuple[CellIntegrals, ...]
     close: CellIntegrals
+    computed: tuple[Shared, Shared]
 
 
 class Neighbourhood(NamedTuple):
@@ -117,6 +119,7 @@ def enrich(
     weights: np.ndarray,
     places: Sequence[Neighbourhood],
     close: np.ndarray,
+    known: Enrichment | None = None,
 ) -> Enrichment:
     """Integrate the enrichments of all presses.
 
@@ -126,6 +129,7 @@ def enrich(
     weights : (j, n, 3) contact weights
     places : of the presses
     close : (c,) cells with modulus samples of their own
+    known : of the same material and kind of tip on another mesh or under other presses
     """
     profile, nu = contacts.profile_code, stiffness.poisson_ratio
     near = [place.cells[np.isin(place.cells, close)] for place in places]
@@ -146,15 +150,16 @@ def enrich(
         mean = _mean_parts(stiffness, near[j][which], dilatation)
         return *_stored(own, energy), *_stored(*mean)
 
-    found = over_all(places, stiffness.mesh, far, of_far)
-    ordinary = [cell_integrals(far, found.rows, found.arrays)]
-    found = over_all(places, stiffness.mesh, near, of_near)
+    before = (None, None) if known is None else known.computed
+    away = over_all(places, stiffness.mesh, far, of_far, before[0])
+    ordinary = [cell_integrals(far, away.rows, away.arrays)]
+    found = over_all(places, stiffness.mesh, near, of_near, before[1])
     at_close = cell_integrals(near, found.rows, found.arrays[:2])
     if stiffness.mean_lame > 0:
         ordinary.append(cell_integrals(near, found.rows, found.arrays[2:]))
     at_close = at_close._replace(table=np.searchsorted(close, at_close.cells))
     load = [_load(surface, contacts, j, places[j], nu, weights[j]) for j in range(len(places))]
-    return Enrichment(np.array(load), tuple(ordinary), at_close)
+    return Enrichment(np.array(load), tuple(ordinary), at_close, (away, found))
 
 
 def cell_integrals(
@@ -171,12 +176,13 @@ def over_all(
     mesh: Mesh,
     cells: Sequence[np.ndarray],
     compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
+    known: Shared | None = None,
 ) -> Shared:
     """Compute integrals over some cells of each press, see `fem.near_field.reuse.shared`."""
     local = [p.local[mesh.cells[own]] for p, own in zip(places, cells, strict=True)]
     alike = [b"".join([p.frame.tobytes(), p.shape.tobytes(), bytes(str(p.radius), "ascii")])
              for p in places]  # fmt: skip
-    return shared(local, alike, np.array([place.radius for place in places]), compute)
+    return shared(local, alike, np.array([place.radius for place in places]), compute, known)
 
 
 def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

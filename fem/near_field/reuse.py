@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from hashlib import blake2b
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,10 +19,14 @@ _ALIKE = 1e-8  # of the tip's radius: nodes closer than this are at the same pla
 
 
 class Shared(NamedTuple):
-    """Arrays (n, ...) over the different cells, and each press's rows (c,) in them."""
+    """Arrays (n, ...) over the different cells, and each press's rows (c,) in them.
+
+    `keys` (n,) tell the cells apart; sorted.
+    """
 
     arrays: tuple[np.ndarray, ...]
     rows: list[np.ndarray]
+    keys: np.ndarray
 
 
 def shared(
@@ -29,7 +34,7 @@ def shared(
     alike: Sequence[bytes],
     radius_m: np.ndarray,
     compute: Callable[[int, np.ndarray], tuple[np.ndarray, ...]],
-    most_different: float = 0.7,
+    known: Shared | None = None,
 ) -> Shared:
     """Return arrays over the cells of all presses, those that lie alike computed and kept once.
 
@@ -39,38 +44,41 @@ def shared(
     alike : for each press a key of all else that its integrals depend on
     radius_m : (j,) of the tips
     compute : arrays (c, ...) of press j for some of its cells (indices); called by several threads
-    most_different : share of the cells; if more are different, each press has its own
+    known : arrays of other presses or of another mesh, computed alike; taken where cells lie alike
     """
-    kinds = {kind: number for number, kind in enumerate(dict.fromkeys(alike))}
     keys = np.concatenate(
         [
-            _hashes(np.rint(nodes / (_ALIKE * radius)), kinds[kind])
+            _hashes(np.rint(nodes / (_ALIKE * radius)), kind)
             for nodes, kind, radius in zip(local, alike, radius_m, strict=True)
         ]
     )
-    _, first, back = np.unique(keys, return_index=True, return_inverse=True)
-    if len(first) > most_different * len(keys):
-        first = back = np.arange(len(keys))
+    different, first, back = np.unique(keys, return_index=True, return_inverse=True)
     begin = np.cumsum([0, *(len(nodes) for nodes in local)])
     # The first cell of each kind is computed, by the press that it belongs to
-    order = np.argsort(first)
+    new = np.ones(len(first), bool) if known is None else ~np.isin(different, known.keys)
+    order = np.flatnonzero(new)[np.argsort(first[new])]
     press = np.searchsorted(begin, first[order], "right") - 1
     busy = np.unique(press) if len(press) else np.zeros(1, int)
     own = [first[order][press == j] - begin[j] for j in busy]
     with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
         parts = list(pool.map(compute, busy, own))
-    every = tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     place = np.empty(len(first), np.int64)
-    place[order] = np.arange(len(first))
-    rows = place[back.ravel()]
-    return Shared(every, [rows[b:e] for b, e in pairwise(begin)])
+    place[order] = np.arange(len(order))
+    if known is not None:
+        taken = np.searchsorted(known.keys, different[~new])
+        parts.append(tuple(array[taken] for array in known.arrays))
+        place[~new] = len(order) + np.arange(len(taken))
+    # By key, as they are looked up
+    every = tuple(np.concatenate(arrays)[place] for arrays in zip(*parts, strict=True))
+    return Shared(every, [back.ravel()[b:e] for b, e in pairwise(begin)], different)
 
 
-def _hashes(rows: np.ndarray, kind: int) -> np.ndarray:
+def _hashes(rows: np.ndarray, kind: bytes) -> np.ndarray:
     """Hash whole numbers (c, nodes, 3), cells of one kind, to 64 bits each, (c,)."""
+    own = int.from_bytes(blake2b(kind, digest_size=8).digest(), "little")
     rows = rows.reshape(len(rows), rows.shape[1] * rows.shape[2])
     odd = np.random.default_rng(0).integers(1 << 62, size=rows.shape[1] + 1, dtype=np.uint64)
     odd = 2 * odd + np.uint64(1)
     with np.errstate(over="ignore"):
-        mixed = rows.astype(np.int64).view(np.uint64) @ odd[1:] + np.uint64(kind) * odd[0]
+        mixed = rows.astype(np.int64).view(np.uint64) @ odd[1:] + np.uint64(own) * odd[0]
         return mixed ^ (mixed >> np.uint64(29))

@@ -89,6 +89,7 @@ class PalpationModel:
     support : of the body, in place of `fixed_surface`
     skin_surface : name of the surface that bears a skin, where one is evaluated
     iterative_from : number of unknowns from which iterations replace factors in double precision
+    like : model of the same material and kind of tip, whose near fields serve where cells lie alike
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class PalpationModel:
         support: Support | None = None,
         skin_surface: str = "top",
         iterative_from: int = LARGE,
+        like: PalpationModel | None = None,
     ) -> None:
         self.mesh = mesh
         self.contacts = contacts
@@ -124,20 +126,22 @@ class PalpationModel:
                 )
             self.close_cells = close_cells(mesh, places)
             self.enrichment = enrich(
-                self.stiffness, surface, contacts, self._weights, places, self.close_cells
-            )
+                self.stiffness, surface, contacts, self._weights, places, self.close_cells,
+                None if like is None else like.enrichment,
+            )  # fmt: skip
 
-    def on(self, mesh: Mesh) -> PalpationModel:
-        """Return the same model on another mesh."""
+    def on(self, mesh: Mesh, contacts: Contacts | None = None) -> PalpationModel:
+        """Return the same model on another mesh, or under other contacts of this kind."""
         return PalpationModel(
             mesh,
             self.stiffness.poisson_ratio,
-            self.contacts,
+            self.contacts if contacts is None else contacts,
             near_field=self.enrichment is not None,
             solver=self._solver,
             support=self.support,
             skin_surface=self._skin_surface,
             iterative_from=self._iterative_from,
+            like=self,
         )
 
     def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> ConstrainedBody:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fem import PalpationModel, SolverError
+from fem import Contacts, PalpationModel, SolverError
 from fem.palpation import Response, shape_gain
 from fem.reduced import ReducedBases, ReducedResponse
 from identify.body.compliance import positive_modulus
@@ -82,6 +82,16 @@ class BodyMechanics:
             return PalpationModel(coarse.mesh, nu, coarse.contacts, support=coarse.support)
 
         return cls(coarse, None if fine is coarse else fine, at, ratio)
+
+    def under(self, contacts: Contacts) -> BodyMechanics:
+        """Return the mechanics of other presses, without a finer model."""
+        coarse = self.coarse
+
+        def at(nu: float) -> PalpationModel:
+            like = self._others.get(nu)
+            return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support, like=like)
+
+        return BodyMechanics(coarse.on(coarse.mesh, contacts), None, at, settings=self.settings)
 
     def sharing(self, other: BodyMechanics) -> BodyMechanics:
         """Return the mechanics with the solutions and bases of another one of this coarse model."""

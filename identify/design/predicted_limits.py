@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fem import Contacts, PalpationModel
+from fem import Contacts
 from fem.contact import PressedSurface
 from identify.body.mechanics import BodyMechanics
 from identify.design.detection_limits import Limit, limits_at
@@ -85,13 +85,7 @@ def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
     )
     if same:
         return mechanics
-    coarse, contacts = mechanics.coarse, _contacts(fit, presses)
-
-    def at_poisson_ratio(nu: float) -> PalpationModel:
-        return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support)
-
-    other = BodyMechanics(at_poisson_ratio(mechanics.poisson_ratio), None, at_poisson_ratio)
-    other = other.corrected(fit.map, fit.at.state)
+    other = mechanics.under(_contacts(fit, presses)).corrected(fit.map, fit.at.state)
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)

@@ -1,13 +1,12 @@
 """What presses share of their near fields: little is computed, and nothing is mixed up."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fem import Contacts, PalpationModel, block_mesh
-from fem.near_field import enrichment
+from fem.mesh import moved_sides
+from fem.near_field import enrichment, reuse
 from fem.near_field.reuse import shared
 
 SIZE = (0.048, 0.048, 0.024)
@@ -19,14 +18,19 @@ def modulus_at(points: np.ndarray) -> np.ndarray:
     return 6e3 + 2e4 * np.exp(-distance / (2 * 0.006**2))
 
 
+def all_different(rows: np.ndarray, kind: bytes) -> np.ndarray:
+    return np.random.default_rng(abs(hash(rows.tobytes()))).integers(1 << 62, size=len(rows))
+
+
 @pytest.mark.parametrize("radii", [(0.004,), (0.003, 0.005)])
 @pytest.mark.parametrize("nu", [0.3, 0.49])
 def test_bodies_answer_the_same_whether_or_not_integrals_are_shared(radii, nu, monkeypatch):
     contacts = Contacts(PLACES, (0, 0, -1), np.resize(radii, len(PLACES)))
     mesh = block_mesh(SIZE, (4, 4, 2))
     found = []
-    for share in (1.0, 0.0):
-        monkeypatch.setattr(enrichment, "shared", partial(shared, most_different=share))
+    for share in (True, False):
+        if not share:
+            monkeypatch.setattr(reuse, "_hashes", all_different)
         model = PalpationModel(mesh, nu, contacts)
         direction = np.array([0.8, 0.6, 0.0])
         fibres = direction, np.full(len(model.points_m), 300.0)
@@ -78,7 +82,35 @@ def test_where_all_cells_differ_each_press_computes_its_own():
 
 def test_a_body_without_cells_to_share_is_none():
     empty = np.empty((0, 4, 3))
-    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,),
-                   most_different=-1.0)  # fmt: skip
+    found = shared([empty, empty], [b"", b""], np.ones(2), lambda j, which: (which * 1.0,))
     assert [len(rows) for rows in found.rows] == [0, 0]
     assert len(found.arrays[0]) == 0
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_another_mesh_and_other_presses_take_what_is_known(nu, monkeypatch):
+    contacts = Contacts(PLACES, (0, 0, -1), 0.004)
+    mesh = block_mesh(SIZE, (4, 4, 2))
+    first = PalpationModel(mesh, nu, contacts)
+    computed = []
+    integrals = enrichment._integrals
+
+    def counted(stiffness, place, cells, *rest):
+        computed.append(len(cells))
+        return integrals(stiffness, place, cells, *rest)
+
+    monkeypatch.setattr(enrichment, "_integrals", counted)
+    turned = Contacts(PLACES[::-1] + PLACES[:2], (0, 0, -1), 0.004)
+    again = first.on(mesh, turned)
+    assert sum(computed) == 0
+    moved = moved_sides(mesh, (0.001, 0.0))
+    elsewhere = first.on(moved)
+    few = sum(computed)
+    for model, alone in ((again, PalpationModel(mesh, nu, turned)),
+                         (elsewhere, PalpationModel(moved, nu, contacts))):  # fmt: skip
+        field = modulus_at(model.points_m)
+        response, expected = model.evaluate(field), alone.evaluate(field)
+        assert_allclose(response.compliance, expected.compliance, rtol=1e-6)
+        scale = np.abs(expected.sensitivity).max()
+        assert_allclose(response.sensitivity, expected.sensitivity, atol=1e-5 * scale)
+    assert 0 < few < 0.4 * sum(computed)

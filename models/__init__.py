@@ -3,7 +3,7 @@
 from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
-from models.press_program import PressProgram, grid_program, read_program
+from models.press_program import PressProgram, grid_program, read_program, write_program
 from models.replaced import replaced
 from models.scan import Scan
 from models.scan_columns import PHASES, nearest
@@ -37,5 +37,6 @@ __all__ = [
     "thinned",
     "touching",
     "without_outliers",
+    "write_program",
     "write_scan",
 ]

@@ -1,10 +1,12 @@
 """Runs of the `palpmap` command that several files of tests look at, each made only once."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -44,16 +46,8 @@ sys.exit(done.returncode)
 """
 
 
-TOGETHER = {
-    "pipeline/test_demo": ("pipeline/test_compare", "pipeline/test_recording"),
-    "report/test_explain_report": (
-        "report/test_explain_recording",
-        "report/test_explain_stop",
-        "report/test_four_faces",
-        "cli/test_suspects",
-    ),
-}
-"""Files that share a long run and so one process (xdist's groups fail with newer pytests)."""
+SHARED = re.compile(r"def \w+\([^)]*\b(demo|explained_case)\b")
+"""Use of a long run: its files share one process (xdist's groups fail with newer pytests)."""
 
 
 LONGEST = (
@@ -77,16 +71,15 @@ def pytest_xdist_make_scheduler(config, log):
     """Give every process whole files, and files that share a long run to the same one."""
     from xdist.scheduler import LoadFileScheduling
 
-    leader = {
-        f"tests/palpmap/{file}.py": f"tests/palpmap/{name}.py"
-        for name in TOGETHER
-        for file in TOGETHER[name]
-    }
+    @cache
+    def group(file: str) -> str:
+        path = config.rootpath / file
+        shared = SHARED.search(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return shared[1] if shared else file
 
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid):
-            file = super()._split_scope(nodeid)
-            return leader.get(file, file)
+            return group(super()._split_scope(nodeid))
 
     return Scheduling(config, log)
 

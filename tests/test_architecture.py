@@ -4,6 +4,7 @@ import ast
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -71,8 +72,14 @@ def modules(root: Path) -> dict[str, ast.Module]:
         for path in sorted((root / package).rglob("*.py")):
             parts = path.relative_to(root).with_suffix("").parts
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-            found[name] = ast.parse(path.read_text(encoding="utf-8"), str(path))
+            found[name] = parsed(path.read_text(encoding="utf-8"))
     return found
+
+
+@cache
+def parsed(text: str) -> ast.Module:
+    """Return the syntax tree of a source, parsed once for all tests."""
+    return ast.parse(text)
 
 
 def imports(tree: ast.Module, name: str, known: set[str]) -> Iterator[tuple[str, int]]:

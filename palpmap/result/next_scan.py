@@ -1,17 +1,15 @@
 """Proposed scans as press programs (docs/files.md)."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from identify.design import Assessment, BetterScans, Presses, Proposal
-from models import replaced
+from models import PressProgram, write_program
 from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.body_model import cell_size_m, smallest_cell_m
 
-COLUMNS = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s", "unload_s", "pause_s")
 PROGRAM = "next_scan_{}.csv"
 PLANNED = "scan_{}.csv"
 REPEAT = "repeat_presses.csv"
@@ -104,12 +102,15 @@ def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:
 
     Where the scan has no rows of holding or unloading, the press still has to do so.
     """
-    with replaced(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for j in range(len(presses)):
-            x, y = presses.point_m[j, :2] + origin_m[:2]
-            numbers = (x, y, presses.radius_m[j], presses.force_n[j], presses.ramp_s[j],
-                       presses.hold_s[j] or _HOLD_S, presses.unload_s[j] or _UNLOAD_S,
-                       presses.pause_s[j])  # fmt: skip
-            writer.writerow([f"{number:.6g}" for number in numbers])
+    x, y = (presses.point_m[:, :2] + origin_m[:2]).T
+    program = PressProgram(
+        x_m=x,
+        y_m=y,
+        radius_m=presses.radius_m,
+        force_n=presses.force_n,
+        ramp_s=presses.ramp_s,
+        hold_s=np.where(presses.hold_s > 0, presses.hold_s, _HOLD_S),
+        unload_s=np.where(presses.unload_s > 0, presses.unload_s, _UNLOAD_S),
+        pause_s=presses.pause_s,
+    )
+    write_program(program, path)

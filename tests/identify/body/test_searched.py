@@ -19,14 +19,20 @@ def moved(amount: float, seed: int = 1) -> GaussianMap:
     return GaussianMap.from_values(MAP.values + steps)
 
 
-@pytest.fixture
-def mechanics():
+@pytest.fixture(scope="module")
+def models():
     points = [(x, y, 0.03) for x in (0.018, 0.042) for y in (0.018, 0.040)]
     contacts = Contacts(np.array(points), np.array([0, 0, -1.0]), np.array(0.005))
     coarse, fine = (
         PalpationModel(block_mesh(SIZE, cells), 0.45, contacts) for cells in ((4, 4, 2), (6, 6, 3))
     )
-    return BodyMechanics.of(coarse, RefinedModel(coarse, fine))
+    return coarse, RefinedModel(coarse, fine)
+
+
+@pytest.fixture
+def mechanics(models):
+    """Mechanics that know no solution yet."""
+    return BodyMechanics.of(*models)
 
 
 def counted(monkeypatch, model: PalpationModel) -> list[int]:

@@ -83,8 +83,15 @@ def flat(seed: int, change=lambda d, f: (d, f)) -> FreeCompliance:
     return presses(*change(DEPTH_M * share + 0 * e, DEPTH_M * share * stiffness), seed)
 
 
-def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name():
-    law = contact_law(ball(0, threshold_n=0.05), CATALOGUE)
+@pytest.fixture(scope="module")
+def late_ball():
+    """A ball's presses whose touch is declared at a force, and their law."""
+    own = ball(0, threshold_n=0.05)
+    return own, contact_law(own, CATALOGUE)
+
+
+def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name(late_ball):
+    _, law = late_ball
     assert law.plain.chi2_per_dof > CONTACT_LAW.bent
     assert "spherical_tip" in law.names
     assert len(law.names) == 2
@@ -107,21 +114,19 @@ def test_a_ball_whose_touch_is_declared_late_by_a_length_is_found():
     assert law.share > 0.9
 
 
-def test_the_compliances_beside_the_law_follow_the_planted_moduli():
-    own = ball(2, threshold_n=0.05)
-    law = contact_law(own, CATALOGUE)
-    product = np.log(law.found.compliance * moduli(2))
+def test_the_compliances_beside_the_law_follow_the_planted_moduli(late_ball):
+    own, law = late_ball
+    product = np.log(law.found.compliance * moduli(0))
     assert np.std(product) < 0.03
-    assert np.std(np.log(law.plain.compliance * moduli(2))) > 3 * np.std(product)
+    assert np.std(np.log(law.plain.compliance * moduli(0))) > 3 * np.std(product)
     line = straightened(law.found, own.readings)
     slope = np.bincount(own.readings.press, line * own.readings.force_n)
     slope /= np.bincount(own.readings.press, own.readings.force_n**2)
     np.testing.assert_allclose(slope, law.found.compliance, rtol=0.05)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_straight_lines_call_for_no_law(seed):
-    own = flat(seed)
+def test_straight_lines_call_for_no_law():
+    own = flat(3)
     law = contact_law(own, CATALOGUE)
     assert law.names == ()
     assert own.fit(()).chi2_per_dof == pytest.approx(1, abs=0.3)

@@ -13,9 +13,13 @@ def own():
     return model(scan(true_compliance()[press] * force, force, 7))
 
 
+@pytest.fixture(scope="module")
+def found(own):
+    return fit_jointly(own, TRUE)
+
+
 @pytest.mark.parametrize(("weight_pa", "z_m"), [(400e3, 0.0225), (1e6, 0.02)])
-def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, weight_pa, z_m):
-    found = fit_jointly(own, TRUE)
+def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, found, weight_pa, z_m):
     far = TRUE.changed({"inclusion_1.weight_pa": weight_pa, "inclusion_1.z_m": z_m})
     stale = fit_jointly(own.corrected(own.start(far)), TRUE, rounds=0)
     away = np.abs(stale.u - found.u) / np.sqrt(np.diag(found.solution.noise_covariance))

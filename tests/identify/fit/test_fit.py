@@ -222,18 +222,18 @@ def test_both_optimisers_end_at_the_same_map(twin, twin_fit):
 def test_the_intervals_hold_the_truth_as_often_as_they_say(twin):
     exact = compliance(twin, TRUTH)
     fits = [
-        fit_scan(make_scan(exact, seed=100 + s), twin, noise=NOISE, start=TRUTH) for s in range(100)
+        fit_scan(make_scan(exact, seed=100 + s), twin, noise=NOISE, start=TRUTH) for s in range(60)
     ]
     for name, truth in zip(FREE, TRUTH.values, strict=True):
         estimates = [fit.parameters[name] for fit in fits]
         held = sum(e.lower95 <= truth <= e.upper95 for e in estimates)
-        # 95 +- 2.2 of 100; this band is left once in a few hundred tests by chance.
-        assert 88 <= held <= 100, name
+        # 57 +- 1.7 of 60; this band is left once in a thousand tests by chance.
+        assert 51 <= held <= 60, name
         spread = np.std([e.value for e in estimates])
-        # A standard deviation from 100 draws is itself good to 7 %.
+        # A standard deviation from 60 draws is itself good to 9 %.
         assert spread == pytest.approx(np.mean([e.std for e in estimates]), rel=0.25), name
     mean = np.mean([fit.chi2_per_dof for fit in fits])
-    assert mean == pytest.approx(1.0, abs=5 * np.sqrt(2 / (833 * 100)))
+    assert mean == pytest.approx(1.0, abs=5 * np.sqrt(2 / (833 * 60)))
 
 
 def test_two_inclusions_are_found(twin):

@@ -13,7 +13,7 @@ from identify.residual.whitened import Whitened
 from models.scan import Scan
 
 NOISE = Noise(2e-5, 5e-3)
-SEEDS = 400
+SEEDS = 200
 
 
 def law(theta, xy):
@@ -136,11 +136,11 @@ def test_noise_alone_is_called_structure_in_at_most_one_scan_of_a_hundred():
         comparison = compare_residual(scan_of(seed, grid=7))
         alarms += not comparison.is_noise
         p_values.append([t.p_value for t in comparison.tests])
-    # The family-wise level is 1 %: 400 scans give 4 +- 2 alarms; 12 have a chance of 0.1 %.
-    assert alarms <= 12
+    # The family-wise level is 1 %: 200 scans give 2 +- 1.4 alarms; 8 have a chance of 0.1 %.
+    assert alarms <= 7
     often = np.mean(np.array(p_values) < 0.05, axis=0)
-    # Each test by itself: 5 % +- 1.1 %.
-    assert np.all(often < 0.05 + 4 * 0.011), dict(zip(QUESTIONS, often, strict=True))
+    # Each test by itself: 5 % +- 1.5 %.
+    assert np.all(often < 0.05 + 4 * 0.015), dict(zip(QUESTIONS, often, strict=True))
 
 
 def test_the_measured_force_in_place_of_the_latent_one_fabricates_structure():
@@ -285,13 +285,13 @@ def sign(scan):
     ],
 )  # fmt: skip
 def test_a_law_that_takes_nearly_all_is_said_with_its_size(name, plant, value, says):
-    found = compare_residual(scan_of(5, plant)).law
+    comparison = compare_residual(scan_of(5, plant))
+    found = comparison.law
     assert found is not None
     assert found.name == name
     assert found.value == pytest.approx(value, abs=0.1 * abs(value) + 3 * found.error)
     assert found.error < 0.1 * abs(value)
     assert 0.85 < found.share <= 1
-    comparison = compare_residual(scan_of(5, plant))
     assert says in comparison.statement
     assert f"{100 * found.share:.0f} % of it goes with {found.words}." in comparison.statement
 
@@ -299,7 +299,7 @@ def test_a_law_that_takes_nearly_all_is_said_with_its_size(name, plant, value, s
 FOLLOW_NO_LAW = [name for name in PLANTED if name != "a gain that drifts"]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_follows_no_law_gets_none(seed):
     def creep(scan, c, share):
         return share * c * scan.force_n * (1 - np.exp(-since_touch(scan)))

@@ -21,9 +21,15 @@ def table_with(change_m: np.ndarray, seed: int):
     return scan(true_compliance()[press] * force + change_m, force, seed)
 
 
-def test_an_answer_that_all_readings_call_for_holds_on_some_of_them():
+@pytest.fixture(scope="module")
+def late_touch():
+    """A scan whose travel counts from too early, and its explanation."""
     table = table_with(np.full(25 * 22, OFFSET_M), 5)
-    answer = explained(table)
+    return table, explained(table)
+
+
+def test_an_answer_that_all_readings_call_for_holds_on_some_of_them(late_touch):
+    table, answer = late_touch
     assert answer.added == ("contact_offset",)
     some = table.time_s % 3 > 1
     others = table.rows(some)
@@ -56,9 +62,8 @@ def swaying(table):
     return table.replace(displacement_m=table.displacement_m + swing_m)
 
 
-def test_an_answer_beside_which_only_the_other_readings_are_structured_does_not_hold():
-    table = table_with(np.full(25 * 22, OFFSET_M), 7)
-    answer = explained(table)
+def test_an_answer_beside_which_only_the_other_readings_are_structured_does_not_hold(late_touch):
+    table, answer = late_touch
     every = np.ones(len(table), bool)
     other = swaying(table)
     assert confirmed(answer, model(table), table, every, print) is not None

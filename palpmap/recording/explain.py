@@ -27,7 +27,13 @@ from palpmap.recording.explain_layout import (
     explain_layout,
 )
 from palpmap.recording.explain_text import about_text, candidates_text
-from palpmap.recording.fit import log_iteration, log_residuals, style_parameters
+from palpmap.recording.fit import (
+    dot_radius_m,
+    log_iteration,
+    log_residuals,
+    send_presses,
+    style_parameters,
+)
 from palpmap.recording.layout import Stage
 from palpmap.recording.maps import (
     MapViews,
@@ -196,11 +202,8 @@ def _press_times(finding: Finding) -> NDArray[np.float64]:
 def _send(
     file: RecordingFile, entity: str, finding: Finding, values: NDArray[np.float64]
 ) -> None:  # fmt: skip
-    when = [
-        rr.TimeColumn(parts.SIM_TIME, duration=_press_times(finding)),
-        rr.TimeColumn(parts.PRESS, sequence=finding.scan.press_ids.astype(np.int64)),
-    ]
-    file.stream.send_columns(entity, when, rr.Scalars.columns(scalars=values))
+    ids = finding.scan.press_ids.astype(np.int64)
+    send_presses(file, entity, ids, _press_times(finding), values)
 
 
 def _views(finding: Finding, explained: Explanation) -> list[MapViews]:
@@ -245,9 +248,7 @@ def _paint_before(file: RecordingFile, painted: _Painted) -> None:
 
 
 def _dots(painted: _Painted, colors: NDArray[np.uint8]) -> rr.Points3D:
-    extent = float(np.ptp(painted.points_m, axis=0).max())
-    radius = 0.45 * extent / np.sqrt(len(painted.points_m)) if extent > 0 else 0.005
-    return rr.Points3D(painted.points_m, radii=radius, colors=colors)
+    return rr.Points3D(painted.points_m, radii=dot_radius_m(painted.points_m), colors=colors)
 
 
 def _rms_colors(painted: _Painted, number: int) -> NDArray[np.uint8]:

@@ -2,11 +2,19 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import rerun.blueprint as rrb
 
 from palpmap.recording import entities as parts
-from palpmap.recording.layout import Stage, eye_at, from_above, map_view, plot_view
+from palpmap.recording.layout import (
+    Stage,
+    blueprint,
+    body_view,
+    events_view,
+    figure_views,
+    from_above,
+    map_view,
+    plot_view,
+)
 
 BEFORE = "before"  # the first step's residual, always there
 MISFIT_MAP = "misfits"  # rms of each press in units of the noise
@@ -14,7 +22,6 @@ MISFIT_BEFORE = "misfits_before"
 ERROR = "error"
 CANDIDATES = "candidates"
 PRESSES = "Each press, mm"  # a tab, as there is nothing in it on the timeline that it opens with
-_DARK = (24, 26, 30)
 
 
 def explain_layout(
@@ -37,14 +44,7 @@ def explain_layout(
     """
     left = _pictures(stage, limit_um, largest_rms, known)
     right = _curves_and_words(figures, parameters)
-    return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[1, 1.25]),
-        rrb.TimePanel(timeline=parts.ITERATION, state="collapsed", play_state="following"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    return blueprint(rrb.Horizontal(left, right, column_shares=[1, 1.25]), parts.ITERATION)
 
 
 def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) -> rrb.Vertical:
@@ -52,15 +52,7 @@ def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) ->
     limit, most = f"{limit_um:.3g}", f"{largest_rms:.2g}"
     residual = f"residual ±{limit} µm"
     size = f"size, 1 to {most} x noise"
-    center = stage.center_m
-    eye = center + np.linalg.norm(stage.size_m) * np.array([-0.55, -1.05, 0.75])
-    body = rrb.Spatial3DView(
-        origin="world",
-        name="Body, found modulus",
-        background=_DARK,
-        line_grid=False,
-        eye_controls=eye_at(center, eye),
-    )
+    body = body_view("Body, found modulus", stage)
     maps = [map_view(parts.FOUND_MAP, "Found: Young's modulus", stage)]
     if known:
         maps.append(map_view(parts.TRUE_MAP, "Truth: Young's modulus", stage))
@@ -79,15 +71,7 @@ def _pictures(stage: Stage, limit_um: float, largest_rms: float, known: bool) ->
 
 def _curves_and_words(figures: Sequence[str], parameters: Sequence[str]) -> rrb.Vertical:
     """Lay out figures, error and parameters by step, candidates and text."""
-    tabs = [
-        rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
-        for name in figures
-    ]
-    events = rrb.TextLogView(
-        origin=parts.EVENTS,
-        name="Events",
-        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
-    )
+    tabs, events = figure_views(figures), events_view()
     plots = [(parts.MODULI, "Moduli, kPa"), (parts.LENGTHS, "Lengths, mm")]
     if any(parts.parameter_entity(name)[0].startswith(parts.OTHERS) for name in parameters):
         plots.append((parts.OTHERS, "Of the effects"))

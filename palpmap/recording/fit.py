@@ -1,6 +1,6 @@
 """Parameters and misfit against iteration, residuals on the body."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,7 +76,7 @@ def log_residuals(
         f"{parts.RESIDUAL_MAP}/points",
         rr.Points3D(
             points_m,
-            radii=0.45 * _share_of_area(points_m),
+            radii=dot_radius_m(points_m),
             colors=residual_colors(residual_um, limit_um),
         ),
     )
@@ -93,7 +93,22 @@ def log_residuals(
     )
 
 
-def _share_of_area(points: NDArray[np.float64]) -> float:
-    """Return the edge in m of the square that each point has for itself; 5 mm for a single one."""
+def dot_radius_m(points: NDArray[np.float64]) -> float:
+    """Return the radius of dots at points (j, 3) m that nearly touch; 2 mm of a single one."""
     extent = float(np.ptp(points, axis=0).max())
-    return extent / np.sqrt(len(points)) if extent > 0 else 0.005
+    return 0.45 * (extent / np.sqrt(len(points)) if extent > 0 else 0.005)
+
+
+def send_presses(
+    file: RecordingFile,
+    entity: str,
+    press_ids: NDArray[np.int64],
+    times_s: Sequence[float] | NDArray[np.float64],
+    values: NDArray[np.float64],
+) -> None:
+    """Write one value (j,) a press, on the timelines of simulation and presses."""
+    when = [
+        rr.TimeColumn(parts.SIM_TIME, duration=times_s),
+        rr.TimeColumn(parts.PRESS, sequence=press_ids),
+    ]
+    file.stream.send_columns(entity, when, rr.Scalars.columns(scalars=values))

@@ -48,7 +48,7 @@ def layout(
 
     Parameters
     ----------
-    present : names of parts (see `recording_parts.PARTS`)
+    present : names of parts (see `entities.PARTS`)
     stage : Stage
     residual_limit_um : residual at the ends of the colour scale, in um
     figures : names of the figures, each shown in a tab of its own
@@ -57,9 +57,14 @@ def layout(
     right = _result_side(present, stage, residual_limit_um)
     if right is not None:
         whole = rrb.Horizontal(whole, right, column_shares=[1.25, 1])
+    return blueprint(whole, parts.SIM_TIME)
+
+
+def blueprint(content: rrb.Container, timeline: str) -> rrb.Blueprint:
+    """Return a layout that opens on a timeline, its panels folded away."""
     return rrb.Blueprint(
-        whole,
-        rrb.TimePanel(timeline=parts.SIM_TIME, state="collapsed", play_state="following"),
+        content,
+        rrb.TimePanel(timeline=timeline, state="collapsed", play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_views=False,
@@ -77,19 +82,9 @@ def _scan_side(present: Collection[str], stage: Stage, figures: Sequence[str]) -
                 plot_view(parts.TRAVEL, "Travel of the tip since touch, mm"),
             )
         )
-    events: rrb.View | rrb.Tabs = rrb.TextLogView(
-        origin=parts.EVENTS,
-        name="Events",
-        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
-    )
-    if figures:
-        tabs = [
-            rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
-            for name in figures
-        ]
-        events = rrb.Tabs(*tabs, events, active_tab=0)
     about = rrb.TextDocumentView(origin=parts.ABOUT, name="About")
-    rows.append(rrb.Horizontal(about, events, column_shares=[1, 1.6]))
+    words = rrb.Tabs(*figure_views(figures), events_view(), active_tab=0)
+    rows.append(rrb.Horizontal(about, words if figures else events_view(), column_shares=[1, 1.6]))
     return rrb.Vertical(*rows, row_shares=[3.0, 1.0, 1.5] if len(rows) == 3 else [3, 1.2])
 
 
@@ -137,17 +132,10 @@ def _result_side(
 
 def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
     """Show the arm as a whole beside the body from near, or the body alone."""
-    size = np.linalg.norm(stage.size_m)
-    center = stage.position_m + stage.center_m
-    near = rrb.Spatial3DView(
-        origin="world",
-        name="The body, coloured by Young's modulus",
-        background=_DARK,
-        line_grid=False,
-        eye_controls=eye_at(center, center + size * np.array([-0.55, -1.05, 0.75])),
-    )
+    near = body_view("The body, coloured by Young's modulus", stage)
     if not robot:
         return near
+    center = stage.position_m + stage.center_m
     reach = max(float(np.linalg.norm(center[:2])), 0.3)
     target = np.array([0.5 * center[0], 0.5 * center[1], 0.65 * reach])
     whole = rrb.Spatial3DView(
@@ -158,6 +146,35 @@ def _scenes(robot: bool, stage: Stage) -> rrb.Container | rrb.View:
         eye_controls=eye_at(target, target + reach * np.array([0.9, -2.6, 0.9])),
     )
     return rrb.Horizontal(whole, near)
+
+
+def body_view(name: str, stage: Stage) -> rrb.View:
+    """Look at the body from near."""
+    center, size = stage.position_m + stage.center_m, np.linalg.norm(stage.size_m)
+    return rrb.Spatial3DView(
+        origin="world",
+        name=name,
+        background=_DARK,
+        line_grid=False,
+        eye_controls=eye_at(center, center + size * np.array([-0.55, -1.05, 0.75])),
+    )
+
+
+def figure_views(figures: Sequence[str]) -> list[rrb.View]:
+    """Show each figure under its name."""
+    return [
+        rrb.Spatial2DView(origin=f"{parts.FIGURES}/{name}", name=name.replace("_", " "))
+        for name in figures
+    ]
+
+
+def events_view() -> rrb.View:
+    """Show the event log."""
+    return rrb.TextLogView(
+        origin=parts.EVENTS,
+        name="Events",
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+    )
 
 
 def eye_at(target: NDArray[np.float64], position: NDArray[np.float64]) -> rrb.EyeControls3D:

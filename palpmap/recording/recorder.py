@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpmap.recording import entities as names
 from palpmap.recording import style as style
-from palpmap.recording.fit import log_iteration, log_residuals, style_parameters
+from palpmap.recording.fit import log_iteration, log_residuals, send_presses, style_parameters
 from palpmap.recording.frames import Frame, FrameBatch
 from palpmap.recording.layout import Stage, layout
 from palpmap.recording.maps import MapViews, log_map, log_outlines, modulus_colors
@@ -42,7 +42,7 @@ class Recording:
     name : of the run
     seed : seed of the run, if it has one
     planned_presses : presses that the whole run makes
-    parts : names of `recording_parts.PARTS` that the whole run has; `palpmap review --summary`
+    parts : names of `entities.PARTS` that the whole run has; `palpmap review --summary`
         says which of them are missing
     """
 
@@ -116,7 +116,7 @@ class Recording:
         Parameters
         ----------
         body_vertices_m, body_triangles : (n, 3) m in the body frame, and (t, 3) indices, outward.
-            A coarse surface looks smoother in time: see `recording_frames.SURFACE_BYTES`; more than
+            A coarse surface looks smoother in time: see `frames.SURFACE_BYTES`; more than
             6,000 vertices make a recording larger than 25 MB.
         links : shapes of the arm; a frame has the poses of `link_names(links)`
         body_modulus_pa : (n,) Pa, true Young's modulus at the vertices, to colour them
@@ -171,7 +171,7 @@ class Recording:
 
         Parameters
         ----------
-        views : see `recording_maps.map_views`
+        views : see `maps.map_views`
         parameters : true values by name, drawn beside the estimates
         """
         self._true = views
@@ -249,11 +249,7 @@ class Recording:
     def _send_presses(
         self, entity: str, ids: NDArray[np.int64], values: NDArray[np.float64]
     ) -> None:
-        when = [
-            rr.TimeColumn(names.SIM_TIME, duration=[self._times[p] for p in ids.tolist()]),
-            rr.TimeColumn(names.PRESS, sequence=ids),
-        ]
-        self._file.stream.send_columns(entity, when, rr.Scalars.columns(scalars=values))
+        send_presses(self._file, entity, ids, [self._times[p] for p in ids.tolist()], values)
 
     def _log_points(self, log: Log) -> None:
         points = np.array(list(self._points.values()))
@@ -270,7 +266,7 @@ class Recording:
         Parameters
         ----------
         step : iteration number, parameters by name, chi-square per degree of freedom, rms in m
-        views : the map of these parameters, see `recording_maps.map_views`
+        views : the map of these parameters, see `maps.map_views`
         surface_modulus_pa : (n,) Pa at the vertices of the surface, to colour the body by the
             estimate where the truth is not known
         """

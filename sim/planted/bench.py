@@ -103,7 +103,7 @@ class Bench:
         body: HiddenBody | None = None,
         upright: bool = False,
     ) -> np.ndarray:
-        """Compliance of the presses, (j,) m/N; see `sim.body.soft_body.block_compliance`.
+        """Compliance of the presses, (j,) m/N; see `sim.body.block_compliance.block_compliance`.
 
         Parameters
         ----------

@@ -45,8 +45,20 @@ def test_three_newtons_on_single_nodes_leave_small_strain_far_behind(model):
     assert displacement.max() == pytest.approx(0.284, abs=0.5e-3)
 
 
-@pytest.mark.parametrize("optimizer", OPTIMIZERS)
-@pytest.mark.parametrize("test", [*TESTS.values(), UNMOVED], ids=lambda test: test.name)
+SOLVED = [
+    pytest.param(
+        test,
+        optimizer,
+        id=f"{test.name}-{optimizer}",
+        # Each parameter by the costlier optimiser too, the rest of its tests in `make validate`
+        marks=[pytest.mark.slow] if optimizer == "bfgs" and test.name not in ("I_1", "VI") else (),
+    )
+    for test in (*TESTS.values(), UNMOVED)
+    for optimizer in OPTIMIZERS
+]
+
+
+@pytest.mark.parametrize(("test", "optimizer"), SOLVED)
 def test_the_identical_twin_finds_every_parameter(test, optimizer, model):
     result = solve_test(test, model, OPTIMIZERS[optimizer])
     assert result.relative_error.shape == (len(test.theta),)

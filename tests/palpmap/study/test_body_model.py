@@ -68,6 +68,7 @@ def test_the_support_of_the_study_holds_all_models(three_presses):
         "sliding": {"support": "base-sliding"},
         "held": {"held_sides": ["x0", "x1", "y0", "y1"]},
     }.items():
+        body = body | {"cell_size_m": 0.016}
         models = build_body_model(study_with(**body), three_presses)
         supports = {models.search.support, models.coarse.support, models.fine.coarse.support,
                     models.fine.fine.support}  # fmt: skip
@@ -78,7 +79,7 @@ def test_the_support_of_the_study_holds_all_models(three_presses):
     assert (found["bonded"] < found["elastic"]).all()
     # As built by hand, on a mesh of its own
     contacts = Contacts(three_presses.contact_points, (0, 0, -1), 0.005)
-    mesh = block_mesh((0.096, 0.096, 0.048), (14, 14, 7))
+    mesh = block_mesh((0.096, 0.096, 0.048), (12, 12, 6))
     own = PalpationModel(mesh, 0.49, contacts, support=Support(normal=2e-6, tangential=5e-6))
     np.testing.assert_allclose(found["elastic"], own.evaluate(6e3).compliance, rtol=5e-3)
 

@@ -7,17 +7,20 @@ READY := $(VENV)/.installed
 PYTEST := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 "$(BIN)/python" -m pytest -n auto --maxprocesses 4 \
 	--no-loadscope-reorder
 
-.PHONY: demo test validate bench docs lint clean
+.PHONY: demo test validate bench docs style lint clean
 
 demo: $(READY)
 	"$(BIN)/python" -m palpmap demo
 
-test: lint
+test: style
 	$(PYTEST)
 
-lint: $(READY)
+style: $(READY)
 	"$(BIN)/ruff" check .
 	"$(BIN)/ruff" format --check .
+
+# pyright is one of the tests, too: tests/test_types.py
+lint: style
 	"$(BIN)/pyright"
 
 validate: $(READY)

@@ -20,7 +20,8 @@ import numpy as np
 from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import BodyEffect, Effect, EffectParameter, advice
 from identify.fit.result import FitResult
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.select.score_test import beyond, effect_patterns, fitted_basis, unavailable
 

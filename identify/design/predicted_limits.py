@@ -22,7 +22,8 @@ from identify.design.scan_variants import (
 from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 
 
 def planned(

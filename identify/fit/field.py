@@ -10,7 +10,8 @@ from identify.fit.field_evidence import Hyper
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.settings import SPOTS
 from identify.fit.spots import Spot, find_spots
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 
 LEVEL = "mean_pa"  # the parameter of a free map that tables show
 

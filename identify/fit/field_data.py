@@ -21,7 +21,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 
 _LEAST_INFORMATION = 1e-10  # of the best known press: a press left out knows nothing
 _FLAT = 1e-6  # precision of the effects' parameters, in scaled coordinates, where no reading asks

@@ -15,7 +15,8 @@ from identify.fit.profile_intervals import straight, valley_intervals
 from identify.fit.search import FitIteration
 from identify.fit.settings import FitSettings
 from identify.map.gaussian_map import GaussianMap
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
 

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from identify.fit.settings import FitSettings
-from identify.measurement.model import Compressed, Linearised, MeasurementModel
+from identify.measurement.linearised import Compressed, Linearised
+from identify.measurement.model import MeasurementModel
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
 from identify.optimize.result import OptimizeResult

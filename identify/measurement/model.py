@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import Parameter, ParameterSpace
 from identify.measurement.chain import Chain, judge
 from identify.measurement.errors_in_variables import PressTable, press_table
+from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, touch_errors
@@ -60,74 +60,6 @@ def effect_values(parts: Sequence[EffectInModel], u: np.ndarray) -> dict[str, di
         values[part.effect.name] = part.to_values(u[first:last])
         first = last
     return values
-
-
-class Compressed(NamedTuple):
-    """A linear model at one point, of two rows a press.
-
-    Attributes
-    ----------
-    residual : (2 j,) whitened
-    jacobian : (2 j, k) derivative of the whitened PREDICTION by the scaled unknowns
-    rms_m : root mean square of measured less predicted displacement over all readings
-    """
-
-    residual: np.ndarray
-    jacobian: np.ndarray
-    rms_m: float
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared whitened residuals of all readings."""
-        return float(self.residual @ self.residual)
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """The model at one point, for a fit's step, its statistics and the score tests.
-
-    Attributes
-    ----------
-    predicted_m, sigma_m, latent_force_n : (m,)
-    residual : (m,) whitened
-    jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
-        scaled unknowns
-    rms_m : root mean square of measured less predicted displacement
-    shared_errors : (m, 2) change of the whitened prediction by one standard deviation of each error
-        that the readings of a press share: of the map (by ln C) and of first touch
-    by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
-    compliance, modulus : (j,) of the presses, and the modulus under the tip, there
-    body : compliances and their derivatives by the map
-    values : parameters of the effects, by effect and name
-    """
-
-    predicted_m: np.ndarray
-    sigma_m: np.ndarray
-    latent_force_n: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-    rms_m: float
-    shared_errors: np.ndarray
-    by_compliance: np.ndarray
-    by_modulus: np.ndarray
-    compliance: np.ndarray
-    modulus: np.ndarray
-    body: BodyResponse
-    state: BodyState
-    values: Mapping[str, Mapping[str, float]]
-    marginal: MarginalMap | None = None
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared whitened residuals."""
-        return float(self.residual @ self.residual)
-
-    def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
-        """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
-        white = decorrelated((change_m.T / self.sigma_m).T, self.shared_errors, press)
-        if self.marginal is None:
-            return white
-        return self.marginal.whitened((white.T * self.marginal.weight).T)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ from identify.map import FreeMap, GaussianMap, MaternField
 from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.chain import judge
-from identify.measurement.model import EffectInModel, Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import EffectInModel, MeasurementModel
 from identify.measurement.noise import Noise
 from models import Catalogue, InputError, Scan
 

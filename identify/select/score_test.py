@@ -18,7 +18,8 @@ import numpy as np
 
 from identify.effects.base import BodyEffect, Effect, EffectParameter, advice
 from identify.fit.result import FitResult
-from identify.measurement.model import Linearised, MeasurementModel
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
 from identify.select.null_distribution import score_null

@@ -19,7 +19,6 @@ Lines that begin with `#` are comments. `palpmap scan --program FILE` and the be
 from __future__ import annotations
 
 import csv
-import difflib
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -28,6 +27,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.replaced import replaced
+from models.scan_columns import nearest
 
 NEEDED = ("x_m", "y_m", "radius_m", "force_n", "ramp_s", "hold_s")
 OPTIONAL = ("unload_s", "pause_s", "z_m", "nx", "ny", "nz")
@@ -252,9 +252,10 @@ def _check_header(path: Path, header: list[str]) -> None:
     known = (*NEEDED, *OPTIONAL)
     for name in header:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; the nearest right name is '{near[0]}'" if near else ""
-            raise InputError(f"{path}: unknown column '{name}'{hint}; expected {', '.join(known)}")
+            raise InputError(
+                f"{path}: unknown column '{name}'{nearest(name, known)}; expected "
+                f"{', '.join(known)}"
+            )
     missing = [name for name in NEEDED if name not in header]
     if missing or len(set(header)) != len(header):
         what = f"the column '{missing[0]}' is missing" if missing else "a column stands twice"

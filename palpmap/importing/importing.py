@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
 from palpmap.importing.streams.cutting import Cut, cut_stream
 from palpmap.study.body import Body
+from palpmap.study.kept_inputs import copied
 from palpmap.study.placement import closest_on_surface, place_scan
 from palpmap.study.study import About, Study, load_study, write_study
 
@@ -235,15 +235,7 @@ def _study(made: Imported, scan_file: Path, folder: Path) -> Study:
     if made.cut is not None and noise.touch_m is None:
         noise = noise.model_copy(update={"touch_m": made.cut.touch_error_m})
     if body.file is not None:
-        copy = folder.resolve() / body.file.name
-        if copy != body.file.resolve():
-            try:
-                shutil.copyfile(body.file, copy)
-            except OSError as error:
-                raise InputError(
-                    f"{body.file}, key body.file: cannot be read ({error.strerror}); check the path"
-                ) from error
-        body = body.model_copy(update={"file": copy})
+        body = copied(body, folder / body.file.name)
     return Study(
         study=About(name=rig.name, scan=scan_file.resolve()),  # pyright: ignore[reportCallIssue]
         body=body,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from palpmap.importing.importing import checked_study, commented
 from palpmap.study.body import Body
 from palpmap.study.contact_body import surface_notes
 from palpmap.study.faults import fault_sentence
+from palpmap.study.kept_inputs import copied, copy_file
 from palpmap.study.placement import place_scan
 from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
 
@@ -84,14 +84,14 @@ def new_study(
         origin_m = (0.0, 0.0, 0.0) if size_m is None else _origin(scan, size_m)
     if inclusions is None:
         inclusions = 1 if thickness_m is None else "free"
-    table: dict[str, object] = {"poisson_ratio": poisson_ratio, "origin_m": list(origin_m)}
     if surface:
-        table |= {"shape": "surface", "file": surface.resolve()}
+        shape = {"shape": "surface", "file": surface.resolve()}
     elif thickness_m is not None:
-        table |= {"shape": "from-contacts", "thickness_m": thickness_m}
-        table |= {"thickness_assumed": thickness_assumed}
+        shape = {"shape": "from-contacts", "thickness_m": thickness_m}
+        shape |= {"thickness_assumed": thickness_assumed}
     else:
-        table |= {"shape": "block", "size_m": list(size_m or ())}
+        shape = {"shape": "block", "size_m": list(size_m or ())}
+    table = shape | {"poisson_ratio": poisson_ratio, "origin_m": list(origin_m)}
     try:
         study = Study(
             study=About(name=name or scan_file.stem, scan=(folder / scan_file.name).resolve()),  # pyright: ignore[reportCallIssue]
@@ -105,19 +105,10 @@ def new_study(
     except ValidationError as error:
         raise InputError(fault_sentence(study_file, error, Study)) from error
     folder.mkdir(parents=True, exist_ok=True)
-    copies = [folder / scan_file.name] + ([folder / surface.name] if surface else [])
-    for source, copy in zip([scan_file, surface], copies, strict=False):
-        if source is not None and copy.resolve() != source.resolve():
-            try:
-                shutil.copyfile(source, copy)
-            except OSError as error:
-                raise InputError(
-                    f"{copy}: cannot be written ({error.strerror}); check {source} and --out"
-                ) from error
+    copy_file(scan_file, folder / scan_file.name)
     if surface:
-        study = study.model_copy(
-            update={"body": study.body.model_copy(update={"file": copies[1].resolve()})}
-        )
+        body = copied(study.body, folder / surface.name)
+        study = study.model_copy(update={"body": body})
     checked_study(study, study_file)
     text = commented(
         study_file.read_text(encoding="utf-8"),

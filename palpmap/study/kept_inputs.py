@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 from models import InputError, Scan, write_scan
+from palpmap.study.body import Body
 from palpmap.study.study import Study, write_study
 
 
@@ -22,6 +23,26 @@ def refuse_own_folder(study: Path, out: Path | None) -> None:
         )
 
 
+def copied(body: Body, copy: Path) -> Body:
+    """Return a body whose file is a copy of its present one; one without a file as it is."""
+    if body.file is None:
+        return body
+    copy_file(body.file, copy, ", key body.file")
+    return body.model_copy(update={"file": copy.resolve()})
+
+
+def copy_file(source: Path, copy: Path, key: str = "") -> None:
+    """Copy an input file, unless it is in its place already; `key` names it in a message."""
+    if copy.resolve() == source.resolve():
+        return
+    try:
+        shutil.copyfile(source, copy)
+    except OSError as error:
+        raise InputError(
+            f"{source}{key}: cannot be copied to {copy} ({error.strerror}); check both paths"
+        ) from error
+
+
 def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
     """Copy scan, body and study into the run folder; return the study that names the copies."""
     write_scan(scan, run / "scan.csv")
@@ -30,15 +51,7 @@ def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
     if body.file is not None:
         contacts = body.shape == "from-contacts"  # kept beside a scan that may have lost presses
         name = f"contacts{body.file.suffix}" if contacts else body.file.name
-        copy = (run / name).resolve()
-        if copy != body.file.resolve():
-            try:
-                shutil.copyfile(body.file, copy)
-            except OSError as error:
-                raise InputError(
-                    f"{body.file}, key body.file: cannot be read ({error.strerror}); check the path"
-                ) from error
-        body = body.model_copy(update={"file": copy})
+        body = copied(body, run / name)
     kept = study.model_copy(update={"study": about, "body": body})
     write_study(kept, run / "study.toml")
     return kept

@@ -28,7 +28,7 @@ def study(folder: Path, table: str) -> Path:
         ("length_m = 0.01", "no key 'length_m'"),
         ('kind = "free"\nspread = 9.0', "less than or equal to 4"),
         ('kind = "free"\nlength_m = 12.0', "divide by 1000"),
-        ('kind = "fre"', "nearest right one is 'free'"),
+        ('kind = "fre"', "nearest right name is 'free'"),
     ],
 )
 def test_wrong_keys_are_one_sentence(tmp_path, table, said):

@@ -150,7 +150,7 @@ def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):
     assert result.exit_code == 2
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
-    assert "key body.poison_ratio: unknown key; the nearest right one is" in result.stderr
+    assert "key body.poison_ratio: unknown key; the nearest right name is" in result.stderr
 
 
 def test_a_bad_scan_gives_one_sentence_and_exit_code_2(tmp_path):

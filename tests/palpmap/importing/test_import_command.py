@@ -92,7 +92,7 @@ def test_what_a_recording_does_not_tell_is_asked_for_by_its_key(scan, tmp_path):
         (("Kraft [N]", "Kraft [kN]"), "the nearest right name is 'Kraft [N]'"),
         (('phase = "Phase"', 'phase = "Weg [µm]"'), "found the phase"),
         (("direction = [0, 0, -1]", "direction = [0, 0]"), "press.direction"),
-        (("[press]", "[pres]"), "the nearest right one is 'press'"),
+        (("[press]", "[pres]"), "the nearest right name is 'press'"),
         (('kind = "readings"', "kind = readings"), "not TOML"),
         (("size_m = [0.096", "size_m = [96"), "body.size_m"),
         (('number = "Kontakt"', 'number = "Kraft [N]"'), "expected whole numbers"),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from rich.progress import MofNCompleteColumn, ProgressColumn, Task, TimeRemainingColumn
 from rich.text import Text
 
-FIRST_SHARE = 0.04  # of a course: before it, no time left is estimated
+FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
 
 
 class Stage(NamedTuple):
@@ -25,9 +25,9 @@ class Stage(NamedTuple):
     steps: int = 1
 
 
-_OPEN = (Stage(("meshing",), 3), Stage(("fitting", "trying"), 8, 2))
-_SCORED = Stage(("analysing", "scoring"), 10, 45)
-_TRIED = Stage(("trying", "refitting"), 6, 20)
+_OPEN = (Stage(("meshing",), 3), Stage(("fitting", "trying"), 12, 2))
+_SCORED = Stage(("analysing", "scoring"), 15, 45)
+_TRIED = Stage(("trying", "refitting"), 5, 20)
 FIT = (Stage(("meshing",), 3), Stage(("fitting",), 20, 12), Stage(("comparing",), 4))
 DIAGNOSE = (*_OPEN, Stage(("analysing", "scoring"), 16, 45))
 LIMITS = (*_OPEN, Stage(("computing",), 12), Stage(("planning",), 40, 8))
@@ -45,7 +45,7 @@ class Course:
 
     >>> course = Course(DIAGNOSE)
     >>> [round(course.at(text), 2) for text in ("meshing the body", "scoring hysteresis")]
-    [0.0, 0.41]
+    [0.0, 0.48]
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:

@@ -37,11 +37,7 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     press = column((rig.press.number,), "", "", "press.number")[:, 0]
     direction = _directions(rig, m, column)
     said = []
-    if rig.force.columns:
-        vectors = rotated(rig, rig.force.sign * force, place=False)
-        along = np.einsum("mi,mi->m", vectors, direction)
-    else:
-        vectors, along = None, rig.force.sign * force[:, 0]
+    vectors, along = _along(rig, rig.force.sign * force, direction)
     travel = rig.travel.sign * column((rig.travel.column,), rig.travel.unit, "length", "travel")
     travel = travel[:, 0]
     points = rotated(rig, column(rig.point.columns, rig.point.unit, "length", "point"), place=True)
@@ -128,6 +124,16 @@ def _on_rows(
             f"{home.where(int(back[0]) + 1)}: the time falls, expected rows in the order of time"
         )
     return on_clock_of(values, of_home, time, held)
+
+
+def _along(
+    rig: Rig, force: np.ndarray, direction: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """Force vectors (m, 3) in the scan's frame, where there are any, and the force along (m,)."""
+    if not rig.force.columns:
+        return None, force[:, 0]
+    vectors = rotated(rig, force, place=False)
+    return vectors, np.einsum("mi,mi->m", vectors, direction)
 
 
 def _directions(rig: Rig, m: int, column) -> np.ndarray:

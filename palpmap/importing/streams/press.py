@@ -164,27 +164,20 @@ def cut_press(
     first = int(above[-1]) + 1 if len(above) else contact.touch
     touched = slice(first, contact.release + 1)
     held = _hold(time[touched], depth[touched] - touch)
-    parts = (
-        ("load", first, first + held.start, rows.load),
-        ("hold", first + held.start, first + held.stop, rows.hold),
-        ("unload", first + held.stop, contact.release + 1, rows.unload),
-    )
-    made = [
-        (name, [_means(values, low, high, count) for values in (time, force, depth - touch)])
-        for name, low, high, count in parts
-    ]
     loading = slice(first, first + held.start)
     beside = window.position_m[loading] - np.outer(depth[loading], window.direction)
+    columns = np.column_stack([time, force, depth - touch])[touched]
+    phase, averaged = _averaged(columns, held, rows)
     return CutPress(
         touch_s=float(time[first]),
         release_s=float(time[contact.release]),
         touch_error_m=touch_error,
         point_m=beside.mean(axis=0) + touch * window.direction,
         direction=window.direction,
-        time_s=np.concatenate([columns[0] for _, columns in made]),
-        force_n=np.concatenate([columns[1] for _, columns in made]),
-        displacement_m=np.concatenate([columns[2] for _, columns in made]),
-        phase=np.concatenate([np.full(len(columns[0]), name, "U8") for name, columns in made]),
+        time_s=averaged[:, 0],
+        force_n=averaged[:, 1],
+        displacement_m=averaged[:, 2],
+        phase=phase,
     )
 
 
@@ -249,15 +242,27 @@ def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
     return slice(first, last)
 
 
+def _averaged(columns: np.ndarray, held: slice, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Phase (r,) and rows (r, k) of a press's samples in contact (m, k), averaged."""
+    parts = (
+        ("load", 0, held.start, rows.load),
+        ("hold", held.start, held.stop, rows.hold),
+        ("unload", held.stop, len(columns), rows.unload),
+    )
+    means = [_means(columns, low, high, count) for _, low, high, count in parts]
+    names = [name for name, *_ in parts]
+    return np.repeat(np.array(names), [len(mean) for mean in means]), np.concatenate(means)
+
+
 def _means(values: np.ndarray, low: int, high: int, count: int) -> np.ndarray:
-    """Means over `count` short stretches, evenly over the samples low to high, the end included.
+    """Means (count, k) over short stretches, evenly over the samples low to high, the end included.
 
     A stretch covers a quarter of the way to the next, so that a curved course is not flattened.
     """
     n = high - low
     if n < 2 or count == 0:
-        return np.zeros(0)
+        return values[:0]
     count = min(count, n)
     ends = low + np.arange(1, count + 1) * n // count - 1
     half = n // count // 8
-    return np.array([values[max(end - 2 * half, low) : end + 1].mean() for end in ends])
+    return np.array([values[max(end - 2 * half, low) : end + 1].mean(axis=0) for end in ends])

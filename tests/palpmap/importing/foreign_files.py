@@ -162,7 +162,8 @@ def csv_bars_dates(scan: Scan, folder: Path) -> Foreign:
         nx, ny, nz = scan.direction[i]
         lines.append(
             f"{when}|{scan.press[i]}|{scan.phase[i]}|{num(x)}|{num(y)}|{num(z)}|{num(nx)}|{num(ny)}|{num(nz)}|"
-            f"{num(scan.force_n[i])}|{num(1e3 * scan.displacement_m[i])}|5.0|A. N. Other"
+            f"{num(scan.force_n[i])}|{num(1e3 * scan.displacement_m[i])}|"
+            f"{num(1e3 * scan.probe_radius_m[i])}|A. N. Other"
         )
     path = folder / "bars.csv"
     path.write_text("\n".join(lines), encoding="utf-8")

@@ -4,13 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+import palpmap as pm
+from models.scan import Scan
 from models.scan_file import read_scan
+from palpmap.__main__ import app
+from palpmap.experiment import Experiment
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
+from palpmap.study.study import Study, load_study
 from tests.palpmap.importing.foreign_files import BODY, FORMS
-from tests.paths import LAB
+from tests.paths import LAB, TESTS
 
 
 @pytest.fixture(scope="module")
@@ -34,3 +40,38 @@ def test_a_foreign_file_gives_the_same_scan(form, scan, tmp_path):
         np.testing.assert_allclose(
             getattr(found, name), getattr(scan, name), rtol=0, atol=1e-12 * scale, err_msg=name
         )
+
+
+SMALL = BODY.replace("0.096, 0.096, 0.048", "0.06, 0.06, 0.03").replace("0.49", "0.45")
+
+
+def decided(scan: Scan, study: Study) -> tuple[str, tuple[str, ...], np.ndarray]:
+    """Verdict of `explain`, the effects named, and all values of the answer."""
+    why = pm.explain(Experiment.of(scan, study))
+    return why.verdict, why.added, np.array([p.value for p in why.fit.parameters.values()])
+
+
+@pytest.mark.slow
+def test_every_foreign_file_leads_to_the_verdict_of_the_scan_itself(tmp_path):
+    """Thirteen files of twelve presses through `palpmap import` and `explain`."""
+    path = TESTS / "data" / "twelve_presses" / "study.toml"
+    scan, study = read_scan(path.parent / "scan.csv"), load_study(path)
+    verdict, names, values = decided(scan, study)
+    assert verdict == "explained"
+    for form in FORMS:
+        folder = tmp_path / form.__name__
+        folder.mkdir()
+        foreign = form(scan, folder)
+        rig = foreign.rig + SMALL.replace("radius_m = 0.005", "radius_m = 0.004")
+        (folder / "rig.toml").write_text(rig, encoding="utf-8")
+        words = ["import", *map(str, foreign.files), "--rig", str(folder / "rig.toml")]
+        result = CliRunner().invoke(app, [*words, "--out", str(folder / "study")])
+        assert result.exit_code == 0, result.output
+        imported = load_study(folder / "study" / "study.toml")
+        for section in ("body", "probe", "noise"):
+            assert getattr(imported, section) == getattr(study, section)
+        found = decided(
+            read_scan(folder / "study" / "scan.csv"), imported.model_copy(update={"map": study.map})
+        )
+        assert found[:2] == (verdict, names), form.__name__
+        np.testing.assert_allclose(found[2], values, rtol=1e-5, err_msg=form.__name__)

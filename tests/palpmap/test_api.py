@@ -76,10 +76,11 @@ def test_a_comparison_is_that_of_the_fit(fitted):
     assert comparison.to_dict()["is_noise"] is True
 
 
-def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_command):
+def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_here):
     fitted = pm.fit(pm.read_study(TWELVE))
     written = fitted.write(tmp_path / "door")
-    done = run_command("fit", TWELVE)
+    done = run_here("fit", TWELVE, folder=tmp_path / "command")
+    assert done.exit_code == 0, done.stderr
     assert {p.name for p in written.iterdir()} == {p.name for p in done.folder.iterdir()}
     theirs = json.loads((done.folder / "fit.json").read_text())
     ours = json.loads((written / "fit.json").read_text())

@@ -66,6 +66,7 @@ def test_a_tip_that_is_wider_than_stated_is_named_beside_the_gradient():
     assert found(StiffnessGradient(), wider_m=3e-4)["tip_radius"] == pytest.approx(3e-4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_body_that_is_higher_than_stated_is_named_beside_the_gradient():
     assert found(StiffnessGradient(), higher_m=4e-3)["body_height"] == pytest.approx(4e-3, rel=0.2)
 

@@ -18,7 +18,9 @@ def found(own):
     return fit_jointly(own, TRUE)
 
 
-@pytest.mark.parametrize(("weight_pa", "z_m"), [(400e3, 0.0225), (1e6, 0.02)])
+@pytest.mark.parametrize(
+    ("weight_pa", "z_m"), [(400e3, 0.0225), pytest.param(1e6, 0.02, marks=pytest.mark.slow)]
+)
 def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, found, weight_pa, z_m):
     far = TRUE.changed({"inclusion_1.weight_pa": weight_pa, "inclusion_1.z_m": z_m})
     stale = fit_jointly(own.corrected(own.start(far)), TRUE, rounds=0)

@@ -13,13 +13,13 @@ from palpmap.run_folder import sha256
 
 
 @pytest.fixture(scope="module")
-def compared(demo, run_command, tmp_path_factory):
+def compared(demo, run_here, tmp_path_factory):
     """A comparison of the demo's run, into a folder of its own."""
-    return run_command("compare", demo.folder, folder=tmp_path_factory.mktemp("compared"))
+    return run_here("compare", demo.folder, folder=tmp_path_factory.mktemp("compared"))
 
 
 @pytest.fixture(scope="module")
-def drifting(demo, run_command, tmp_path_factory):
+def drifting(demo, run_here, tmp_path_factory):
     """The demo's run with a drift of the displacement over the whole scan, compared in place."""
     folder = tmp_path_factory.mktemp("drifting") / "run"
     shutil.copytree(demo.folder, folder)
@@ -32,7 +32,7 @@ def drifting(demo, run_command, tmp_path_factory):
         replace(fit, displacement_m=fit.displacement_m + drift, residual_m=fit.residual_m + drift),
         folder / "fit.json",
     )
-    return run_command("compare", folder, folder=folder)
+    return run_here("compare", folder, folder=folder)
 
 
 def test_the_demos_residual_is_noise_and_the_exit_code_says_so(compared):

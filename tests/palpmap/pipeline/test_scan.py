@@ -46,22 +46,24 @@ def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_
     assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
 
 
-def test_a_force_that_would_press_the_phantom_flat_is_refused_before_the_arm_moves(run_command):
-    run = run_command("scan", "--presses-per-side", "2", "--quiet", "--force", "3")
+def test_a_force_that_would_press_the_phantom_flat_is_refused_before_the_arm_moves(
+    run_here, tmp_path
+):
+    run = run_here(*SMALL, "--force", "3", folder=tmp_path / "run")
     assert run.exit_code == 2
-    assert "3 N would go 47.3 mm deep; the body is 48 mm thick there" in " ".join(
-        run.stderr.split()
-    )
-    assert not (run.folder / "scan.csv").exists()
+    said = " ".join(run.stderr.split())
+    assert "3 N would go 47.3 mm deep; the body is 48 mm thick there" in said
+    assert not (tmp_path / "run" / "scan.csv").exists()
 
 
-def test_the_papers_force_presses_so_deep_that_it_is_said(run_command):
-    run = run_command("scan", "--presses-per-side", "2", "--paper-force")
+def test_the_papers_force_presses_so_deep_that_it_is_said(run_here, tmp_path):
+    run = run_here(*SMALL, "--paper-force", folder=tmp_path / "run")
     assert run.exit_code == 0, run.stderr
-    assert run.record["largest"]["depth_share"] == pytest.approx(0.99, abs=0.01)
-    table = scan_table(ScanRecord.model_validate(run.record))
+    record = ScanRecord.model_validate(run.record)
+    assert record.largest.depth_share == pytest.approx(0.99, abs=0.01)
+    table = scan_table(record)
     assert "deepest press" in list(table.columns[0].cells)  # pyright: ignore[reportAttributeAccessIssue]
-    assert max(read_scan(run.folder / "scan.csv").displacement_m) < 0.048
+    assert max(read_scan(tmp_path / "run" / "scan.csv").displacement_m) < 0.048
 
 
 def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):

@@ -34,8 +34,8 @@ def _share_of_session(bench: Bench, values: dict[str, float]) -> np.ndarray:
              kin=CREEP)  # fmt: skip
 def form_three_time_creep(bench, travel_m, values):
     """A gel that creeps on three time scales."""
-    parts = sum(follow(travel_m, bench.within_s, tau) for tau in (0.1, 0.6, 3.6))
-    return travel_m + values["share"] * np.asarray(parts) / 3
+    parts = follow(travel_m, bench.within_s, (0.1, 0.6, 3.6))
+    return travel_m + values["share"] * parts / 3
 
 
 @on_response("form", "u + share mean of z(tau), ln tau normal about 1 s, spread 1.2", "share", 0.1,
@@ -44,9 +44,8 @@ def form_broad_creep(bench, travel_m, values):
     """A polymer with a broad bell of relaxation times."""
     at = np.linspace(-2.5, 2.5, 15)
     weight = np.exp(-(at**2) / 2)
-    bell = zip(np.exp(1.2 * at), weight / weight.sum(), strict=True)
-    parts = sum(w * follow(travel_m, bench.within_s, float(tau)) for tau, w in bell)
-    return travel_m + values["share"] * np.asarray(parts)
+    parts = follow(travel_m, bench.within_s, np.exp(1.2 * at), weight / weight.sum())
+    return travel_m + values["share"] * parts
 
 
 @on_response("form", "u + share (u F_max/(F_max + F)) z/u: soft parts creep more", "share", 0.15,

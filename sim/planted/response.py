@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import gamma
 
 from sim.planted.effect import on_response
 
 
-def follow(driver: np.ndarray, within_s: np.ndarray, time_constant_s: float) -> np.ndarray:
+def follow(
+    driver: np.ndarray,
+    within_s: np.ndarray,
+    time_constant_s: ArrayLike,
+    weights: ArrayLike = 1.0,
+) -> np.ndarray:
     """Delayed part z of a driver u, both (j, t): tau dz/dt = u - z, z = 0 at first.
 
-    Stepped by the trapezoidal rule on the bench's own grid (about 1 ms).
+    Of several time constants (k,) the sum, each with its weight. Stepped by the trapezoidal rule on
+    the bench's own grid (about 1 ms).
     """
-    z = np.zeros_like(driver)
-    half = np.diff(within_s, axis=1) / (2 * time_constant_s)
-    gain, both = (1 - half) / (1 + half), half / (1 + half)
-    for i in range(1, driver.shape[1]):
-        z[:, i] = gain[:, i - 1] * z[:, i - 1]
-        z[:, i] += both[:, i - 1] * (driver[:, i] + driver[:, i - 1])
-    return z
+    tau = np.atleast_1d(time_constant_s)[:, None]
+    weight = np.broadcast_to(weights, len(tau))
+    steps = np.diff(within_s, axis=1).T
+    twice = (driver[:, 1:] + driver[:, :-1]).T
+    z, summed = np.zeros((len(tau), len(driver))), np.zeros_like(driver)
+    for i in range(len(steps)):
+        half = steps[i] / (2 * tau)
+        z = ((1 - half) * z + half * twice[i]) / (1 + half)
+        summed[:, i + 1] = weight @ z
+    return summed
 
 
 def _log_uniform(name: str, low: float, high: float):
@@ -61,8 +71,8 @@ def hysteresis(bench, travel_m, values):
 def two_time_creep(bench, travel_m, values):
     """Creep with two time constants, a factor of thirty apart."""
     short = values["time_constant_s"]
-    both = sum(follow(travel_m, bench.within_s, tau) for tau in (short, 30 * short))
-    return travel_m + values["share"] * np.asarray(both) / 2
+    both = follow(travel_m, bench.within_s, (short, 30 * short))
+    return travel_m + values["share"] * both / 2
 
 
 @on_response("structured", "u + share integral (t - s)^exponent du, as 60 Kelvin elements",
@@ -71,9 +81,7 @@ def power_law_creep(bench, travel_m, values):
     """Creep on all time scales: t^a = a / Gamma(1 - a) integral tau^a (1 - exp(-t/tau)) dln tau."""
     a = values["exponent"]
     taus, step = np.linspace(np.log(1e-4), np.log(1e6), 60, retstep=True)
-    crept = np.zeros_like(travel_m)
-    for tau in np.exp(taus):
-        crept += tau**a * follow(travel_m, bench.within_s, float(tau))
+    crept = follow(travel_m, bench.within_s, np.exp(taus), np.exp(a * taus))
     return travel_m + values["share"] * a / gamma(1 - a) * float(step) * crept
 
 

@@ -91,24 +91,26 @@ def new(
     if thickness_assumed and thickness is None:
         raise typer.BadParameter("--thickness-assumed belongs to --thickness")
     from palpmap.commands.new import run_new
+    from palpmap.importing.new import Facts
 
-    def ask(question: str) -> str:
-        return typer.prompt(question)
-
-    run_new(
-        scan=scan,
-        out=out,
+    facts = Facts(
         tip=tip.value if tip else None,
+        poisson_ratio=poisson,
         size_m=_three(size),
         surface=surface,
         thickness_m=thickness,
         thickness_assumed=thickness_assumed,
-        poisson_ratio=poisson,
         origin_m=_three(origin),
-        noise=(displacement_noise, force_noise),
+        displacement_noise_m=displacement_noise,
+        force_noise_n=force_noise,
         inclusions=int(inclusions) if inclusions and inclusions.isdigit() else inclusions,
         name=name,
-        ask=ask if sys.stdin.isatty() and not (quiet or json) else None,
+    )
+    run_new(
+        scan=scan,
+        out=out,
+        facts=facts,
+        ask=typer.prompt if sys.stdin.isatty() and not (quiet or json) else None,
         three=_three,
         output=Output(quiet=quiet, json=json),
     )

@@ -1,30 +1,19 @@
 """`palpmap new`: a commented study for a scan, from flags or questions."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from models import InputError
-from palpmap.console import Output, to_type
-from palpmap.importing.new import FLAGS, missing, new_study
-from palpmap.study.study import Noise
+from palpmap.console import Output, plain, to_type
+from palpmap.importing.new import FLAGS, Facts, new_study
 
 
 def run_new(
     *,
     scan: Path,
     out: Path,
-    tip: str | None,
-    size_m: tuple[float, ...] | None,
-    surface: Path | None,
-    thickness_m: float | None = None,
-    thickness_assumed: bool = False,
-    poisson_ratio: float | None,
-    origin_m: tuple[float, ...] | None,
-    noise: tuple[float | None, float | None],
-    inclusions: int | str | None,
-    name: str | None,
+    facts: Facts,
     ask: Callable[[str], str] | None,
     three: Callable[[str], tuple[float, ...] | None],
     output: Output,
@@ -33,6 +22,7 @@ def run_new(
 
     Parameters
     ----------
+    facts : given by flags
     ask : puts a question to the user; None where there is no terminal
     three : reads x,y,z
 
@@ -41,46 +31,32 @@ def run_new(
     InputError
         Something that the scan cannot tell is not given: its flag.
     """
-    from rich.markup import escape
-
-    body_known = (size_m, surface, thickness_m) != (None, None, None)
-    asked = missing(tip=tip, body_known=body_known, poisson_ratio=poisson_ratio)
-    if asked and ask is None:
-        lacking = "; ".join(f"{flag}: {question}" for flag, question in map(FLAGS.get, asked))  # pyright: ignore[reportGeneralTypeIssues]
+    if facts.missing and ask is None:
+        lacking = "; ".join(": ".join(FLAGS[key]) for key in facts.missing)
         raise InputError(f"the scan does not tell everything; give {lacking}")
-    for key in asked:
+    for key in facts.missing:
         assert ask is not None
         answer = ask(FLAGS[key][1].capitalize())
-        if key == "tip":
-            tip = answer
-        elif key == "poisson_ratio":
-            poisson_ratio = _number(answer, "--poisson")
-        elif Path(answer).suffix.lower() in (".stl", ".obj", ".ply"):
-            surface = Path(answer)
-        elif "," in answer or "x" in answer:
-            size_m = three(answer)
-        else:
-            thickness_m = _number(answer, "--thickness")
-    assert tip is not None
-    assert poisson_ratio is not None
-    try:
-        known = Noise(displacement_m=noise[0], force_n=noise[1])
-    except ValidationError as error:
-        raise InputError(
-            f"--displacement-noise or --force-noise: found {noise[0]} and {noise[1]}, expected "
-            "positive numbers in m and N"
-        ) from error
-    study, said = new_study(
-        scan, out, tip=tip, poisson_ratio=poisson_ratio, size_m=size_m, surface=surface,
-        thickness_m=thickness_m, thickness_assumed=thickness_assumed,
-        origin_m=origin_m, noise=known, inclusions=inclusions, name=name,
-    )  # fmt: skip
+        facts = replace(facts, **_read(key, answer, three))
+    study, said = new_study(scan, out, facts)
     output.result(
         {"schema": 1, "study": str(study), "said": said},
-        *(f"- {escape(sentence)}" for sentence in said),
-        f"Study: {escape(str(study))}",
-        f"Next: {escape(to_type('check', study))}",
+        *plain([f"- {sentence}" for sentence in said]),
+        *plain([f"Study: {study}", f"Next: {to_type('check', study)}"]),
     )
+
+
+def _read(key: str, answer: str, three: Callable[[str], tuple[float, ...] | None]) -> dict:
+    """Return the fact that an answer states, by its name in `Facts`."""
+    if key == "tip":
+        return {"tip": answer}
+    if key == "poisson_ratio":
+        return {"poisson_ratio": _number(answer, "--poisson")}
+    if Path(answer).suffix.lower() in (".stl", ".obj", ".ply"):
+        return {"surface": Path(answer)}
+    if "," in answer or "x" in answer:
+        return {"size_m": three(answer)}
+    return {"thickness_m": _number(answer, "--thickness")}
 
 
 def _number(text: str, flag: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,39 +30,67 @@ FLAGS = {
 ON_TOP_M = 1e-3
 
 
-def missing(*, tip: str | None, body_known: bool, poisson_ratio: float | None) -> list[str]:
-    """Return the names in `FLAGS` that are still to be given."""
-    given = {"tip": tip, "size_m": body_known or None, "poisson_ratio": poisson_ratio}
-    return [name for name, value in given.items() if value is None]
+@dataclass(frozen=True)
+class Facts:
+    """What a scan cannot tell of its experiment; None is not given.
+
+    Attributes
+    ----------
+    tip, poisson_ratio : shape of the tip; Poisson's ratio of the body
+    size_m, surface, thickness_m : of the body, one of the three: a block's edges, the file of a
+        closed surface, or the thickness under a surface that the contact points make
+    thickness_assumed : it is a guess
+    origin_m : place of the body's frame in the scan's; a block's is found if both are one
+    displacement_noise_m, force_noise_n : standard deviations of the readings
+    inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from
+        contacts "free"
+    name : of the study; None is the scan's
+    """
+
+    tip: str | None = None
+    poisson_ratio: float | None = None
+    size_m: tuple[float, ...] | None = None
+    surface: Path | None = None
+    thickness_m: float | None = None
+    thickness_assumed: bool = False
+    origin_m: tuple[float, ...] | None = None
+    displacement_noise_m: float | None = None
+    force_noise_n: float | None = None
+    inclusions: int | str | None = None
+    name: str | None = None
+
+    @property
+    def missing(self) -> list[str]:
+        """Names in `FLAGS` that are still to be given."""
+        body = self.size_m or self.surface or self.thickness_m
+        given = {"tip": self.tip, "size_m": body, "poisson_ratio": self.poisson_ratio}
+        return [name for name, value in given.items() if value is None]
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of the readings.
+
+        Raises
+        ------
+        InputError
+            A number that no noise has.
+        """
+        try:
+            return Noise(displacement_m=self.displacement_noise_m, force_n=self.force_noise_n)
+        except ValidationError as error:
+            raise InputError(
+                f"--displacement-noise or --force-noise: found {self.displacement_noise_m} and "
+                f"{self.force_noise_n}, expected positive numbers in m and N"
+            ) from error
 
 
-def new_study(
-    scan_file: Path,
-    folder: Path,
-    *,
-    tip: str,
-    poisson_ratio: float,
-    size_m: tuple[float, ...] | None = None,
-    surface: Path | None = None,
-    thickness_m: float | None = None,
-    thickness_assumed: bool = False,
-    origin_m: tuple[float, ...] | None = None,
-    noise: Noise | None = None,
-    inclusions: int | str | None = None,
-    name: str | None = None,
-) -> tuple[Path, list[str]]:
+def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[str]]:
     """Write a commented study for a scan, with copies of the scan and of the body's surface.
 
     Parameters
     ----------
     scan_file : in palpmap's form
     folder : new, or without study.toml
-    origin_m : where the body's frame stands in the scan's; a block's is found if its frame is the
-        scan's
-    inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from
-        contacts "free"
-    thickness_m : of a body whose surface the contact points make, in place of a size or a surface
-    thickness_assumed : it is a guess
 
     Returns
     -------
@@ -80,34 +109,11 @@ def new_study(
             f"{study_file}: is already there and is not overwritten; choose another --out"
         )
     said = [_told(scan)]
-    if origin_m is None:
-        origin_m = (0.0, 0.0, 0.0) if size_m is None else _origin(scan, size_m)
-    if inclusions is None:
-        inclusions = 1 if thickness_m is None else "free"
-    if surface:
-        shape = {"shape": "surface", "file": surface.resolve()}
-    elif thickness_m is not None:
-        shape = {"shape": "from-contacts", "thickness_m": thickness_m}
-        shape |= {"thickness_assumed": thickness_assumed}
-    else:
-        shape = {"shape": "block", "size_m": list(size_m or ())}
-    table = shape | {"poisson_ratio": poisson_ratio, "origin_m": list(origin_m)}
-    try:
-        study = Study(
-            study=About(name=name or scan_file.stem, scan=(folder / scan_file.name).resolve()),  # pyright: ignore[reportCallIssue]
-            body=Body.model_validate(table),
-            probe=Probe.model_validate({"tip": tip, "radius_m": float(scan.contact_radii[0])}),
-            noise=noise or Noise(),
-            map=Map.model_validate(
-                {"kind": "free"} if inclusions == "free" else {"inclusions": inclusions}
-            ),
-        )
-    except ValidationError as error:
-        raise InputError(fault_sentence(study_file, error, Study)) from error
+    study = _study(scan, scan_file, study_file, facts)
     folder.mkdir(parents=True, exist_ok=True)
     copy_file(scan_file, folder / scan_file.name)
-    if surface:
-        body = copied(study.body, folder / surface.name)
+    if facts.surface:
+        body = copied(study.body, folder / facts.surface.name)
         study = study.model_copy(update={"body": body})
     checked_study(study, study_file)
     text = commented(
@@ -116,11 +122,47 @@ def new_study(
     )
     with replaced(study_file) as beside:
         beside.write_text(text, encoding="utf-8")
-    if thickness_m is not None:
+    if facts.thickness_m is not None:
         placed = place_scan(touching(scan), load_study(study_file))
         said += surface_notes(load_study(study_file).body, placed.distance_m, placed.angle_deg)
     said += [doubt.sentence for doubt in scan_findings(scan)]
     return study_file, said
+
+
+def _study(scan: Scan, scan_file: Path, study_file: Path, facts: Facts) -> Study:
+    """Return the study of a scan in the folder of the study's file."""
+    origin_m, inclusions = facts.origin_m, facts.inclusions
+    if origin_m is None:
+        origin_m = (0.0, 0.0, 0.0) if facts.size_m is None else _origin(scan, facts.size_m)
+    if inclusions is None:
+        inclusions = 1 if facts.thickness_m is None else "free"
+    if facts.surface:
+        shape = {"shape": "surface", "file": facts.surface.resolve()}
+    elif facts.thickness_m is not None:
+        shape = {"shape": "from-contacts", "thickness_m": facts.thickness_m}
+        shape |= {"thickness_assumed": facts.thickness_assumed}
+    else:
+        shape = {"shape": "block", "size_m": list(facts.size_m or ())}
+    table = shape | {"poisson_ratio": facts.poisson_ratio, "origin_m": list(origin_m)}
+    about = {
+        "name": facts.name or scan_file.stem,
+        "scan": study_file.with_name(scan_file.name).resolve(),
+    }
+    noise = facts.noise
+    try:
+        return Study(
+            study=About.model_validate(about),
+            body=Body.model_validate(table),
+            probe=Probe.model_validate(
+                {"tip": facts.tip, "radius_m": float(scan.contact_radii[0])}
+            ),
+            noise=noise,
+            map=Map.model_validate(
+                {"kind": "free"} if inclusions == "free" else {"inclusions": inclusions}
+            ),
+        )
+    except ValidationError as error:
+        raise InputError(fault_sentence(study_file, error, Study)) from error
 
 
 def _told(scan: Scan) -> str:

@@ -81,7 +81,7 @@ def test_transits_keep_to_half_of_the_limits_of_speed_and_acceleration(default_s
 def test_a_press_that_would_turn_a_joint_too_fast_is_refused_by_joint():
     laboratory = build_laboratory()
     with pytest.raises(InputError, match=r"Press 0 .*joint\d would turn by .* rad for each metre"):
-        plan_motion(grid_plan(), laboratory, hardest_m_per_s2=2.0).require_all()
+        plan_motion(grid_plan(per_side=2), laboratory, hardest_m_per_s2=2.0).require_all()
 
 
 def test_the_elbow_stays_continuous_from_press_to_press(default_scan):

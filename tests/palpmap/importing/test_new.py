@@ -11,6 +11,7 @@ from palpmap.__main__ import app
 from palpmap.commands import new as command
 from palpmap.commands.check import check_study
 from palpmap.console import Output
+from palpmap.importing.new import Facts
 from palpmap.study.study import load_study
 from tests.paths import LAB
 
@@ -74,8 +75,8 @@ def test_a_wrong_value_is_answered_in_a_sentence(words, said, tmp_path):
 def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):
     answers = iter(["flat", "0.096,0.096,0.048", "0.49"])
     command.run_new(
-        scan=SCAN, out=tmp_path / "s", tip=None, size_m=None, surface=None, poisson_ratio=None,
-        origin_m=None, noise=(2e-5, 5e-3), inclusions=1, name=None,
+        scan=SCAN, out=tmp_path / "s",
+        facts=Facts(displacement_noise_m=2e-5, force_noise_n=5e-3, inclusions=1),
         ask=lambda _: next(answers), three=lambda text: tuple(map(float, text.split(","))),
         output=Output(quiet=True, json=False),
     )  # fmt: skip

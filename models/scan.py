@@ -31,6 +31,7 @@ class Scan:
     force_vector_n : (m, 3) N, force vector on the body, or None
     tip_pose : (m, 7) measured pose of the tip: position in m and quaternion w, x, y, z; or None
     outcome : (m,) made, or retried where an earlier attempt at the press failed; or None
+    frame_m : (3,) m, origin of the body's frame in that of the scan, once it was placed
 
     Raises
     ------
@@ -56,29 +57,33 @@ class Scan:
     force_vector_n: np.ndarray | None = None
     tip_pose: np.ndarray | None = None
     outcome: np.ndarray | None = None
+    frame_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self):
         m = len(self.press)
         widths = {"point_m": 3, "direction": 3, "force_vector_n": 3, "tip_pose": 7}
         kinds: dict[str, Any] = {"press": np.int64}
         kinds |= {name: f"U{max(map(len, words))}" for name, words in _WORDS.items()}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None:
-                continue
+        for name, value in self.columns.items():
             array = np.array(value)
-            words = _WORDS.get(field.name)
+            words = _WORDS.get(name)
             if words and not np.isin(array, words).all():
                 unknown = set(array.tolist()) - set(words)
-                raise ValueError(f"{field.name} holds {unknown}, expected {words}")
-            array = array.astype(kinds.get(field.name, np.float64))
-            shape = (m, widths[field.name]) if field.name in widths else (m,)
+                raise ValueError(f"{name} holds {unknown}, expected {words}")
+            array = array.astype(kinds.get(name, np.float64))
+            shape = (m, widths[name]) if name in widths else (m,)
             if array.shape != shape:
-                raise ValueError(f"{field.name} has shape {array.shape}, expected {shape}")
+                raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
             array.flags.writeable = False
-            object.__setattr__(self, field.name, array)
+            object.__setattr__(self, name, array)
         if np.any(np.diff(self.press) < 0):
             raise ValueError("press ids fall, expected the order in which the presses were made")
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """The arrays that the table has, by name."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "frame_m"}
+        return {name: array for name, array in arrays.items() if array is not None}
 
     def __len__(self) -> int:
         """Return the number of samples m."""
@@ -136,8 +141,7 @@ class Scan:
 
     def rows(self, which: np.ndarray) -> "Scan":
         """Return the Scan of the chosen rows (mask or indices in rising order)."""
-        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{k: v[which] for k, v in arrays.items() if v is not None})
+        return replace(self, **{name: array[which] for name, array in self.columns.items()})
 
     def used(self) -> "Scan":
         """Return the Scan without approach and retract rows; `ignored_rows` counts those."""

@@ -17,8 +17,10 @@ def stack_scans(scans: Sequence[Scan]) -> Scan:
 
     All have the same columns.
     """
-    names = [n for n in Scan.__dataclass_fields__ if getattr(scans[0], n) is not None]
-    return Scan(**{n: np.concatenate([getattr(scan, n) for scan in scans]) for n in names})
+    names = scans[0].columns
+    return scans[0].replace(
+        **{n: np.concatenate([getattr(scan, n) for scan in scans]) for n in names}
+    )
 
 
 def join_scans(

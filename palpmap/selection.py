@@ -8,7 +8,7 @@ from identify import Progress, silent
 from identify.catalogue import CATALOGUE
 from identify.design import BetterScans, assess, better_scans, detection_limits
 from identify.effects import Effect
-from identify.fit import FitIteration, fit_jointly
+from identify.fit import FitIteration
 from identify.select import Step, kind_of_map, start_fit, step_of
 from identify.select import explain as explain_scan
 from models import Catalogue
@@ -63,7 +63,7 @@ def diagnose(
     ('contact_offset',)
     """
     problem = start(experiment, effects, progress)
-    fit = fit_jointly(problem.model, problem.start)
+    fit = problem.joint
     step = step_of(fit, problem.scan, problem.catalogue, seed, progress)
     return Diagnosis(experiment, step, problem, seed)
 
@@ -125,7 +125,7 @@ def limits(
     True
     """
     problem = start(experiment, effects, progress)
-    fit = fit_jointly(problem.model, problem.start)
+    fit = problem.joint
     progress("computing what this scan can see")
     found = tuple(detection_limits(fit, problem.catalogue))
     better = better_scans(fit, problem.catalogue, found, progress) if plan else BetterScans()

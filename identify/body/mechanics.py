@@ -268,6 +268,12 @@ class BodyMechanics:
         growth = mesh_error_growth(nu, self.poisson_ratio, self.settings)
         return coarse * self.ratio ** (growth - 1)
 
+    def forget_others(self) -> None:
+        """Free the models of other Poisson's ratios and of other places."""
+        self._others.clear()
+        self._linear.clear()
+        object.__setattr__(self, "_shifted", None)
+
     def _other(self, nu: float) -> PalpationModel:
         model = self._others.get(nu) or self.at_poisson_ratio(nu)
         _keep(self._others, nu, model, _KEPT_OTHERS)

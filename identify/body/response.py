@@ -123,6 +123,10 @@ class BodyResponse:
         other = aside.evaluate(self._map, state, slack)
         return other.compliance - self.compliance, other.local_modulus - self.local_modulus
 
+    def forget_other_models(self) -> None:
+        """Free the models of other Poisson's ratios and places, of hundreds of MB each."""
+        self._mechanics.forget_others()
+
     def compliance_on(self, model: PalpationModel) -> np.ndarray:
         """Compliance (j,) of the presses, or the body, of another coarse model."""
         other = self._mechanics._solve(model, self._map, self._state)

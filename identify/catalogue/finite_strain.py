@@ -92,7 +92,8 @@ class FiniteStrain(Effect):
         """Let a body harden only where it is thin beside the tip, or pressed deep."""
         height = state.box_m[1][2] - state.box_m[0][2]
         thin = readings.radius_m.max() > _THICK * height
-        pressure = readings.force_n.max() / readings.radius_m.min() ** 2
+        # An ordinary press: on a hard spot a large force is no great depth
+        pressure = float(np.median(readings.peak_force_n / readings.radius_m**2))
         soft = state.background_pa or np.inf  # a rigid punch on a half-space of the background
         deep = (1 - state.poisson_ratio**2) * pressure > 2 * _SHALLOW * soft
         return self.parameters if thin or deep else (replace(self.parameters[0], upper=0.0),)

@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import force, more
 
+_PULLS = 0.1  # of the force at first touch: so much less is no rounding of a law
+_OF_MEDIAN = 1.86  # standard error of a median, in median deviations over the root of their number
+_SURE = 4.0  # standard errors
 
-class ForceBias(Effect):
+
+class ForceBias(Advice, Effect):
     """A constant that the sensor reads too much."""
 
     name = "force_bias"
@@ -46,6 +50,18 @@ class ForceBias(Effect):
         """Bound the bias by the largest force."""
         most = max(readings.largest_force_n, 1e-3)
         return (replace(self.parameters[0], lower=-most, upper=most, typical=0.03 * most),)
+
+    def doubt(self, values: Values, readings: Readings) -> str | None:
+        """Doubt a bias above what the sensor reads at first touch: the body would pull at the tip.
+
+        A force at which touch is declared looks like one, where a ball's law is not quite right.
+        """
+        first = readings.force_n[readings.first]
+        middle = float(np.median(first))
+        error = _OF_MEDIAN * float(np.median(np.abs(first - middle))) / np.sqrt(len(first))
+        if values["bias_n"] <= middle + max(_PULLS * abs(middle), _SURE * error):
+            return None
+        return f"the presses begin at {force(middle)}, so that the body would pull at the tip"
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say the reading of the sensor at no force."""

@@ -96,7 +96,12 @@ def limits_at(
     catalogue: Sequence[Effect],
     settings: DetectionSettings = DETECTION,
 ) -> tuple[Limit, ...]:
-    """Return the limits of a model linearised at scaled unknowns u (k,)."""
+    """Return the limits of a model linearised at scaled unknowns u (k,).
+
+    Beside a free map those of the body's effects are linear: the map takes most of their bend, and
+    each size would cost a solution of its finer mesh.
+    """
+    linear = model.map_uncertainty is not None
     signal = float(np.sqrt(np.mean(at.predicted_m**2)))
     fitted = fitted_basis(at)
     normal = np.linalg.pinv(at.jacobian, rcond=1e-10)
@@ -108,6 +113,7 @@ def limits_at(
                 found = _middle(
                     _at_its_size(model, at, u, effect, one, fitted, normal, settings)
                     if one.share * settings.sigmas < settings.far_signal
+                    and not (linear and isinstance(effect, BodyEffect))
                     else one
                     for one in found
                 )
@@ -303,10 +309,15 @@ def _absorbed(
     whitened residual (m,), and change of the scaled unknowns (k,)
     """
     # At the latent forces, like the change: at measured forces, much of it would be noise, too
-    force, body = at.latent_force_n, at.body
-    base = model.chain.predict(body.compliance, body.local_modulus, force, at.values)
+    force, body, e = at.latent_force_n, at.body, at.body.local_modulus
+    if model.unit_compliance is not None:
+        e = model.unit_compliance / body.compliance
+    base = model.chain.predict(body.compliance, e, force, at.values)
     readings = replace(model.readings, force_n=force)
     model = replace(model, readings=readings, displacement_m=base + moved_m)
+    if uncertain := model.map_uncertainty:  # about the map, of which these readings are
+        offset = np.zeros_like(uncertain.offset)
+        model = replace(model, map_uncertainty=replace(uncertain, offset=offset))
     low, high = model.bounds
     here, residual, jacobian = u, at.whitened(moved_m, readings.press), at.jacobian
     for step_number in range(settings.fit_steps + 1):
@@ -344,10 +355,12 @@ def _moved(
 ) -> np.ndarray:
     """Return the change of the readings by an effect of these values, (m,) m."""
     present, force = model.chain, at.latent_force_n
-    c, e = at.body.compliance, at.body.local_modulus
+    c, e = at.compliance, at.modulus
     base = present.predict(c, e, force, at.values)
     if isinstance(effect, BodyEffect):
         dc, de = at.body.exact_change(effect.body(at.state, **values), slack)
+        if model.unit_compliance is not None:
+            de = e / (1 + dc / c) - e
         moved = present.predict(c + dc, e + de, force, at.values)
     else:
         chain = replace(present, effects=[*present.effects, effect])

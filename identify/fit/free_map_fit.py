@@ -288,17 +288,28 @@ class FreeMapFit:
 
 
 def refit_free_map(
-    model: MeasurementModel, stiffness: GaussianMap, progress: Progress | None = None
+    model: MeasurementModel,
+    stiffness: GaussianMap,
+    progress: Progress | None = None,
+    compliance: np.ndarray | None = None,
 ) -> FitResult:
-    """Fit a free map anew, with the effects of a model, from the present field."""
+    """Fit a free map anew, with the effects of a model.
+
+    From the present field, or where `compliance` (j,) of the presses beside these effects is given
+    from the homogeneous body: a field that was fitted without them may be a trap.
+    """
     uncertain = model.map_uncertainty
     assert uncertain is not None
     assert isinstance(stiffness, FreeMap)
+    if compliance is not None:
+        assert model.unit_compliance is not None
+        level = np.log(np.median((model.unit_compliance / compliance)[uncertain.felt > 0]))
+        stiffness = FreeMap(stiffness.grid, np.full_like(stiffness.log_pa, level))
     space = ParameterSpace(stiffness, (), ())
     hyper, lengths_m = uncertain.prior
     return FreeMapFit(
         replace(model, map_uncertainty=None, space=space), hyper, lengths_m, progress,
-        weight=uncertain.felt, warm=True,
+        compliance=compliance, weight=uncertain.felt, warm=compliance is None,
     ).run()  # fmt: skip
 
 

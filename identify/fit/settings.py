@@ -207,6 +207,7 @@ class FreeMapSettings:
     evidence_rounds : iterations in which the prior's numbers are sought
     longest_change : of the logarithm of such a number in a round
     iterations : of Gauss-Newton
+    rough_steps : after the evidence, of a fit without effects that are known to be missing
     usual_length, usual_spread, usual_error : middle of the wide priors of length (over the middle
         of its bounds), spread and error
     unsure : their standard deviations, of logarithms
@@ -259,6 +260,7 @@ class FreeMapSettings:
     evidence_rounds: int = 4
     longest_change: float = 0.7
     iterations: int = 20
+    rough_steps: int = 3
     longest_step: float = 1.5
     shortest_step: float = 0.1
     worse: float = 1e-3

@@ -10,7 +10,7 @@ from identify.fit.free_map_fit import fit_free_map
 from identify.fit.map_fit import fit_scan
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
-from identify.fit.settings import PRECISE, FitSettings
+from identify.fit.settings import FREE_MAP, PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
@@ -25,14 +25,17 @@ def fit_map(
 ) -> FitResult:
     """Fit the map alone.
 
-    A `rough` fit is a start for another one: without the finer model, with simple intervals.
+    A `rough` fit is a start for another one: without the finer model, with simple intervals, of a
+    free map by few steps.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
     criterion no longer falls. A free map is fitted jointly with the experiment's effects.
     """
     scan, body, guess = experiment.scan, experiment.body, experiment.map
     if guess.field is not None:
-        return fit_free_map(experiment, callback)
+        few = FREE_MAP.evidence_rounds + FREE_MAP.rough_steps
+        return fit_free_map(experiment, callback, replace(FREE_MAP, iterations=few) if rough
+                            else FREE_MAP)  # fmt: skip
     known = {**guess.initial, **guess.fixed}
     start = free = None
     if guess.inclusions == "auto":

@@ -85,11 +85,18 @@ class MarginalMap:
         return (wide + self._unit[:, None] * gain[self.press]).reshape(x.shape)
 
     def moved(self, about_mean: np.ndarray) -> np.ndarray:
-        """Return the change (j,) of s from the map to the most probable one for a residual."""
+        """Return the change (j,) of s from here to the most probable map for a residual."""
+        return self.map.of_field @ self._weights(about_mean) - self.map.offset
+
+    def probable(self, about_mean: np.ndarray) -> np.ndarray:
+        """Return the same with each press's own error, as its readings have it."""
+        weights = self._weights(about_mean)
+        return self.map.of_field @ weights + self.map.own * weights - self.map.offset
+
+    def _weights(self, about_mean: np.ndarray) -> np.ndarray:
         value, vector = self._modes
         along = vector.T @ self._along(about_mean[:, None])[:, 0]
-        weights = self._length * (vector @ (along / (1 + value)))
-        return self.map.of_field @ weights - self.map.offset
+        return self._length * (vector @ (along / (1 + value)))
 
     def _along(self, x: np.ndarray) -> np.ndarray:
         moved = self._unit[:, None] * x

@@ -33,6 +33,8 @@ from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.result import InadmissibleError
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
+_OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map
+_OWN_TOL, _LONGEST_MOVE = 1e-3, 0.5  # of ln C: the end of these steps, and the longest
 
 
 @dataclass(frozen=True)
@@ -254,6 +256,13 @@ class MeasurementModel:
         ----------
         factor : (j,) on the body's compliances, where a press may differ from the map
         """
+        if self.map_uncertainty is None:
+            return self._linear(body, u, factor)
+        return self._marginal(body, u, self.map_uncertainty)
+
+    def _linear(
+        self, body: BodyResponse, u: np.ndarray, factor: np.ndarray | float = 1.0
+    ) -> Linearised:
         values = self.values(u)
         state = self.state(values)
         c, e = factor * body.compliance, body.local_modulus
@@ -275,7 +284,7 @@ class MeasurementModel:
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
         map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
         shared = np.hstack([map_error[:, None], touch_errors(self.noise.touch_m, sigma)])
-        at = Linearised(
+        return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
@@ -291,15 +300,26 @@ class MeasurementModel:
             state=state,
             values=values,
         )
-        return at if self.map_uncertainty is None else self._marginal(at, self.map_uncertainty)
 
-    def _marginal(self, at: Linearised, uncertain: MapUncertainty) -> Linearised:
-        """Return the model with every map of the prior beside it, its predictions by the best."""
-        press, by_s = self.readings.press, self.by_log_compliance(at)
+    def _marginal(self, body: BodyResponse, u: np.ndarray, uncertain: MapUncertainty) -> Linearised:
+        """Return the model with every map of the prior beside it, its predictions by the best.
+
+        Linear where each press is most probable beside them, in a few steps: around the map, whose
+        own error may be many times the noise, a press's bent curve would be taken for an effect.
+        """
+        press, moved = self.readings.press, np.zeros(len(body.compliance))
         weight = np.sqrt(uncertain.felt)[press]
-        marginal = MarginalMap(uncertain, weight * at.whitened(by_s, press), press)
-        about_mean = marginal.about_mean(weight * at.residual)
-        predicted = at.predicted_m + by_s * marginal.moved(about_mean)[press]
+        for _ in range(_OWN_STEPS):
+            at = self._linear(body, u, np.exp(moved))
+            by_s = self.by_log_compliance(at)
+            there = replace(uncertain, offset=uncertain.offset + moved)
+            marginal = MarginalMap(there, weight * at.whitened(by_s, press), press)
+            about_mean = marginal.about_mean(weight * at.residual)
+            by_map, further = marginal.moved(about_mean), marginal.probable(about_mean)
+            if np.abs(further).max() < _OWN_TOL:
+                break
+            moved = moved + np.clip(further, -_LONGEST_MOVE, _LONGEST_MOVE)
+        predicted = at.predicted_m + by_s * by_map[press]
         return replace(
             at,
             residual=marginal.whitened(about_mean),

@@ -102,6 +102,7 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
         largest=_largest(w),
         law=matching_law(view) if fires else None,
         course=smooth_course(view) if fires else None,
+        frame_m=w.scan.frame_m,
     )
     return replace(draft, statement=sentence(draft, settings))
 

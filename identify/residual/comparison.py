@@ -91,6 +91,8 @@ class Comparison:
         A simple law for nearly all of the excess chi-square.
     course : Course or None
         A smooth course for most of it.
+    frame_m : (3,)
+        Origin of the points' frame in that of the scan, of which sentences speak.
     """
 
     is_noise: bool
@@ -117,6 +119,7 @@ class Comparison:
     largest: tuple[Reading, ...]
     law: LawMatch | None = None
     course: Course | None = None
+    frame_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def chi2_per_dof(self) -> float:

@@ -110,12 +110,13 @@ def _places(c: Comparison) -> str:
     smooth = np.array([means[d <= r].mean() for d, r in zip(distance, near, strict=True)])
     softest, hardest = int(np.argmax(smooth)), int(np.argmin(smooth))
     return (
-        f"{_at(c.presses[softest], smooth[softest])} and {_at(c.presses[hardest], smooth[hardest])}"
+        f"{_at(c, c.presses[softest], smooth[softest])} and "
+        f"{_at(c, c.presses[hardest], smooth[hardest])}"
     )
 
 
-def _at(press: PressResidual, mean: float) -> str:
-    x, y, z = (1e3 * v for v in press.point_m)
+def _at(c: Comparison, press: PressResidual, mean: float) -> str:
+    x, y, z = (1e3 * (v + origin) for v, origin in zip(press.point_m, c.frame_m, strict=True))
     return f"{length(mean)} around ({x:.0f}, {y:.0f}, {z:.0f}) mm (press {press.press})"
 
 

@@ -165,9 +165,7 @@ def predicted_share(before: FitResult, after: FitResult) -> float:
     """
     force = before.at.latent_force_n
     old, new = (
-        fit.model.chain.predict(
-            fit.at.body.compliance, fit.at.body.local_modulus, force, fit.at.values
-        )
+        fit.model.chain.predict(fit.at.compliance, fit.at.modulus, force, fit.at.values)
         for fit in (before, after)
     )
     moved = before.at.whitened(new - old, before.model.readings.press)

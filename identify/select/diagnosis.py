@@ -127,6 +127,8 @@ def diagnose(
         if progress:
             progress(effect.name)
         scores.append(score_effect(fit, effect, fitted, seed, settings))
+        if fit.field is not None and effect.link == "body":  # of its fine mesh, at this map alone
+            fit.at.body.forget_other_models()
     scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))
     significant = frozenset(holm_significant(scores, settings.alpha))
     return Diagnosis(tuple(scores), significant, max(fit.chi2 - fit.dof, 0.0), settings)

@@ -1,12 +1,15 @@
 """First step of the selection, from the contact law of the presses."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance import FreeComplianceFit
+from identify.fit.free_map_fit import refit_free_map
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
+from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.settings import SELECTION, SelectionSettings
@@ -32,35 +35,69 @@ def follow(
     if not law.names:
         return None
     say(f"fitting the map with {', '.join(law.names)}")
+    if step.fit.field is not None:
+        model = _with_effects(law.found, step.fit.model, step.fit)
+        free = refit_free_map(model, step.fit.map, compliance=law.found.compliance)
+        return None if free.bic >= step.fit.bic else (free, _accepted(law, free, say, settings))
     # A map that was fitted without the effects, or to straightened readings: either may be a trap
     most = settings.first_evaluations
-    fits = [_joint_fit(law.found, step, stiffness, most) for stiffness in (start, step.fit.map)]
+    fits = [
+        _joint_fit(law.found, step.fit.model, step.fit, stiffness, most)
+        for stiffness in (start, step.fit.map)
+    ]
     fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.bic, default=None)
     if fit is None or fit.bic >= step.fit.bic:
         return None
     fit = fit_jointly(fit.model, fit.map)
+    return fit, _accepted(law, fit, say, settings, step)
+
+
+def _accepted(
+    law: ContactLaw,
+    fit: FitResult,
+    say: Callable[[str], None],
+    settings: SelectionSettings,
+    step: Step | None = None,
+) -> list[AcceptedEffect]:
+    """Return the effects of a law with their equivalents, fitted beside the map of a fit.
+
+    Free maps have the prior of that fit; others the correction of the step's model.
+    """
+    own = {part.effect.name for part in law.plain.parts}
+    plain = replace(fit.model, effects=tuple(p for p in fit.model.effects if p.effect.name in own))
+    base = plain if step is None else step.fit.model
     accepted = []
     for name in law.names:
         candidates = [Candidate(name, law.found.chi2, law.criterion(law.found), fit)]
         for other, alone in law.candidates(name):
             say(f"trying {other}")
-            beside = _joint_fit(alone, step, fit.map, settings.refit_evaluations)
+            beside = _joint_fit(alone, base, fit, fit.map, settings.refit_evaluations)
             if beside is not None:
                 # As good as the effect found, as far as the laws can be trusted
                 candidates.append(Candidate(other, alone.chi2, candidates[0].criterion, beside))
         accepted.append(
             AcceptedEffect(name, tuple(candidates), shown_by_presses=True, settings=settings)
         )
-    return fit, accepted
+    return accepted
 
 
 def _joint_fit(
-    law: FreeComplianceFit, step: Step, start: GaussianMap, evaluations: int
+    law: FreeComplianceFit,
+    model: MeasurementModel,
+    near: FitResult,
+    start: GaussianMap,
+    evaluations: int,
 ) -> FitResult | None:
     """Fit the map and the effects of a law, from the law's values."""
-    model = step.fit.model
+    model = _with_effects(law, model, near)
+    return try_fit(model, start, rounds=0, max_evaluations=evaluations)
+
+
+def _with_effects(
+    law: FreeComplianceFit, model: MeasurementModel, near: FitResult
+) -> MeasurementModel:
+    """Return a model with the effects of a law, bounded for the body of a fit nearby."""
     for part in law.parts:
         if part.effect.name not in model.effect_names:
-            values = law.values[part.effect.name]
-            model = model.with_effect(part.effect, values, step.fit.at.state)
-    return try_fit(model, start, rounds=0, max_evaluations=evaluations)
+            model = model.with_effect(part.effect, law.values[part.effect.name], near.at.state)
+    return model

@@ -134,6 +134,12 @@ class Explanation:
         return self.final.fit.model.press_error
 
     @property
+    def within_laws(self) -> bool:
+        """Whether the residual is beyond noise by less than laws of contact are right to."""
+        noise = self.final.comparison.is_noise
+        return not noise and _within_laws(self.ladder, self.accepted, self.settings)
+
+    @property
     def explained_share(self) -> float:
         """Share of the first step's excess chi-square that the accepted effects remove."""
         return _share(self.ladder[0].fit, self.final.fit)
@@ -153,6 +159,7 @@ def forward_selection(
     on_step: Callable[[Step], None] | None = None,
     policy: Policy | None = None,
     settings: SelectionSettings = SELECTION,
+    first: FitResult | None = None,
 ) -> Explanation:
     """Add effects to a map until the residual is noise.
 
@@ -166,25 +173,31 @@ def forward_selection(
     progress : called with the present task, in words
     on_step : called with each new step
     policy : decisions of the selection; None for those of `Policy`
+    first : fit of the model, where there is one
     """
     policy = policy or Policy()
     say = progress or (lambda text: None)
     effects = {effect.name: effect for effect in catalogue}
 
-    def judged(fit: FitResult) -> Step:
-        step = step_of(fit, scan, catalogue, seed, say, settings)
+    def judged(fit: FitResult, scored: Sequence[Effect] = catalogue) -> Step:
+        step = step_of(fit, scan, scored, seed, say, settings)
         if on_step:
             on_step(step)
         return step
 
     say("fitting the map")
-    ladder = [judged(fit_jointly(model, stiffness))]
+    fit = first or fit_jointly(model, stiffness)
+    # Beside a free map without a law that the presses call for, scores of the body say nothing
+    by_presses = policy.first is not None and fit.field is not None
+    ladder = [judged(fit, [e for e in catalogue if e.link != "body"] if by_presses else catalogue)]
     accepted: list[AcceptedEffect] = []
     dropped: list[str] = []
     settled = False
     if policy.first and (started := policy.first(ladder[0], say)):
         fit, accepted = started
         ladder.append(judged(fit))
+    elif by_presses:
+        ladder = [judged(fit)]
     most = settings.most_effects + len(accepted)
     while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
         now = ladder[-1]
@@ -212,8 +225,9 @@ def forward_selection(
         ladder.append(judged(fit))
     further = "" if settled else _further(ladder, accepted, settings)
     gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
+    noise = ladder[-1].comparison.is_noise or _within_laws(ladder, accepted, settings)
     return Explanation(
-        _verdict(ladder[-1], accepted, further),
+        _verdict(ladder[-1], accepted, further) if noise else "unexplained",
         tuple(ladder),
         tuple(accepted),
         gone,
@@ -330,10 +344,26 @@ def is_more_missing(
     strongest = max(
         (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
     )
-    if strongest == 0 or not accepted or not now.comparison.is_noise:
+    enough = now.comparison.is_noise or _within_laws(ladder, accepted, settings)
+    if strongest == 0 or not accepted or not enough:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
+
+
+def _within_laws(
+    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> bool:
+    """Whether structure that remains beside a free map is less than laws of contact are right to.
+
+    Where single presses called for the laws, they hold to a few per cent (`contact_law`): an excess
+    of a hundredth of what they explain, in a residual of hardly more than noise, is their own.
+    """
+    first, last = ladder[0].fit, ladder[-1].fit
+    if last.field is None or not any(effect.shown_by_presses for effect in accepted):
+        return False
+    small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
+    return small and last.chi2_per_dof <= settings.nearly_noise**2
 
 
 def _further(
@@ -347,9 +377,7 @@ def _further(
 
 
 def _verdict(last: Step, accepted: Sequence[AcceptedEffect], further: str = "") -> Verdict:
-    """Verdict of the last step; `further`: an effect that is missing beside noise."""
-    if not last.comparison.is_noise:
-        return "unexplained"
+    """Verdict beside noise; `further`: an effect that is missing."""
     if not accepted and not further:
         return "nothing_missing"
     doubted = any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted)

@@ -94,6 +94,7 @@ def _selected(
         on_step=on_step,
         policy=Policy(first=first if law is not None and law.names else None),
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
+        first=start.fit if start.fit.field is not None else None,
     )
 
 

@@ -69,6 +69,8 @@ class SelectionSettings:
     ----------
     most_effects : largest number of effects added after the first step
     trace : of the chi-square explained: residue of laws that are right to a seventh
+    of_laws, nearly_noise : of the chi-square that contact laws of the presses explain, and residual
+        over noise: up to both, structure that remains is within the accuracy of these laws
     imitated : visible share of an effect's pattern below which the map imitates all of it
     worthwhile : least share of the unexplained chi-square for a further effect. In 58 blind trials
         the hidden effect took a third or more, and an imitation of an unknown effect 16 % or less
@@ -107,6 +109,8 @@ class SelectionSettings:
 
     most_effects: int = 4
     trace: float = 0.02
+    of_laws: float = 0.01
+    nearly_noise: float = 1.2
     imitated: float = 0.05
     worthwhile: float = 0.1
     left_of_error: float = 0.1

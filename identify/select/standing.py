@@ -103,7 +103,7 @@ def effect_part(fit: FitResult, name: str) -> np.ndarray:
         press = model.readings.press
         change = -(at.by_compliance * dc[press] + at.by_modulus * de[press])
     else:
-        c, e, force = at.body.compliance, at.body.local_modulus, at.latent_force_n
+        c, e, force = at.compliance, at.modulus, at.latent_force_n
         present, gone = (model.chain.predict(c, e, force, v) for v in (at.values, absent))
         change = present - gone
     own = [i for i, unknown in enumerate(model.names) if not unknown.startswith(f"{name}.")]

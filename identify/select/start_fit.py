@@ -6,7 +6,7 @@ the given values or from the linear estimate.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -60,6 +60,13 @@ class StartFit:
     start: GaussianMap
     law: ContactLaw | None = None
 
+    @cached_property
+    def joint(self) -> FitResult:
+        """The map fitted jointly with the experiment's effects."""
+        if self.fit.field is not None:  # it was
+            return self.fit
+        return fit_jointly(self.model, self.start)
+
     @property
     def scan(self) -> Scan:
         """The scan in the body's frame."""
@@ -87,7 +94,8 @@ def start_fit(
     if experiment.map.field is not None:
         law = contact_law_of(experiment, catalogue, settings.contact_law)
         experiment.say("fitting the map")
-        fit = fit_map(experiment, callback=on_iteration, settings=settings.fit)
+        more = law is not None and bool(law.names)  # the first step will fit it with these
+        fit = fit_map(experiment, callback=on_iteration, rough=more, settings=settings.fit)
         return StartFit(experiment, catalogue, fit, fit.model, fit.map, law)
     law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings)
     starts = law.plain.values if law else {}

@@ -17,7 +17,9 @@ def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
     if group is not None:
         verdict, confused = _in_group(name, group, explained)
         found = replace(found, verdict=verdict, confused_with=confused)
-    elif found.verdict == "supported":
+    elif found.verdict == "supported" or (
+        explained.within_laws and found.verdict == "indistinguishable"
+    ):
         # It scores beside a missing effect, but does not win: no support of its own
         helps = explained.verdict == "unexplained"
         found = replace(found, verdict="helps" if helps else "not_seen")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from identify.body import ChangedMap
-from identify.fit import SPOTS
+from identify.fit import SPOTS, FitResult
 from identify.map import FreeMap, GaussianMap, Inclusion
 from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.result.finding import Finding
@@ -115,7 +115,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
             image = show_cut(axes, f, cut, fields[row][i], column.colors, span)
             _decorate(axes, f, cut, column.title == "True")
             if column.title != "True":
-                _hatch_blind(axes, f, cut)
+                hatch_blind(axes, f, f.fit, cut)
             axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
             if i:
                 axes.set_ylabel("")
@@ -227,9 +227,9 @@ def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
     return found.grid.points_m[int(np.argmax(differs))]
 
 
-def _hatch_blind(axes: Axes, f: Finding, cut: Cut) -> None:
-    """Fade and hatch the places that the scan of a free map does not see."""
-    field, found = f.fit.field, f.fit.map
+def hatch_blind(axes: Axes, f: Finding, fit: FitResult, cut: Cut) -> None:
+    """Fade and hatch the places that the scan of a fitted free map does not see."""
+    field, found = fit.field, fit.map
     if field is None or not isinstance(found, FreeMap):
         return
     share = sample(f, cut, lambda p: found.grid.interpolated(field.share, p))

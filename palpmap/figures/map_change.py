@@ -12,6 +12,7 @@ from palpmap.figures.map import (
     cut_size,
     cuts,
     draw_circles,
+    hatch_blind,
     limit_to_body,
     sample,
     show_cut,
@@ -48,6 +49,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
             (f"Before: {start}", first.fit.changed_map),
             (f"After: with {names}", last.fit.changed_map),
         ]
+    fits = [first.fit, last.fit][-len(shown) :]
     if finding.truth is not None:
         shown.append(("True", finding.truth))
     both = cuts(finding)
@@ -69,6 +71,8 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
             axes = grid[row, column]
             image = show_cut(axes, finding, cut, fields[row][column], MODULUS_COLORS, (low, high))
             draw_circles(axes, finding, stiffness, cut, "-")
+            if column < len(fits):
+                hatch_blind(axes, finding, fits[column], cut)
             if finding.truth is not None:
                 draw_circles(axes, finding, finding.truth, cut, "--")
             limit_to_body(axes, finding, cut)

@@ -10,6 +10,7 @@ from palpmap.report.draw import console
 from palpmap.result.evidence import added_names
 from palpmap.result.explain_words import (
     VERDICTS,
+    assumed_thickness,
     bound_notes,
     headline,
     outlier_notes,
@@ -20,6 +21,7 @@ from palpmap.result.explain_words import (
     unseen_inclusions,
     verdict_detail,
 )
+from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
 from palpmap.result.tables import explained_table, ladder_table, verdict_table
@@ -59,7 +61,13 @@ def explain_summary(
     further = [*explained.final.comparison.notes]
     if unseen := unseen_effects(record):
         further.insert(0, unseen)
+    final = explained.final.fit
+    field_tables = () if final.field is None else (
+        console(spot_table(final, problem.experiment.origin_m)),
+        console(sight_table(final, problem.scan)),
+    )  # fmt: skip
     cautions = [*bound_notes(record), *stated_lengths(record), unseen_inclusions(record),
+                *assumed_thickness(explained, problem),
                 *outlier_notes(record)]  # fmt: skip
     return (
         Text(verdict, style=f"bold {style}"),
@@ -67,6 +75,7 @@ def explain_summary(
         console(ladder_table(record.ladder, title="error of each step")),
         *(Text(f"- {text}") for text in said),
         console(explained_table(record)),
+        *field_tables,
         console(verdict_table(record.candidates, title="verdict on each effect")),
         *(Text(f"- {text}") for text in further),
         *(Text(text, style="yellow") for text in cautions if text),

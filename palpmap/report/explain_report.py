@@ -9,6 +9,7 @@ from palpmap import units
 from palpmap.report.draw import write_page
 from palpmap.result import explain_words as words
 from palpmap.result.evidence import added_names, kept
+from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord, NextPressesRecord, ValueRecord
@@ -66,12 +67,14 @@ def write_explain_report(
         headline=words.headline(explained),
         following=following,
         detail=words.verdict_detail(explained),
-        doubts=words.doubts(record, explained),
+        doubts=[*words.doubts(record, explained), *words.assumed_thickness(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
         unseen=words.unseen_effects(record),
         trust=[*words.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),
+        spots=spot_table(explained.final.fit, finding.origin_m),
+        sight=sight_table(explained.final.fit, finding.scan),
         parameters=parameter_table(
             record.parameters,
             before=_first_values(finding, explained) if stepped else None,

@@ -30,7 +30,8 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
     parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
     free = () if finding.fit.field is None else (
-        console(spot_table(finding)), console(sight_table(finding)),
+        console(spot_table(finding.fit, finding.origin_m)),
+        console(sight_table(finding.fit, finding.scan)),
     )  # fmt: skip
     found = (console(parameters), *free, console(_residual_table(c)))
     return statement, *plain(following), *found, *notes

@@ -6,6 +6,8 @@ No sentence is more certain than result.json.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from identify.body import MODEL_ERROR
 from identify.design import DETECTION
 from identify.effects import advice, length, more, percent
@@ -17,6 +19,7 @@ from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
 from palpmap.study.open_study import Problem
 
 _NAMED = 3  # effects with the largest unseen shifts
+_THIN = 4.5  # tip radii: a thinner body hardens by its geometry, see `finite_strain`
 _FORM_COUNTS = 1.2  # times the interval by one form, from which on its growth is told
 
 VERDICTS = {  # but see `headline`
@@ -59,13 +62,26 @@ def verdict_detail(explained: Explanation) -> str:
             )
         return "The residual is noise, without a trace of any effect of the catalogue."
     if explained.verdict == "explained":
-        return f"With {sure} in the model, the residual is noise."
+        return f"With {sure} in the model, the residual is {_size(explained)}."
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
-        return text + (f" In addition: {sure}." if sure else "")
+        text += f" In addition: {sure}." if sure else ""
+        return text + (f" The residual is {_size(explained)}." if explained.within_laws else "")
     residual = explained.final.comparison
     look = sentence(replace(residual, law=None, course=None))
     return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
+
+
+def _size(explained: Explanation) -> str:
+    """Return the size of a residual that is noise, or little more."""
+    if not explained.within_laws:
+        return "noise"
+    fit = explained.final.fit
+    excess = (fit.chi2 - fit.dof) / (explained.ladder[0].fit.chi2 - fit.dof)
+    return (
+        f"{np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of the misfit is "
+        "left, less than laws of contact are right to"
+    )
 
 
 def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
@@ -340,6 +356,18 @@ def stated_lengths(record: ExplainRecord) -> list[str]:
         f"The readings would look nearly the same as with {effect} if {', or '.join(parts)}. "
         "Measure that first."
         for effect, parts in by_effect.items()
+    ]
+
+
+def assumed_thickness(explained: Explanation, problem: Problem) -> list[str]:
+    """Return a sentence where a body thinner than assumed would harden as its material does."""
+    fit = explained.final.fit
+    if not problem.study.body.thickness_assumed or "strain_stiffening" not in fit.effect_names:
+        return []
+    least = length(_THIN * float(fit.model.readings.radius_m.max()))
+    return [
+        f"The thickness is assumed: a body thinner than {least} hardens by its geometry, which "
+        "looks like strain_stiffening. Measure it first."
     ]
 
 

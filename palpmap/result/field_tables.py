@@ -5,21 +5,25 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.effects import percent
-from identify.fit import Spot
+from identify.fit import FitResult, Spot
+from models import Scan
 from palpmap import units
-from palpmap.result.finding import Finding
 from palpmap.result.tables import Cell, Table, number
 
 
-def spot_table(f: Finding) -> Table:
-    """Return the spots of a free map, positions in the scan's frame; a row says so if none."""
+def spot_table(fit: FitResult, origin_m: np.ndarray) -> Table:
+    """Return the spots of a free map, positions in the scan's frame; a row says so if none.
+
+    Without rows for another map.
+    """
+    if fit.field is None:
+        return Table.of(("",), ())
     head = ("Spot", *map(number, ("x, y, z in mm", "+-", "Diameter", "Modulus, around = 1",
             "95 % interval", "Probability")))  # fmt: skip
-    spots = () if f.fit.field is None else f.fit.field.spots
     rows = [
         (
             Cell("hard" if s.contrast > 1 else "soft", "good" if s.found else "dim"),
-            ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), f.origin_m)),
+            ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
             f"{1e3 * s.place_sd_m:.1f} mm",
             _size(s),
             f"{s.contrast:.2f}",
@@ -27,10 +31,10 @@ def spot_table(f: Finding) -> Table:
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found else "dim"),
         )
-        for s in spots
+        for s in fit.field.spots
     ]  # fmt: skip
     none = "none that differs from its surroundings"
-    rows = rows or [(none if f.fit.success else "not looked for: the search did not end",)]
+    rows = rows or [(none if fit.success else "not looked for: the search did not end",)]
     return Table.of(head[: len(rows[0])], rows, "spots")
 
 
@@ -47,9 +51,9 @@ def _listed(presses: Sequence[int], most: int = 8) -> str:
     return ", ".join(str(p) for p in presses[:most]) + more
 
 
-def sight_table(f: Finding) -> Table:
-    """Return the reach of the scan and the free map's prior."""
-    field = f.fit.field
+def sight_table(fit: FitResult, scan: Scan) -> Table:
+    """Return the reach of a scan and the free map's prior."""
+    field = fit.field
     if field is None:
         return Table.of(("", ""), ())
     hyper = field.hyper
@@ -61,7 +65,7 @@ def sight_table(f: Finding) -> Table:
         f"{100 * hyper.error:.2g} % of each press's compliance: the noise is not the limit, and "
         "the map follows the presses no closer"
     )  # fmt: skip
-    errs = [p for p, errs in zip(f.scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
+    errs = [p for p, errs in zip(scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
     rows = (
         (
             "ordinary press",

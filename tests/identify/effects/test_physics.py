@@ -174,6 +174,17 @@ def test_large_strain_hardens_thin_bodies_and_deep_presses_only(height, modulus,
     state = BodyState(((0.0, 0.0, 0.0), (0.1, 0.1, height)), 0.4, background_pa=modulus)
     (s,) = CATALOGUE["finite_strain"].bounded(own, state)
     assert (s.lower, s.upper) == (-0.5, upper)
+    hard = readings(press=(0, 1, 2), force_n=(0.3, 0.3, 9.0), radius_m=5e-3)  # one on a hard spot
+    assert CATALOGUE["finite_strain"].bounded(hard, state) == (s,)
+
+
+def test_a_force_bias_beyond_the_force_of_first_touch_is_doubted():
+    """A body that is touched does not pull at the tip."""
+    own = readings(press=(0, 0, 1, 1, 2, 2), force_n=(0.08, 0.5, 0.085, 0.6, 0.09, 0.4))
+    bias = CATALOGUE["force_bias"]
+    assert bias.doubt({"bias_n": 0.085}, own) is None
+    assert bias.doubt({"bias_n": -0.2}, own) is None
+    assert "begin at 85 mN" in (bias.doubt({"bias_n": 0.11}, own) or "")
 
 
 @pytest.mark.parametrize(

@@ -185,8 +185,11 @@ def test_the_sentence_tells_size_and_place_along_the_force():
 
 
 def test_the_soft_spot_is_found_where_it_was_planted():
-    comparison = compare_residual(scan_of(1, PLANTED["a second soft spot"][1]))
+    w = scan_of(1, PLANTED["a second soft spot"][1])
+    comparison = compare_residual(w)
     assert "around (66, 30, 48) mm" in comparison.statement
+    moved = replace(w, scan=w.scan.replace(frame_m=(0.1, 0.0, -0.05)))
+    assert "around (166, 30, -2) mm" in compare_residual(moved).statement  # of the scan's frame
     assert comparison.moran_i is not None
     assert comparison.moran_i > 0.3
 

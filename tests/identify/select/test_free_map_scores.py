@@ -1,6 +1,7 @@
 """Score tests beside every map of a prior: uniform under noise, alive under an effect."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,13 +17,16 @@ from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
+from identify.select.forward_selection import _within_laws
 from identify.select.score_test import effect_patterns, unavailable
+from identify.select.settings import SELECTION
 from models import Scan
 
 SIZE_M, NOISE = (0.06, 0.06, 0.03), Noise(2e-5, 2e-3)
 FORCES_N = np.linspace(0.1, 0.8, 8)
 EFFECTS = ("contact_offset", "force_bias", "strain_stiffening", "touch_threshold", "surface_tilt")
 SEEDS = range(200)
+SHARE = 0.05  # of the prior: compliances a tenth off the map, many times the noise of a press
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +64,7 @@ def scan_of(model: MeasurementModel, seed: int, **effect: dict[str, float]) -> M
     rng, uncertain, r = np.random.default_rng(seed), model.map_uncertainty, model.readings
     assert uncertain is not None
     whole = uncertain.of_field + np.diag(uncertain.own)
-    moved = 0.01 * np.linalg.cholesky(whole) @ rng.standard_normal(25)  # where ln C is linear
+    moved = SHARE * np.linalg.cholesky(whole) @ rng.standard_normal(25)
     c = model.body(np.empty(0)).compliance * np.exp(moved)
     assert model.unit_compliance is not None
     effects = [CATALOGUE[name] for name in effect]
@@ -68,7 +72,7 @@ def scan_of(model: MeasurementModel, seed: int, **effect: dict[str, float]) -> M
     travel = chain.predict(c, model.unit_compliance / c, r.force_n, effect)
     readings = replace(r, force_n=r.force_n + rng.normal(0, NOISE.force_n, len(r.press)))
     travel = travel + rng.normal(0, NOISE.displacement_m, len(travel))
-    small = replace(uncertain, of_field=0.01**2 * uncertain.of_field, own=0.01**2 * uncertain.own)
+    small = replace(uncertain, of_field=SHARE**2 * uncertain.of_field, own=SHARE**2 * uncertain.own)
     return replace(model, readings=readings, displacement_m=travel, map_uncertainty=small)
 
 
@@ -126,3 +130,19 @@ def test_the_interval_of_an_effect_counts_the_map(model):
     )
     sure = narrow.around(at.body, np.zeros(1))
     assert covariance(at.jacobian)[0, 0] > 1.2 * covariance(sure.jacobian)[0, 0]
+
+
+def test_structure_within_the_accuracy_of_contact_laws_ends_the_selection():
+    """Beside a free map, and where the presses called for the laws: both limits, each alone."""
+    shown, other = (SimpleNamespace(shown_by_presses=s) for s in (True, False))
+
+    def within(chi2: float, accepted: list, first: float = 20000, field: object = 1) -> bool:
+        fits = [SimpleNamespace(chi2=c, dof=1000, chi2_per_dof=c / 1000, field=field)
+                for c in (first, chi2)]  # fmt: skip
+        return _within_laws([SimpleNamespace(fit=f) for f in fits], accepted, SELECTION)
+
+    assert within(1150, [shown, other])
+    assert not within(1250, [shown])  # a hundredth of what they explain is 188
+    assert not within(1500, [shown], first=90000)  # 1.22 times the noise
+    assert not within(1150, [other])
+    assert not within(1150, [shown], field=None)

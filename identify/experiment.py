@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from fem import Contacts, PalpationModel, RefinedModel
+from fem import Contacts, PalpationModel, RefinedModel, Surface
+from fem.contact import surface_curvature
 from identify.effects.base import Effect, Values
 from identify.measurement.noise import Noise
 from models import Scan, thinned
@@ -40,12 +41,14 @@ class BodyModel:
         of one surface differ at random (each cuts its corners elsewhere), so that an extrapolation
         would add to the error. Under a free map, which no coarser mesh resolves, all three are one
     note : simplification of the contact, for the reader of a report; empty where there is none
+    surface : of a body that is no block, which curves under a ball
     """
 
     search: PalpationModel
     coarse: PalpationModel
     fine: PalpationModel | RefinedModel
     note: str
+    surface: Surface | None = None
 
     def under(self, scan: Scan, most_m: float = np.inf) -> BodyModel:
         """Return the models on the same meshes, under the presses of another placed scan.
@@ -53,7 +56,7 @@ class BodyModel:
         `most_m` see `contacts_of`.
         """
         sphere = self.coarse.contacts.profile == "hertz"
-        contacts, note = contacts_of(scan, sphere, most_m)
+        contacts, note = contacts_of(scan, sphere, self.surface, most_m)
 
         def pressed(model: PalpationModel) -> PalpationModel:
             return model.on(model.mesh, contacts)
@@ -61,17 +64,21 @@ class BodyModel:
         coarse = pressed(self.coarse)
         search = coarse if self.search is self.coarse else pressed(self.search)
         if self.fine is self.coarse:
-            return BodyModel(search, coarse, coarse, note)
-        if isinstance(self.fine, RefinedModel):
-            return BodyModel(search, coarse, RefinedModel(coarse, pressed(self.fine.fine)), note)
-        return BodyModel(search, coarse, pressed(self.fine), note)
+            fine = coarse
+        elif isinstance(self.fine, RefinedModel):
+            fine = RefinedModel(coarse, pressed(self.fine.fine))
+        else:
+            fine = pressed(self.fine)
+        return BodyModel(search, coarse, fine, note, self.surface)
 
 
-def contacts_of(scan: Scan, sphere: bool, most_m: float = np.inf) -> tuple[Contacts, str]:
+def contacts_of(
+    scan: Scan, sphere: bool, surface: Surface | None = None, most_m: float = np.inf
+) -> tuple[Contacts, str]:
     """Return the presses as contacts of fixed size, and a note for the report.
 
-    A sphere's contact grows with the load; the linear model gives each press the one Hertz contact
-    a = sqrt(R d) that the sphere has at half the press's largest depth, or at half of `most_m` in
+    A sphere's contact grows with the load, from the one Hertz contact a = sqrt(R d) that the
+    linear model gives each press: that at half the press's largest depth, or at half of `most_m` in
     a deeper one: a fit's model of a press deeper than its own is that of its own.
     """
     points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
@@ -83,11 +90,13 @@ def contacts_of(scan: Scan, sphere: bool, most_m: float = np.inf) -> tuple[Conta
     typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
     contact = np.minimum(np.sqrt(radii * typical / 2), radii)
     note = (
-        "The tip is a sphere, whose contact grows with the force; the linear model holds it at "
-        f"the size of half the depth (radius {1e3 * contact.min():.2g} to "
-        f"{1e3 * contact.max():.2g} mm)."
+        "The tip is a sphere: the finite elements have the contact of half the depth (radius "
+        f"{1e3 * contact.min():.2g} to {1e3 * contact.max():.2g} mm), and it grows with the force."
     )
-    return Contacts(points, directions, contact, "hertz"), note
+    contacts = Contacts(points, directions, contact, "hertz")
+    if surface is None:
+        return contacts, note
+    return replace(contacts, curvature_per_m=surface_curvature(surface, contacts)), note
 
 
 @dataclass(frozen=True)

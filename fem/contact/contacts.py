@@ -17,6 +17,7 @@ from fem.contact.half_space import FLAT, HERTZ
 from fem.errors import MeshError
 from fem.linear.assembly import shape_functions
 from fem.mesh.mesh import Mesh
+from fem.mesh.surface import Surface
 
 DISC_RULE = (10, 32)  # rings and sectors of the quadrature over a tip
 
@@ -32,12 +33,15 @@ class Contacts:
     radius_m : (j,) radius of the contact (ignored by "nodal")
     profile : "flat" (rigid punch, p ~ 1/sqrt(1 - r^2/a^2)), "hertz" (p ~ sqrt(1 - r^2/a^2)) or
         "nodal" (the nearest node carries the force, as in the paper)
+    curvature_per_m : (j,) mean curvature of the body's surface under the tips, convex positive;
+        no compliance has it in it, but the gap beside a ball
     """
 
     points_m: np.ndarray
     directions: np.ndarray
     radius_m: np.ndarray
     profile: str = "flat"
+    curvature_per_m: np.ndarray | float = 0.0
 
     def __post_init__(self) -> None:
         points = np.atleast_2d(np.array(self.points_m, float))
@@ -64,7 +68,13 @@ class Contacts:
             raise MeshError("press directions must be unit vectors")
         if self.profile != "nodal" and not (radius > 0).all():
             raise MeshError("contact radii must be positive")
-        for name, array in (("points_m", points), ("directions", directions), ("radius_m", radius)):
+        curvature = np.broadcast_to(np.asarray(self.curvature_per_m, float), j).copy()
+        for name, array in (
+            ("points_m", points),
+            ("directions", directions),
+            ("radius_m", radius),
+            ("curvature_per_m", curvature),
+        ):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
@@ -169,10 +179,12 @@ class Footprint(NamedTuple):
 class PressedSurface:
     """Boundary faces, ready for projecting the points of a disc onto them along a direction."""
 
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-        self.faces = mesh.boundary
-        corners = mesh.nodes[self.faces[:, :3]]
+    def __init__(self, body: Mesh | Surface) -> None:
+        if isinstance(body, Surface):
+            nodes, self.faces, self.order = body.vertices, body.triangles, 1
+        else:
+            nodes, self.faces, self.order = body.nodes, body.boundary, body.order
+        corners = nodes[self.faces[:, :3]]
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.corners = corners
         self.centres = corners.mean(axis=1)
@@ -233,7 +245,7 @@ class PressedSurface:
                 f"({x:.1f}, {y:.1f}, {z:.1f}) mm hangs over the edge of the body or does not lie "
                 "on its surface; move the contact point inwards or check the body's size and place"
             )
-        shape = shape_functions(under.barycentric, self.mesh.order)
+        shape = shape_functions(under.barycentric, self.order)
         faces = self.faces[under.face]
         total = sp.coo_array((
             (shape * weight[:, None]).ravel(), (np.zeros(faces.size, int), faces.ravel())

@@ -15,12 +15,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fem.contact.contacts import PressedSurface
+from fem.contact.contacts import Contacts, PressedSurface, contact_frame
 from fem.errors import MeshError
+from fem.mesh.surface import Surface
 
 REACH = 1.35  # tip radii within which no surface may lie above the paraboloid
 _STEEPEST = 0.5  # least cosine between the press and the faces that it may touch
 _FLAT = 1e-9  # relative to the tip's radius
+_WIDEST = 4.0  # triangles of a curved surface, in contact radii
 _RADII, _ANGLES = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.2, REACH]), 32
 
 
@@ -56,6 +58,24 @@ def contact_shape(
     shape = np.linalg.lstsq(terms, height, rcond=None)[0]
     shape[0] += (height - terms @ shape).min()
     return shape / radius ** np.array([0, 1, 1, 2, 2, 2])
+
+
+def surface_curvature(body: Surface, contacts: Contacts) -> np.ndarray:
+    """Mean curvature of a surface under tips, (j,) 1/m, convex positive.
+
+    That of the paraboloid over the contact, or over a triangle where these are larger (up to
+    `_WIDEST` contact radii: larger ones are sides of a body with edges).
+    """
+    surface, found = PressedSurface(body), np.empty(len(contacts))
+    presses = zip(contacts.points_m, contacts.directions, contacts.radius_m, strict=True)
+    for j, (centre, direction, radius) in enumerate(presses):
+        frame = contact_frame(direction)
+        corners = surface.corners[surface.under(centre, frame, np.zeros((1, 2)), radius).face[0]]
+        edge = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean()
+        reach = radius if edge > _WIDEST * radius else max(radius, edge)
+        shape = contact_shape(surface, centre, frame, reach)
+        found[j] = shape[3] + shape[5]
+    return found
 
 
 @numba.njit(cache=True)

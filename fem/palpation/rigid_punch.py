@@ -1,4 +1,6 @@
-r"""Decrease of a flat tip's compliance by a pressure better than the half-space's.
+r"""What the travel under a tip says of other pressures: shape of a punch, size of a contact.
+
+Decrease of a flat tip's compliance by a pressure better than the half-space's:
 
 The compliance C of an assumed pressure is an upper bound: the true pressure of a rigid tip that is
 held upright has the least complementary energy. Adding pressures p_k without resultant lowers it,
@@ -15,6 +17,9 @@ The readings A_k need no further solve. On a bonded layer this takes the error o
 the layer is thick (nu = 0.49) from 3.7 to 0.4 %; with a/h < 0.4 there is nothing to correct. Beside
 an inclusion the tilt counts much earlier: 1.8 % at a = 5 mm and 6 % at 10 mm over the flank of one
 of 10 mm radius, 14 mm deep and six times as stiff as its surroundings.
+
+A Hertz pressure of another radius is another pressure too: by reciprocity
+a dC/da = 2 int a (dp/da) u dA, and a dp/da is three times the flat pressure less Hertz'.
 """
 
 from __future__ import annotations
@@ -64,18 +69,39 @@ def shape_gain(response: Response, modulus_pa: np.ndarray) -> np.ndarray:
     contacts, nu = model.contacts, model.stiffness.poisson_ratio
     if contacts.profile != "flat":
         raise MeshError(f"only a flat tip has a shape to correct, got '{contacts.profile}'")
+    read = _read(response)
+    modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(contacts))
+    return np.sum(read**2 / _OWN, axis=1) * modulus * contacts.radius_m / (1 - nu**2)
+
+
+def by_contact_radius(response: Response) -> np.ndarray:
+    """Return the derivative a dC/da of the compliance of Hertz contacts by the radius a, (j,) m/N.
+
+    On a half-space that is -C.
+
+    Raises
+    ------
+    MeshError
+        Contacts of another pressure.
+    """
+    if response.model.contacts.profile != "hertz":
+        raise MeshError(f"expected Hertz contacts, got '{response.model.contacts.profile}'")
+    return -6 * _read(response)[:, 0]
+
+
+def _read(response: Response) -> np.ndarray:
+    """Return the readings A_k of all presses, (j, 3) m/N."""
+    model = response.model
     if model not in _READINGS:
         surface = PressedSurface(model.mesh)
-        _READINGS[model] = [_reading(model, surface, j) for j in range(len(contacts))]
-    read = np.array(
+        _READINGS[model] = [_reading(model, surface, j) for j in range(len(model.contacts))]
+    return np.array(
         [
             np.einsum("kns,ns->k", nodal, response.displacement(j)[nodes])
             + near @ response.amplitude[j]
             for j, (nodes, nodal, near) in enumerate(_READINGS[model])
         ]
     )
-    modulus = np.broadcast_to(np.asarray(modulus_pa, float), len(contacts))
-    return np.sum(read**2 / _OWN, axis=1) * modulus * contacts.radius_m / (1 - nu**2)
 
 
 def travel_under(response: Response, j: int, disc: np.ndarray) -> np.ndarray:
@@ -117,5 +143,6 @@ def _under(
     nu, shape = model.stiffness.poisson_ratio, contact_shape(surface, centre, frame, radius)
     local = (mesh.nodes[nodes] - centre) @ frame.T
     pressed = np.column_stack([disc * radius, under.depth])
-    near = functions(pressed, shape, radius, nu, FLAT)[:, :, 2]
-    return nodes, nodal, near - nodal @ functions(local, shape, radius, nu, FLAT)[:, :, 2]
+    own = contacts.profile_code
+    near = functions(pressed, shape, radius, nu, own)[:, :, 2]
+    return nodes, nodal, near - nodal @ functions(local, shape, radius, nu, own)[:, :, 2]

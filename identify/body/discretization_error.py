@@ -12,7 +12,7 @@ import numpy as np
 
 from fem import PalpationModel, RefinedModel
 from fem.linear import POINTWISE
-from fem.palpation import Response, remaining_error
+from fem.palpation import Response, by_contact_radius, remaining_error, shape_gain
 from identify.body.compliance import ModulusField, positive_modulus
 from identify.body.linear_ratio import LinearRatio
 from identify.body.settings import BODY, BodySettings
@@ -20,6 +20,37 @@ from identify.body.state import ChangedMap
 
 FineModel = PalpationModel | RefinedModel
 MODEL_ERROR = "mesh_error"  # the effect by which this error becomes an unknown of a joint fit
+
+
+class TipPressure(NamedTuple):
+    """What the pressure under the tips depends on, read off a solution.
+
+    Attributes
+    ----------
+    gain : (j,) relative reduction of the compliance by the pressure of a rigid, upright flat tip
+        (`fem.palpation.rigid_punch`); 0 for other contacts
+    growth : (j,) change of ln C by that of ln a of a ball's contact; None for other contacts, and
+        where it is not known
+    """
+
+    gain: np.ndarray | float = 0.0
+    growth: np.ndarray | None = None
+
+
+ASSUMED = TipPressure()
+"""Before any solution: the half-space's pressure."""
+
+
+def tip_pressure(response: Response, changed: ChangedMap) -> TipPressure:
+    """Return what a solution says of the pressure under its tips."""
+    contacts = response.model.contacts
+    if contacts.profile == "hertz":
+        return TipPressure(growth=by_contact_radius(response) / response.compliance)
+    if contacts.profile != "flat":
+        return ASSUMED
+    return TipPressure(
+        shape_gain(response, changed.modulus(contacts.points_m)) / response.compliance
+    )
 
 
 class FineSolution(NamedTuple):
@@ -40,12 +71,12 @@ class CarriedFine(NamedTuple):
     ----------
     ratio : its compliances over the coarse model's
     unevenness : (j,) of its modulus, see `fem.palpation.Response.unevenness`
-    tip_gain : (j,) see `BodyMechanics`
+    tip : see `BodyMechanics`
     """
 
     ratio: LinearRatio
     unevenness: np.ndarray
-    tip_gain: np.ndarray | float
+    tip: TipPressure
 
     def at(
         self,
@@ -59,7 +90,7 @@ class CarriedFine(NamedTuple):
         """Return the finer model's compliance (j,) m/N and error (j,), as `fine_solution` does.
 
         None where the compliance might be off by more than `slack` times `ratio_error`. Unevenness
-        and tip gain are those of the map that is carried: they change by a tenth where the
+        and tip are those of the map that is carried: they change by a tenth where the
         compliance is sure.
         """
         tolerance = slack * settings.ratio_error / settings.fine_bend

@@ -14,14 +14,17 @@ from typing import Any
 import numpy as np
 
 from fem import Contacts, PalpationModel, SolverError
-from fem.palpation import Response, shape_gain
+from fem.palpation import Response
 from fem.reduced import ReducedBases, ReducedResponse
 from identify.body.compliance import positive_modulus
 from identify.body.discretization_error import (
+    ASSUMED,
     CarriedFine,
     FineModel,
+    TipPressure,
     fine_solution,
     mesh_error_growth,
+    tip_pressure,
 )
 from identify.body.linear_ratio import LinearRatio
 from identify.body.response import BodyResponse
@@ -49,8 +52,7 @@ class BodyMechanics:
     at_poisson_ratio : builds the coarse model with another Poisson's ratio
     ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
     model_error : (j,) the finer model's own relative error, as estimated
-    tip_gain : (j,) relative reduction of the compliance by the pressure of a rigid, upright flat
-        tip at this estimate (`fem.palpation.rigid_punch`); 0 for other contacts
+    tip : what the pressure under the tip depends on, at this estimate
     settings : of the models
     carried : the correction to the finer model is carried from that of a map nearby
     """
@@ -60,7 +62,7 @@ class BodyMechanics:
     at_poisson_ratio: Callable[[float], PalpationModel]
     ratio: np.ndarray | float = 1.0
     model_error: np.ndarray | float = 0.0
-    tip_gain: np.ndarray | float = 0.0
+    tip: TipPressure = ASSUMED
     settings: BodySettings = BODY
     carried: bool = False
     _others: dict[float, PalpationModel] = field(default_factory=dict)
@@ -103,8 +105,9 @@ class BodyMechanics:
     def local_points(self) -> np.ndarray:
         """Points of the local modulus under each tip, (j, 3) m."""
         contacts = self.coarse.contacts
-        depth = self.settings.local_depth * contacts.radius_m[:, None]
-        return contacts.points_m + depth * contacts.directions
+        # The growth of a ball's contact begins at the surface
+        share = 0.0 if contacts.profile == "hertz" else self.settings.local_depth
+        return contacts.points_m + share * contacts.radius_m[:, None] * contacts.directions
 
     @property
     def poisson_ratio(self) -> float:
@@ -136,7 +139,7 @@ class BodyMechanics:
         else:
             response = self._solved(stiffness, state)
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
-        factor = factor * (1 - state.rigid_tip_share * self.tip_gain)
+        factor = factor * (1 - state.rigid_tip_share * self.tip.gain)
         factor = factor * np.ones(len(self.coarse.contacts))
         if state.poisson_ratio != self.poisson_ratio:
             nu = state.poisson_ratio
@@ -173,7 +176,7 @@ class BodyMechanics:
         changed = ChangedMap(stiffness, plain)
         if self.fine is None:
             coarse = self._solved(stiffness, plain)
-            return replace(self, tip_gain=_tip_gain(coarse, changed))
+            return replace(self, tip=tip_pressure(coarse, changed))
         shift = self.shifted.near(state.shift_m)
         if any(shift):
             return self._corrected_elsewhere(shift, stiffness, plain, slack)
@@ -182,15 +185,15 @@ class BodyMechanics:
             for known in reversed(self._fine.values()):
                 at = known.at(self.fine, changed, self.coarse, compliance, slack, self.settings)
                 if at is not None:
-                    return self._with_ratio(at[0] / compliance, at[1], known.tip_gain, True)
+                    return self._with_ratio(at[0] / compliance, at[1], known.tip, True)
         coarse = self._solved(stiffness, plain)
         fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)
-        gain = _tip_gain(fine.response, changed)
+        tip = tip_pressure(fine.response, changed)
         if isinstance(stiffness, GaussianMap):
             ratio = LinearRatio.of(coarse, fine.response, changed)
-            carries = CarriedFine(ratio, fine.response.unevenness, gain)
+            carries = CarriedFine(ratio, fine.response.unevenness, tip)
             _keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
-        return self._with_ratio(fine.compliance / coarse.compliance, fine.error, gain)
+        return self._with_ratio(fine.compliance / coarse.compliance, fine.error, tip)
 
     def _corrected_elsewhere(
         self, shift: Shift, stiffness: GaussianMap, plain: BodyState, slack: float
@@ -215,7 +218,7 @@ class BodyMechanics:
         corrected = (
             fine.compliance / (coarse * factor),
             fine.error,
-            _tip_gain(fine.response, changed),
+            tip_pressure(fine.response, changed),
         )
         self._elsewhere.append((shift, coarse, corrected))
         del self._elsewhere[:-_KEPT_FINE]
@@ -225,16 +228,16 @@ class BodyMechanics:
         self,
         ratio: np.ndarray,
         error: np.ndarray,
-        tip_gain: np.ndarray | float,
+        tip: TipPressure,
         carried: bool = False,
     ) -> BodyMechanics:
-        """Return the mechanics with another correction (j,), its own error (j,) and tip gain."""
+        """Return the mechanics with another correction (j,), its own error (j,) and tip."""
         kept = np.clip(ratio, *self.settings.believed_ratio)
         return replace(
             self,
             ratio=kept,
             model_error=error + (kept - ratio) / kept,
-            tip_gain=tip_gain,
+            tip=tip,
             carried=carried,
         )
 
@@ -424,11 +427,3 @@ def _solved_state(state: BodyState) -> BodyState:
         shift_m=(0.0, 0.0),
         background_pa=None,
     )
-
-
-def _tip_gain(response: Response, changed: ChangedMap) -> np.ndarray | float:
-    """Relative reduction (j,) of the compliance by a rigid tip's own pressure."""
-    contacts = response.model.contacts
-    if contacts.profile != "flat":
-        return 0.0
-    return shape_gain(response, changed.modulus(contacts.points_m)) / response.compliance

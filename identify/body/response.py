@@ -95,8 +95,8 @@ class BodyResponse:
             change += step * own.model_error * self.compliance
         if state.rigid_tip_share != self._state.rigid_tip_share:
             step = state.rigid_tip_share - self._state.rigid_tip_share
-            before = 1 - self._state.rigid_tip_share * own.tip_gain
-            change -= step * own.tip_gain / before * self.compliance
+            before = 1 - self._state.rigid_tip_share * own.tip.gain
+            change -= step * own.tip.gain / before * self.compliance
         old = self._state
         by_base = np.array(
             [

@@ -79,7 +79,9 @@ class Pressing:
     """The body under each reading's tip, as a contact effect sees it; all (m,).
 
     `compliance_m_per_n` C of the body under the model's contact, `modulus_pa` the local Young's
-    modulus under the tip, `radius_m` the contact radius of the model.
+    modulus under the tip, `radius_m` the contact radius of the model. Under a ball,
+    `curvature_per_m` is that of the body's surface, convex positive, and `growth` (a/C) dC/da by
+    the contact radius; None is a body that is a half-space near the tip.
     """
 
     compliance_m_per_n: np.ndarray
@@ -87,6 +89,8 @@ class Pressing:
     radius_m: np.ndarray
     poisson_ratio: float
     profile: Literal["flat", "hertz"]
+    curvature_per_m: np.ndarray | float = 0.0
+    growth: np.ndarray | None = None
 
 
 class Effect:

@@ -1,4 +1,22 @@
-"""Near travel of a ball, and of the fixed contact of a linear model in its place.
+r"""Travel of a ball, whose contact grows with the force, by the compliance of a fixed contact.
+
+`ball_travel` takes the compliance C and its growth g = (a_0/C) dC/da_0 under a Hertz pressure of
+radius a_0 on this body. A flat punch of five sixths of that radius is as compliant; between it and
+the smallest contacts, which feel the half-space at the contact point, the punch of radius a has
+
+    S(a) = 2 E* a exp(x t + y t^2),   t = a / (5/6 a_0),
+    x + y = ln(0.6/(E* a_0 C)),   x + 2 y = -1 - g.
+
+While the force rises by dF the ball sinks by dF/S(a), as a series of punches (Mossakovskii 1963,
+Jaeger 1995), so that with the mean gap h(a) between ball and surface under a punch's pressure
+
+    F = h' S^2/S',   d = F/S + h,   h = R/2 - (R^2 - a^2)/(2 a) artanh(a/R) + c a^2/3,
+
+c the mean curvature of the body's surface. On a half-space that is Sneddon's solution. Against the
+exact contact of a bonded layer (nu = 0.45, R = 3.16 mm, contacts up to 0.8 R, a_0 = 0.6 R) the
+travel is right to 0.03 % on 10 mm, 0.15 % on 6 mm, 0.5 % on 4 mm, 1.3 % on 2 mm.
+
+`beyond_fixed` knows a half-space alone:
 
 On a half-space of plane modulus E* = E / (1 - nu^2) a fixed contact travels F / (2 E* Re), Re the
 radius of a flat tip, 5/6 of that of a Hertz pressure. A rigid ball of radius R whose contact has
@@ -8,9 +26,8 @@ the radius a feels and travels
 
 for a << R Hertz's (3 F / (4 E*))^(2/3) R^(-1/3), which is 3 % less at d = 0.4 R and 6 % at
 d = 0.9 R. Distant parts (sides, base, inclusions in the depth) feel the force alone, so that
-C F - F / (2 E* Re) is the same under both. Against the exact contact of a bonded layer (nu = 0.45,
-R = 3.16 mm, up to a = 0.8 R) the travel is right to 0.01 % on 30 mm, 0.5 % on 10 mm, 2.4 % on 6 mm:
-on a thinner body the growth of the contact changes its distant part too.
+C F - F / (2 E* Re) is the same under both: right to 0.01 % on the layer of 30 mm, 0.5 % on 10 mm,
+2.4 % on 6 mm.
 Sources: I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47; K. L. Johnson, Contact Mechanics, Cambridge
 1985, sections 3.8 and 4.2.
 """
@@ -25,7 +42,78 @@ from identify.effects.readings import Readings
 
 _RIM = {"flat": 1.0, "hertz": 1.2}  # contact radius over that of the flat tip of equal compliance
 _SMOOTH = 0.01  # of the press's largest force: below it F^(2/3) is a straight line
-_DEEPEST = 0.9999  # contact radius, of the ball's, up to which the relation is tabulated
+_DEEPEST = 0.9999  # contact radius, of the ball's, up to which the contact grows
+_HOLLOW = -0.8  # least curvature of the surface, of the ball's: in a closer one it would not fit
+_STIFFENS = 0.1  # least growth of a punch's stiffness with its radius, in logarithms
+_ROUNDS, _SETTLED = 30, 1e-12
+_SERIES = 0.02  # contact radius, of the ball's, below which the gap is a series
+
+
+def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> np.ndarray:
+    """Travel (m,) of a ball of the probe's radius, m.
+
+    Through no force it is smooth: d(s) F/s with s the force beside a hundredth of the largest.
+    """
+    plane = pressing.modulus_pa / (1 - pressing.poisson_ratio**2)
+    ball = readings.radius_m
+    unit = pressing.radius_m / _RIM["hertz"]
+    stiffer = 0.6 / (plane * pressing.radius_m * pressing.compliance_m_per_n)
+    level = np.log(stiffer)
+    # Without a growth, what is distant feels the force alone: C less the half-space's is constant
+    slope = stiffer - 1 if pressing.growth is None else -1 - pressing.growth
+    bent = slope - level
+    first = level - bent
+    curvature = np.maximum(pressing.curvature_per_m * ball, _HOLLOW)
+
+    def contact(a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force, its logarithm's slope by that of a, and S, at contact radii (m,)."""
+        t, share = a / unit, a / ball
+        gap, gap_slope = _gap_slope(share)
+        gap, gap_slope = gap + 2 / 3 * curvature * share, gap_slope + 2 / 3 * curvature
+        stiffness = 2 * plane * a * np.exp(first * t + bent * t**2)
+        grown = 1 + first * t + 2 * bent * t**2
+        more = np.where(grown > _STIFFENS, first * t + 4 * bent * t**2, 0.0)
+        grown = np.maximum(grown, _STIFFENS)
+        steep = share * gap_slope / gap + 1 + grown - more / grown
+        return gap * a * stiffness / grown, np.maximum(steep, 1.0), stiffness
+
+    smooth = np.hypot(force_n, _SMOOTH * np.maximum(readings.peak_force_n, 1e-9))
+    end = _DEEPEST * ball
+    hertz = np.cbrt(0.75 * smooth * ball / plane / (1 + curvature))
+    log_a = np.log(np.minimum(hertz, 0.9 * ball))
+    for _ in range(_ROUNDS):
+        force, steep, _ = contact(np.exp(log_a))
+        step = np.log(smooth / force) / steep
+        log_a = np.minimum(log_a + step, np.log(end))
+        if np.abs(np.where(log_a < np.log(end), step, 0.0)).max(initial=0.0) < _SETTLED:
+            break
+    a = np.exp(log_a)
+    force, _, stiffness = contact(a)
+    beyond = np.maximum(smooth - force, 0.0)  # near the equator, as a tip that is a cylinder
+    travel = (force + beyond) / stiffness + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
+    return travel * force_n / smooth
+
+
+def _gap(share: np.ndarray) -> np.ndarray:
+    """Return the mean gap h/R under a punch, by a/R, without the body's curvature."""
+    small = share < _SERIES
+    x = np.where(small, 0.5, share)
+    exact = 0.5 - (1 - x**2) / (2 * x) * np.arctanh(x)
+    return np.where(small, share**2 * (1 / 3 + share**2 / 15), exact)
+
+
+def _gap_slope(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivative of `_gap`, and its own derivative."""
+    small = share < _SERIES
+    x = np.where(small, 0.5, share)
+    angle, square = np.arctanh(x), x**2
+    first = ((1 + square) * angle - x) / (2 * square)
+    second = (x + (1 + square) * x / (1 - square) - 2 * angle) / (2 * square * x)
+    near = share**2
+    return (
+        np.where(small, share * (2 / 3 + near * (4 / 15 + near * 6 / 35)), first),
+        np.where(small, 2 / 3 + near * (4 / 5 + near * 6 / 7), second),
+    )
 
 
 def beyond_fixed(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
+from fem import Contacts
 from identify.body.state import BodyState
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
@@ -143,7 +144,7 @@ class FreeCompliance:
     Attributes
     ----------
     readings, displacement_m, noise : measurement, (m,) m
-    radius_m, profile, poisson_ratio : contact of the body's model, see `Chain`
+    contacts, poisson_ratio, growth : of the body's model, see `Chain`
     unit_compliance : (j,) compliance of a homogeneous body of 1 Pa, K_j
     state : the body without effects, for the bounds of parameters
     settings : of the fit
@@ -152,16 +153,20 @@ class FreeCompliance:
     readings: Readings
     displacement_m: np.ndarray
     noise: Noise
-    radius_m: np.ndarray
-    profile: str
+    contacts: Contacts
     poisson_ratio: float
     unit_compliance: np.ndarray
     state: BodyState
+    growth: np.ndarray | None = None
     settings: FreeComplianceSettings = FREE_COMPLIANCE
 
     def chain(self, effects: Sequence[Effect]) -> Chain:
         """Return the chain with some effects."""
-        return Chain(self.readings, effects, self.radius_m, self.profile, self.poisson_ratio)
+        contacts = self.contacts
+        return Chain(
+            self.readings, effects, contacts.radius_m, contacts.profile, self.poisson_ratio,
+            contacts.curvature_per_m, self.growth,
+        )  # fmt: skip
 
     def part(self, effect: Effect, start: Values) -> EffectInModel:
         """Return an effect with its bounds and values to start from."""

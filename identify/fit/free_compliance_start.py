@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.body.compliance import compliance
+from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
@@ -18,7 +18,6 @@ from identify.fit.contact_law import ContactLaw, contact_law
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
-from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.model import EffectInModel
 from identify.measurement.noise import Noise
@@ -31,16 +30,18 @@ def free_compliance(scan: Scan, body: BodyModel, noise: Noise) -> FreeCompliance
     """Return the placed readings, each press with a compliance of its own."""
     used, contacts = scan.used(), body.coarse.contacts
     mechanics = BodyMechanics(body.coarse, None, lambda nu: body.coarse)
-    unit = REFERENCE_PA * compliance(body.coarse, GaussianMap(REFERENCE_PA))
+    even = body.coarse.evaluate(REFERENCE_PA)
+    unit = REFERENCE_PA * even.compliance
+    ball = contacts.profile == "hertz"
     return FreeCompliance(
         Readings.of(scan),
         used.displacement_m,
         noise,
-        contacts.radius_m,
-        contacts.profile,
+        contacts,
         mechanics.poisson_ratio,
         unit,
         mechanics.state(),
+        by_contact_radius(even) / even.compliance if ball else None,
     )
 
 
@@ -59,7 +60,7 @@ def law_of(
     catalogue : effects that may be found
     """
     plain = presses.fit(())
-    curved = presses.profile != "flat" or bool(stated)
+    curved = presses.contacts.profile != "flat" or bool(stated)
     if plain.chi2_per_dof < settings.bent and not curved:
         return None
     fit = presses.fit(stated) if stated else plain

@@ -1,8 +1,9 @@
 """Fit a stiffness map to a scan: displacement given force, with noise in both columns.
 
 The model of a row is d = C_j(theta) F with the compliance C_j of the row's press, whatever its
-phase and tip; both noises enter as in `identify.measurement.errors_in_variables`. Without a given
-start, several are tried and the least chi-square wins.
+phase, unless the contact of a ball grows; both noises enter as in
+`identify.measurement.errors_in_variables`. Without a given start, several are tried and the least
+chi-square wins.
 """
 
 from collections.abc import Sequence
@@ -40,6 +41,7 @@ def fit_scan(
     search_model: PalpationModel | None = None,
     start: GaussianMap | None = None,
     free: Sequence[str] | None = None,
+    straight: bool = True,
     optimizer: Optimizer = minimize_gauss_newton,
     callback: Progress | None = None,
     settings: FitSettings = PRECISE,
@@ -67,6 +69,9 @@ def fit_scan(
         The one map to start from, in place of those that the scan suggests.
     free
         Names of the parameters to be found, None for all; the others stay at `start`.
+    straight
+        The readings are straight lines, also under a ball; else its contact grows, and a `start`
+        is needed.
     optimizer
         One of `identify.optimize.optimizers.OPTIMIZERS`; intervals take Gauss-Newton.
     callback
@@ -91,7 +96,7 @@ def fit_scan(
         noise or scan_noise(rows),
         BodyMechanics.of(model, fine_model),
         parameter_space(start or reference, box, free),
-        straight=True,
+        straight=straight,
     )
     if fine_model is None:
         settings = replace(settings, rounds=0)

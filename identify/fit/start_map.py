@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.experiment import Experiment, different_presses
+from identify.fit.free_compliance_start import free_compliance, straight
 from identify.fit.free_map_fit import fit_free_map
 from identify.fit.map_fit import fit_scan
 from identify.fit.result import FitResult
@@ -25,8 +26,9 @@ def fit_map(
 ) -> FitResult:
     """Fit the map alone.
 
-    A `rough` fit is a start for another one: without the finer model, with simple intervals, of a
-    free map by few steps.
+    A `rough` fit is a start for another one: without the finer model, with simple intervals, of
+    readings that are straight lines (those of a ball are made straight for it), of a free map by
+    few steps.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
     criterion no longer falls. A free map is fitted jointly with the experiment's effects.
@@ -36,6 +38,15 @@ def fit_map(
         few = FREE_MAP.evidence_rounds + FREE_MAP.rough_steps
         return fit_free_map(experiment, callback, replace(FREE_MAP, iterations=few) if rough
                             else FREE_MAP)  # fmt: skip
+    if body.coarse.contacts.profile == "hertz" and not rough:
+        presses = free_compliance(scan, body, experiment.noise)
+        lines = replace(experiment, scan=straight(scan, presses.fit(())))
+        first = fit_map(lines, optimizer, callback, rough=True, settings=settings).map
+        free = [name for name in first.names if name not in guess.fixed]
+        return fit_scan(
+            scan, body.coarse, noise=experiment.noise, fine_model=body.fine, start=first, free=free,
+            straight=False, optimizer=optimizer, callback=callback, settings=settings,
+        )  # fmt: skip
     known = {**guess.initial, **guess.fixed}
     start = free = None
     if guess.inclusions == "auto":

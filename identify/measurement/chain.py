@@ -1,7 +1,7 @@
 """The measurement chain with its effects, from forces to the displacement of the robot.
 
 d = reading(response(contact(C force(F)))), see `identify.effects.base`. Under a ball (profile
-"hertz") the near part of C F is that of a contact that grows with the force. Everything beyond the
+"hertz") the contact grows with the force (`identify.effects.sphere`). Everything beyond the
 body's compliances is arithmetic on the m readings, so that its derivatives are difference
 quotients: one more evaluation each, at no cost beside the finite elements.
 """
@@ -24,7 +24,7 @@ from identify.effects.base import (
     Values,
 )
 from identify.effects.readings import Readings
-from identify.effects.sphere import beyond_fixed
+from identify.effects.sphere import ball_travel
 from identify.measurement.noise import Noise
 from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 
@@ -49,6 +49,7 @@ class Chain:
     radius_m : (j,) contact radius of the body's model
     profile : "flat", a flat tip of that radius, or "hertz", a ball of the probe's radius
     poisson_ratio : of the body
+    curvature_per_m, growth : (j,) under a ball, see `Pressing`
     """
 
     readings: Readings
@@ -56,6 +57,8 @@ class Chain:
     radius_m: np.ndarray
     profile: str
     poisson_ratio: float
+    curvature_per_m: np.ndarray | float = 0.0
+    growth: np.ndarray | None = None
     _forces: list[Any] = field(init=False, repr=False, compare=False)
     _contacts: list[Any] = field(init=False, repr=False, compare=False)
     _responses: list[Any] = field(init=False, repr=False, compare=False)
@@ -116,10 +119,10 @@ class Chain:
             self.radius_m[r.press],
             self.poisson_ratio,
             "hertz" if ball else "flat",
+            np.broadcast_to(self.curvature_per_m, len(compliance))[r.press],
+            None if self.growth is None else self.growth[r.press],
         )
-        travel = compliance[r.press] * force_n
-        if ball:
-            travel = travel + beyond_fixed(r, pressing, force_n)
+        travel = ball_travel(r, pressing, force_n) if ball else compliance[r.press] * force_n
         for effect in self._contacts:
             travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
         return travel

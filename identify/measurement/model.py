@@ -107,6 +107,8 @@ class MeasurementModel:
             contacts.radius_m,
             "flat" if self.straight else contacts.profile,
             self.mechanics.poisson_ratio,
+            contacts.curvature_per_m,
+            self.mechanics.tip.growth,
         )
 
     @cached_property

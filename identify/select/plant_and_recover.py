@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 
 from fem import Contacts, PalpationModel, block_mesh
+from identify.body.discretization_error import TipPressure
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import BodyEffect, Effect, Values
 from identify.effects.conformance.checks import Fault
@@ -84,7 +85,7 @@ def _mechanics() -> BodyMechanics:
     far = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
     far /= far.max()
     return BodyMechanics(
-        at(state.poisson_ratio), None, at, model_error=0.02 * far, tip_gain=0.1 * far**2
+        at(state.poisson_ratio), None, at, model_error=0.02 * far, tip=TipPressure(0.1 * far**2)
     )
 
 

@@ -34,6 +34,7 @@ from palpmap.study.virtual_lab import (
     program_plan_of,
     reachable,
     tip_notes,
+    with_touch_error,
 )
 
 if TYPE_CHECKING:
@@ -150,9 +151,12 @@ def run_scan_command(
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
-        laboratory, _ = planned_laboratory(run.path, known, plan, robot, plant, true_body, motion)
+        laboratory, stated = planned_laboratory(
+            run.path, known, plan, robot, plant, true_body, motion
+        )
         progress.update(task, description="scanning")
         scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
+        write_study(with_touch_error(stated, scanned), run / "study.toml")
         progress.update(task, description="done")
     record = scan_record(scanned)
     output.result(

@@ -30,6 +30,7 @@ class MeasuredRecord(Record):
     place_error_m: float = Field(description="sideways distance from the planned point, m")
     tare_n: float = Field(description="taken off the force before the approach, N")
     zero_after_n: float = Field(description="read after the press, N; 0 where it is noise")
+    touch_sd_m: float = Field(0.0, description="standard deviation of the first touch, m")
 
 
 class SimulatorRecord(Record):

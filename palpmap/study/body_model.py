@@ -47,11 +47,13 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     fem.errors.MeshError
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
-    contacts, note = contacts_of(scan, study.probe.tip == "sphere")
+    ball = study.probe.tip == "sphere"
+    surface = outside_of(study.body) if ball and study.body.size_m is None else None
+    contacts, note = contacts_of(scan, ball, surface)
     if study.body.thickness_assumed:
         note = f"{note} {_thickness_note(study.body, contacts)}".strip()
     if study.map.kind != "inclusions":
-        return _under_free_map(study, scan, contacts, note)
+        return _under_free_map(study, scan, contacts, note, surface)
     refuse_too_large(study.body, len(scan.press_ids))
     meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
@@ -60,10 +62,12 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
         _check_held(search, scan)
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
     fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
-    return BodyModel(search, coarse, fine, note)
+    return BodyModel(search, coarse, fine, note, surface)
 
 
-def _under_free_map(study: Study, scan: Scan, contacts: Contacts, note: str) -> BodyModel:
+def _under_free_map(
+    study: Study, scan: Scan, contacts: Contacts, note: str, surface: Surface | None
+) -> BodyModel:
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
     body, edges = study.body, _edges(study.body)
     if edges is None:
@@ -75,7 +79,7 @@ def _under_free_map(study: Study, scan: Scan, contacts: Contacts, note: str) -> 
     model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
     if body.support == "base-sliding":
         _check_held(model, scan)
-    return BodyModel(model, model, model, note)
+    return BodyModel(model, model, model, note, surface)
 
 
 def try_body_model(study: Study, scan: Scan) -> None:

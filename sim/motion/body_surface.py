@@ -22,7 +22,9 @@ STEEPEST_DEG = 60.0
 EDGE_SHARE = 0.02  # of a surface's height: presses keep so far from the base's rim
 CANDIDATES = 40  # points of the surface for each press of a cover
 DROPPED = 0.3  # tip radii around a point where no tip can stand, which are left out
+WIDEST = 5.0  # triangles of a curved surface, in radii of the disc under a tip
 SPANS_EDGE = 0.5  # least cosine between the faces under a tip and the press
+BENT = np.array([0.5, 1.0, 1.4])  # rings for the curvature, in radii
 RINGS, SECTORS = np.array([0.35, 0.7, 1.0]), 12  # of the points under a tip
 INSIDE = -1e-9  # least barycentric coordinate of a hit
 
@@ -157,16 +159,26 @@ class BodySurface:
         return Footing(placed, normals, borne)
 
     def bends(self, points: np.ndarray, normals: np.ndarray, radius_m: np.ndarray) -> np.ndarray:
-        """Mean curvature of the surface under discs of given radii (j,), convex positive, 1/m."""
+        """Mean curvature of the surface under discs of given radii (j,), convex positive, 1/m.
+
+        That of the shape behind the triangles, where these are wider than the disc.
+        """
         angle = 2 * np.pi * np.arange(SECTORS) / SECTORS
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        disc = (BENT[:, None, None] * circle).reshape(-1, 2)
+        square = np.repeat(BENT**2 / 2, SECTORS)
         found = np.zeros(len(points))
-        for j, (point, normal, radius) in enumerate(zip(points, normals, radius_m, strict=True)):
+        _, faces = self.closest(points)
+        width = np.sqrt(np.linalg.norm(np.cross(*self._edges), axis=1))[faces]
+        wide = np.where(width < WIDEST * radius_m, np.maximum(width, radius_m), radius_m)
+        for j, (point, normal, radius) in enumerate(zip(points, normals, wide, strict=True)):
             near, frame = self._near(point, 2.5 * radius), _tangents(normal)
-            way = near.along(point + radius * circle @ frame, -normal)
-            way = np.where((near.normals @ normal > 0) & (np.abs(way) < radius), way, np.nan)
-            depth = np.nanmin(np.where(np.isnan(way), np.inf, way), axis=1)
-            found[j] = 2 * depth[np.isfinite(depth)].mean() / radius**2
+            way = near.along(point + radius * disc @ frame, -normal)
+            way = np.where((near.normals @ normal > 0) & (np.abs(way) < radius), way, np.inf)
+            depth = way.min(axis=1)
+            hit = np.isfinite(depth)
+            # With a height of its own: the point may lie in a triangle or at a corner
+            found[j] = np.polyfit(square[hit], depth[hit], 1)[0] / radius**2
         return found
 
     def bears(self, points: np.ndarray, normals: np.ndarray, radius_m: np.ndarray) -> np.ndarray:

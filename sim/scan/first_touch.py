@@ -14,6 +14,7 @@ history.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,6 +60,13 @@ LOW, HIGH = -4.0, 12.0
 """Of a parameter of the laws."""
 
 
+class FirstTouch(NamedTuple):
+    """Depth of first touch and its standard deviation, m."""
+
+    depth_m: float
+    sd_m: float
+
+
 def first_touch(
     depth_m: np.ndarray,
     force_n: np.ndarray,
@@ -67,8 +75,8 @@ def first_touch(
     step_s: float,
     depth_noise_m: float,
     force_noise_n: float,
-) -> float:
-    """Return the depth at which the tip touched, m.
+) -> FirstTouch:
+    """Return the depth at which the tip touched.
 
     Parameters
     ----------
@@ -82,14 +90,14 @@ def first_touch(
     noise = depth_noise_m, force_noise_n
     line = depth_at_zero_force(depth_m[moving], force_n[moving], *noise)
     if _is_line(depth_m[moving], force_n[moving], part[moving] == 3, *noise):
-        return line
+        return FirstTouch(line, _line_sd(depth_m[moving], force_n[moving], *noise))
     size = max(1, round(BLOCK_S / step_s))
     if _creeps(depth_m[part == 2], depth_noise_m):
         touch, holds = _creeping_start(depth_m, force_n, part, step_s, size, *noise)
         if holds:
             return touch
     sd = depth_noise_m / np.sqrt(size), force_noise_n / np.sqrt(size)
-    touch = line
+    touch = FirstTouch(line, 0.0)
     for share, back in PARTS:
         used = (part == 0) | ((part == 1) & (wanted_n <= share * wanted_n.max()))
         used |= back & (part == 3)
@@ -121,7 +129,7 @@ def _creeping_start(
     size: int,
     depth_noise: float,
     noise: float,
-) -> tuple[float, bool]:
+) -> tuple[FirstTouch, bool]:
     """Touch of a linear body that creeps: depth = touch + C (F + sum_i s_i F lagging by t_i).
 
     Linear in all that is unknown, for given times; and whether it holds.
@@ -145,7 +153,8 @@ def _creeping_start(
     misfit = mean_depth[rows] - matrix @ found
     free = int(rows.sum()) - len(found)
     excess = (float(misfit @ misfit) / sd**2 - free) / np.sqrt(2 * free)
-    return float(found[0]), bool(excess < HOLDS)
+    inverse = np.linalg.pinv(matrix.T @ matrix, rcond=1e-8)
+    return FirstTouch(float(found[0]), sd * float(np.sqrt(inverse[0, 0]))), bool(excess < HOLDS)
 
 
 def depth_at_zero_force(
@@ -180,6 +189,14 @@ def depth_at_zero_force(
     return float(depth_m.mean() - force_n.mean() / slope)
 
 
+def _line_sd(depth: np.ndarray, force: np.ndarray, depth_noise: float, noise: float) -> float:
+    """Return the standard deviation of `depth_at_zero_force`, m."""
+    spread = float(((force - force.mean()) ** 2).sum())
+    softness = float(np.ptp(depth) / np.ptp(force))
+    by_sample = 1 / len(force) + force.mean() ** 2 / spread
+    return float(np.hypot(depth_noise, softness * noise) * np.sqrt(by_sample))
+
+
 def _is_line(
     depth: np.ndarray, force: np.ndarray, falling: np.ndarray, depth_noise: float, noise: float
 ) -> bool:
@@ -196,8 +213,8 @@ def _is_line(
 
 def _law_start(
     depth: np.ndarray, force: np.ndarray, line: float, depth_noise: float, noise: float
-) -> tuple[float, bool]:
-    """Fit the laws to block means; return the best one's touch and whether it holds."""
+) -> tuple[FirstTouch, bool]:
+    """Fit the laws to block means; return their mean touch and whether the best one holds."""
     far = float(depth.max() - depth.min())
     x = depth / far
     first = line / far
@@ -208,7 +225,7 @@ def _law_start(
         sd = np.full(len(x), np.hypot(max(noise, floor), depth_noise * slope / far))
         found = np.array([first - 0.05, *start])
         for _ in range(2):  # the slope, by which the depth's noise counts, is known after one fit
-            found, scale, cost = _fit(law, found, x, force, sd)
+            found, scale, cost, variance = _fit(law, found, x, force, sd)
             step = 1e-4
             there = np.maximum(x - found[0], 0.0)
             steep = scale * (law(there + step, *found[1:]) - law(there, *found[1:])) / step
@@ -217,10 +234,13 @@ def _law_start(
         # The spread differs from law to law, and so does the likelihood's normalisation
         score = cost + 2 * np.log(sd).sum() + count * np.log(len(x))
         excess = (cost - (len(x) - count)) / np.sqrt(2 * (len(x) - count))
-        found_by.append((score, float(found[0] * far), excess))
-    score, touch, excess = np.array(found_by).T
+        found_by.append((score, found[0] * far, excess, variance * far**2))
+    score, touch, excess, variance = np.array(found_by).T
     weight = np.exp((score.min() - score) / 2)
-    return float(weight @ touch / weight.sum()), bool(excess[score.argmin()] < HOLDS)
+    weight /= weight.sum()
+    mean = float(weight @ touch)
+    spread = float(np.sqrt(weight @ (variance + (touch - mean) ** 2)))
+    return FirstTouch(mean, spread), bool(excess[score.argmin()] < HOLDS)
 
 
 def _fit(
@@ -229,12 +249,12 @@ def _fit(
     x: np.ndarray,
     force: np.ndarray,
     sd: np.ndarray,
-) -> tuple[np.ndarray, float, float]:
+) -> tuple[np.ndarray, float, float, float]:
     """Fit touch and parameters; zero of the force and factor of the law follow linearly.
 
     Returns
     -------
-    touch and parameters, the factor, and chi squared
+    touch and parameters, the factor, chi squared, and the touch's variance
     """
     weight = 1 / sd
     measured = force * weight
@@ -248,7 +268,7 @@ def _fit(
         offset = (fa - factor * ab) / aa
         return measured - offset * weight - factor * shape, factor
 
-    p, damping = np.array(start, float), 1e-3
+    p, damping, normal = np.array(start, float), 1e-3, np.eye(len(start))
     low = np.array([x.min() - 0.1, *(LOW for _ in p[1:])])
     high = np.array([x.max() - 0.02, *(HIGH for _ in p[1:])])
     r, factor = residual(p)
@@ -271,4 +291,4 @@ def _fit(
             damping = max(4 * damping, 1e-4)
             if damping > 1e4:
                 break
-    return p, factor, float(r @ r)
+    return p, factor, float(r @ r), float(np.linalg.pinv(normal)[0, 0])

@@ -64,6 +64,7 @@ class Judgement:
     tare_n : taken off the force before the approach, along the probe
     zero_after_n : force that is read after the press, 0 where it is noise
     set_force_n : wanted force
+    touch_sd_m : standard deviation of the depth of first touch, from which travel is counted
     """
 
     force_n: float
@@ -73,6 +74,7 @@ class Judgement:
     tare_n: float
     zero_after_n: float
     set_force_n: float
+    touch_sd_m: float = 0.0
 
     @property
     def kept(self) -> bool:

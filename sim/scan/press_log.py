@@ -117,9 +117,9 @@ def press_result(
     )
     begun = int((log.phase == APPROACH).argmax())
     check_record(log.clock_s[begun:], force, depth, wanted, settings)
-    zero = mechanisms.zero_shift_m
+    zero, touch_sd_m = mechanisms.zero_shift_m, 0.0
     if mechanisms.zero == "touch":
-        zero += first_touch(
+        touch = first_touch(
             *early,
             log.wanted_n[read],
             np.maximum(log.phase[read] - LOAD + 1, 0),
@@ -127,6 +127,7 @@ def press_result(
             settings.displacement_noise_m,
             settings.force_noise_n,
         )
+        zero, touch_sd_m = zero + touch.depth_m, touch.sd_m
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
     rows = _sample_rows(log.phase[contact], settings)
     picked = contact[rows]
@@ -145,7 +146,7 @@ def press_result(
         true_depth_m=true_depth,
     )
     statistics = _statistics(log, plan, planned, body, true_depth, zero)
-    judged = _judged(log, contact, force, tips, planned, wanted)
+    judged = _judged(log, contact, force, tips, planned, wanted, touch_sd_m)
     truth = log.true_force_n[picked], true_depth[picked]
     return PressResult(statistics, scan, series, *truth, judged)
 
@@ -157,6 +158,7 @@ def _judged(
     tips_m: np.ndarray,
     planned: PlannedPress,
     wanted_n: float,
+    touch_sd_m: float,
 ) -> Judgement:
     """Return the quality of the press as the robot's own readings show it."""
     hold = np.flatnonzero(log.phase[contact] == HOLD)
@@ -174,6 +176,7 @@ def _judged(
         tare_n=log.tare_n,
         zero_after_n=log.zero_after_n,
         set_force_n=wanted_n,
+        touch_sd_m=touch_sd_m,
     )
 
 

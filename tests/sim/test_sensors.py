@@ -92,12 +92,14 @@ COURSES = {
 def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(course):
     law, peak = COURSES[course]
     exact = press(law, peak, np.random.default_rng(0), 0.0, 0.0)
-    assert abs(first_touch(*exact, 0.0, 0.0) - 0.0012) < 6e-6
+    assert abs(first_touch(*exact, 0.0, 0.0).depth_m - 0.0012) < 6e-6
     moving = np.isin(exact[3], (1, 3))
     straight = depth_at_zero_force(exact[0][moving], exact[1][moving], 0.0, 0.0) - 0.0012
     assert course == "line" or straight > 3e-4
     rng = np.random.default_rng(5)
     found = [first_touch(*press(law, peak, rng, 5e-3, 2e-5), 2e-5, 5e-3) for _ in range(8)]
-    off = np.array(found) - 0.0012
+    off = np.array([touch.depth_m for touch in found]) - 0.0012
     assert abs(off.mean()) < 0.02e-3
     assert off.std() < 0.05e-3
+    stated = np.array([touch.sd_m for touch in found])
+    assert 0.3 < np.sqrt(np.mean((off / stated) ** 2)) < 2

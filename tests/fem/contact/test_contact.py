@@ -10,9 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from fem.contact.contacts import Contacts, contact_frame, contact_weights, disc_quadrature
 from fem.contact.half_space import FLAT, HERTZ
+from fem.contact.paraboloid import surface_curvature
 from fem.errors import MeshError
 from fem.mesh.block import block_mesh
 from fem.mesh.mesh import Mesh, promote_to_tet10
+from fem.mesh.surface import Surface
 
 SIZE = np.array([0.09, 0.07, 0.05])
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -209,3 +211,43 @@ def test_contacts_are_read_only_copies_broadcast_to_the_points():
     np.testing.assert_array_equal(contacts.radius_m, [0.004] * 3)
     for array in (contacts.points_m, contacts.directions, contacts.radius_m):
         assert not array.flags.writeable
+
+
+def faceted_ball(radius: float, rings: int) -> Surface:
+    angle = np.pi * np.arange(2 * rings) / rings
+    points, faces, n = [[0.0, 0.0, 1.0]], [], 2 * rings
+    for polar in np.pi * np.arange(1, rings) / rings:
+        points += [
+            [np.sin(polar) * np.cos(a), np.sin(polar) * np.sin(a), np.cos(polar)] for a in angle
+        ]
+    points.append([0.0, 0.0, -1.0])
+    for k in range(n):
+        after = (k + 1) % n
+        faces.append((0, 1 + k, 1 + after))
+        for ring in range(rings - 2):
+            a, b = 1 + ring * n, 1 + (ring + 1) * n
+            faces += [(a + k, b + k, b + after), (a + k, b + after, a + after)]
+        last = 1 + (rings - 2) * n
+        faces.append((len(points) - 1, last + after, last + k))
+    return Surface(radius * np.array(points), np.array(faces, np.int32))
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0, 2.0])
+def test_the_curvature_is_that_of_the_shape_behind_the_triangles(share):
+    radius, rings = 0.04, 24
+    surface = faceted_ball(radius, rings)
+    width = np.pi * radius / rings
+    corners = surface.vertices[surface.triangles[rings * 10 : rings * 12]]
+    points = np.vstack([corners.mean(axis=1), corners[:, 0]])
+    inwards = -points / np.linalg.norm(points, axis=1)[:, None]
+    found = surface_curvature(surface, Contacts(points, inwards, share * width, "hertz"))
+    assert found * radius == pytest.approx(1, abs=0.12)
+    assert (found * radius).mean() == pytest.approx(1, abs=0.04)
+
+
+def test_a_side_of_a_block_is_flat_also_beside_an_edge():
+    mesh = block_mesh((0.04, 0.04, 0.02), (1, 1, 1))
+    block = Surface(mesh.nodes, mesh.boundary[:, :3].astype(np.int32))
+    points = np.array([(0.02, 0.02, 0.02), (0.036, 0.02, 0.02)])
+    contacts = Contacts(points, np.array([0.0, 0.0, -1.0]), 3e-3, "hertz")
+    assert surface_curvature(block, contacts) == pytest.approx(0, abs=1e-6)

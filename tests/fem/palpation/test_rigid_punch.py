@@ -10,7 +10,7 @@ from fem.contact.half_space import FLAT
 from fem.errors import MeshError
 from fem.mesh.block import block_mesh
 from fem.palpation.model import PalpationModel
-from fem.palpation.rigid_punch import shape_gain, travel_under
+from fem.palpation.rigid_punch import by_contact_radius, shape_gain, travel_under
 from tests.fem.reference.hayes import punch_factor
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -67,8 +67,29 @@ def test_the_travel_under_the_tip_weighted_with_the_pressure_is_the_compliance()
         assert mean == pytest.approx(response.compliance[j], rel=1e-6)
 
 
+def test_the_growth_of_a_hertz_contact_is_the_difference_of_two_contacts():
+    size = (0.06, 0.06, 0.012)
+    points = np.array([(0.03, 0.03, 0.012), (0.037, 0.021, 0.012)])
+    mesh = block_mesh(size, (8, 8, 3))
+
+    def at(radius: float):
+        model = PalpationModel(mesh, 0.4, Contacts(points, DOWN, radius, "hertz"))
+        stiff = np.exp(-((model.points_m - [0.04, 0.03, 0.008]) ** 2).sum(axis=1) / 8e-5)
+        return model.evaluate(5e3 * (1 + 3 * stiff))
+
+    a, step = 3e-3, 0.05
+    wider, narrower = (at(a * np.exp(s)).compliance for s in (step, -step))
+    growth = by_contact_radius(at(a))
+    half_space = -0.6 * (1 - 0.4**2) / (5e3 * a)
+    assert (growth > 0.98 * half_space).all()
+    assert growth == pytest.approx((wider - narrower) / (2 * step), rel=0.005)
+
+
 def test_a_hertz_contact_is_refused():
     contacts = Contacts(np.array([0.02, 0.02, 0.02]), DOWN, 0.004, "hertz")
     model = PalpationModel(block_mesh((0.04, 0.04, 0.02), (3, 3, 2)), 0.4, contacts)
     with pytest.raises(MeshError, match="only a flat tip"):
         shape_gain(model.evaluate(5e3), np.array([5e3]))
+    flat = PalpationModel(model.mesh, 0.4, Contacts(contacts.points_m, DOWN, 0.004))
+    with pytest.raises(MeshError, match="expected Hertz contacts"):
+        by_contact_radius(flat.evaluate(5e3))

@@ -55,10 +55,10 @@ def sphere_shift(s: np.ndarray, radius_m: float) -> np.ndarray:
     return s / 2 * np.log((radius_m + s) / (radius_m - s))
 
 
-def _operator(
+def layer_operator(
     radius: float, thickness: float, nu: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points s, their weights and the matrix of phi/2 + (1/pi) int L phi."""
+    """Return points s, their weights and the matrix of phi/2 + (1/pi) int L phi."""
     x, w = np.polynomial.legendre.leggauss(_POINTS)
     s, w = radius * (x + 1) / 2, radius * w / 2
     if np.isinf(thickness):
@@ -82,7 +82,7 @@ def punch_factor(radius_over_thickness: float, poisson_ratio: float) -> float:
     >>> round(punch_factor(1.0, 0.5), 4)
     3.6187
     """
-    _, w, operator = _operator(radius_over_thickness, 1.0, poisson_ratio)
+    _, w, operator = layer_operator(radius_over_thickness, 1.0, poisson_ratio)
     return float(w @ np.linalg.solve(operator, np.ones(len(w)))) / (2 * radius_over_thickness)
 
 
@@ -104,7 +104,7 @@ def sphere_on_layer(
     a, tip = contact_radius_m, tip_radius_m
     if not 0 < a < (np.inf if paraboloid else tip):
         raise ValueError(f"a contact of radius {a:.3g} m does not fit a sphere of {tip:.3g} m")
-    s, w, operator = _operator(a, thickness_m, poisson_ratio)
+    s, w, operator = layer_operator(a, thickness_m, poisson_ratio)
     x = np.append(s, a)
     shift = x**2 / tip if paraboloid else sphere_shift(x, tip)
     even, bent = np.linalg.solve(operator, np.column_stack([np.ones(len(s)), shift[:-1]])).T

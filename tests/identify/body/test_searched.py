@@ -146,7 +146,7 @@ def test_the_correction_is_carried_only_where_it_is_sure(mechanics, monkeypatch,
     assert near.ratio == pytest.approx(exact.ratio, rel=mechanics.settings.ratio_error, abs=0)
     assert np.abs(near.ratio - mechanics.corrected(MAP, state).ratio).max() > 3e-5
     assert near.model_error == pytest.approx(exact.model_error, rel=0.2)
-    assert near.tip_gain == pytest.approx(exact.tip_gain, rel=0.2)
+    assert near.tip.gain == pytest.approx(exact.tip.gain, rel=0.2)
     solved.clear()
     mechanics._fine.clear()
     mechanics.corrected(MAP, state)

@@ -75,7 +75,7 @@ def test_an_effect_that_is_too_small_to_be_seen_at_its_largest_has_no_limit_but_
     largest = effect("rigid_tip").parameters[0].upper
     assert own.smallest_share is None
     assert own.sizes["share"] == pytest.approx(largest)
-    change = largest * fit().model.mechanics.tip_gain
+    change = largest * fit().model.mechanics.tip.gain
     signal = fit().at.predicted_m
     moved = signal * change[fit().model.readings.press]
     assert own.largest_share == pytest.approx(np.linalg.norm(moved) / np.linalg.norm(signal), 0.05)

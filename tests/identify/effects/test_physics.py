@@ -15,8 +15,8 @@ from identify.catalogue.viscoelasticity import lagging
 from identify.effects.base import Pressing
 from identify.effects.conformance.example_scan import trial
 from identify.effects.conformance.worked_example import Inputs
-from identify.effects.sphere import depth_over_hertz
-from tests.fem.reference.hayes import sphere_on_layer
+from identify.effects.sphere import ball_travel, depth_over_hertz
+from tests.fem.reference.hayes import layer_operator, sphere_on_layer
 
 BOX = ((0.0, 0.0, 0.0), (0.096, 0.096, 0.048))
 
@@ -112,6 +112,57 @@ def test_a_ball_on_a_half_space_is_sneddons_whatever_contact_the_model_assumed(
     assert_allclose(travel[-1], expected[-1], rtol=2e-5)  # the line through no force: s/F squared/6
     steeper = ((force / force[-1]) ** -2 * 1e-4 / 6)[:-1]
     assert (np.abs(travel[:-1] / expected[:-1] - 1) < 1.2 * steeper).all()
+
+
+@pytest.mark.parametrize("bent_per_m", [0.0, 25.0, -40.0])
+def test_a_ball_on_a_curved_half_space_is_sneddons(bent_per_m):
+    ball, modulus, nu, fixed = 6e-3, 9000.0, 0.4, 4e-3
+    plane = modulus / (1 - nu**2)
+    a = ball * np.array([0.3, 0.6, 0.95])
+    # Sneddon: travel g(a), force 2 E* int (g(a) - g); the curved surface adds c r^2/2 to the gap
+    angle = np.arctanh(a / ball)
+    travel = a * angle + bent_per_m * a**2
+    force = plane * ((a**2 + ball**2) * angle - a * ball + 4 / 3 * bent_per_m * a**3)
+    own = readings(force_n=tuple(force), radius_m=ball)
+    given = pressing(3, 0.6 / (plane * fixed), modulus, fixed, nu, "hertz")
+    given = replace(given, curvature_per_m=np.full(3, bent_per_m), growth=np.full(3, -1.0))
+    found = ball_travel(own, given, force)
+    steeper = (force / force[-1]) ** -2 * 1e-4 / 6  # the line through no force
+    assert (np.abs(found / travel - 1) < 1.2 * steeper + 1e-9).all()
+
+
+@pytest.mark.parametrize(("thickness", "most"), [(0.01, 5e-4), (0.004, 6e-3), (0.002, 0.014)])
+def test_a_ball_on_a_layer_is_the_exact_contacts(thickness, most):
+    ball, modulus, nu = 3.16e-3, 1e4, 0.45
+    plane, fixed = modulus / (1 - nu**2), 0.6 * ball
+
+    def compliance(a):  # of a Hertz pressure, a sum of flat ones
+        s, weight, operator = layer_operator(a, thickness, nu)
+        density = 1.5 * (a**2 - s**2) / a**3
+        return float((weight * density) @ (operator @ density)) / plane
+
+    wider, narrower = (compliance(fixed * np.exp(step)) for step in (1e-3, -1e-3))
+    growth = np.log(wider / narrower) / 2e-3
+    exact = [sphere_on_layer(share * ball, ball, modulus, nu, thickness) for share in (0.5, 0.8)]
+    force = np.array([contact.force_n for contact in exact])
+    own = readings(force_n=tuple(force), radius_m=ball)
+    given = pressing(2, compliance(fixed), modulus, fixed, nu, "hertz")
+    found = ball_travel(own, replace(given, growth=np.full(2, growth)), force)
+    off = found / [contact.travel_m for contact in exact] - 1
+    line = (force / force[-1]) ** -2 * 1e-4 / 6
+    assert (np.abs(off + line) < most).all()
+    without = ball_travel(own, given, force)
+    assert abs(without[-1] / exact[-1].travel_m - 1) > 4 * most
+
+
+def test_a_ball_beyond_its_equator_and_one_in_a_hollow_of_its_size_go_on():
+    force = np.linspace(-0.01, 40.0, 3000)
+    own = replace(readings(force_n=tuple(force), radius_m=3e-3), force_n=force)
+    given = pressing(len(force), 0.02, 5000.0, 2e-3, 0.45, "hertz")
+    given = replace(given, curvature_per_m=np.full(len(force), -1 / 3e-3))
+    travel = ball_travel(own, given, force)
+    assert (np.diff(travel) > 0).all()
+    assert travel[force > 0].min() > 0
 
 
 def test_a_ball_hardly_pressed_is_hertz_and_one_beyond_its_equator_goes_on():

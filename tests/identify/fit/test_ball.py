@@ -1,0 +1,58 @@
+"""Fit of a map under balls, whose contact grows, to a body of other meshes and another law."""
+
+import numpy as np
+import pytest
+
+from fem import PalpationModel, RefinedModel, block_mesh
+from identify.experiment import BodyModel, Experiment, MapGuess, contacts_of
+from identify.fit.start_map import fit_map
+from identify.measurement.noise import Noise
+from models.scan import Scan
+from sim.body.soft_body import SoftBody
+from sim.motion.tip import Tip
+
+SIZE, NU, E = (0.06, 0.06, 0.016), 0.45, 8000.0
+NOISE = Noise(1e-5, 1e-3)
+
+
+def pressed_by_balls() -> Scan:
+    """Presses of two balls on an even block, 0.3 to 0.6 radii deep."""
+    x, y = np.meshgrid((0.02, 0.04), (0.02, 0.03, 0.04))
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(6, SIZE[2])])
+    radii, forces = np.tile((3e-3, 7e-3), 3), np.tile((0.05, 0.3), 3)
+    down = np.tile([0.0, 0.0, -1.0], (6, 1))
+    body = SoftBody(
+        SIZE, lambda at: np.full(len(at), E), NU, [Tip("ball", r) for r in radii], points, down,
+        divisions=(10, 10, 5), force_n=forces,
+    )  # fmt: skip
+    rng, share = np.random.default_rng(3), np.linspace(0.05, 1, 12)
+    press = np.repeat(np.arange(6), len(share))
+    force = np.tile(share, 6) * forces[press]
+    travel = np.array([body.displacement(j, f) for j, f in zip(press, force, strict=True)])
+    return Scan(
+        press=press, time_s=0.1 * np.arange(len(press)), phase=np.full(len(press), "load"),
+        point_m=points[press], direction=down[press],
+        force_n=force + NOISE.force_n * rng.standard_normal(len(press)),
+        displacement_m=travel + NOISE.displacement_m * rng.standard_normal(len(press)),
+        probe_radius_m=radii[press],
+    )  # fmt: skip
+
+
+def test_two_balls_agree_on_the_modulus_within_its_interval():
+    scan = pressed_by_balls()
+    contacts, note = contacts_of(scan, sphere=True)
+    coarse, finer = (
+        PalpationModel(block_mesh(SIZE, cells), NU, contacts) for cells in ((8, 8, 3), (12, 12, 4))
+    )
+    body = BodyModel(coarse, coarse, RefinedModel(coarse, finer), note)
+    experiment = Experiment(scan, body, NOISE, MapGuess(0))
+    fit = fit_map(experiment)
+    found = fit.parameters["background_pa"]
+    assert fit.success
+    assert found.value == pytest.approx(E, rel=0.006)
+    assert found.lower95 < E < found.upper95
+    assert fit.chi2_per_dof < 1.6
+    growth = fit.model.mechanics.tip.growth
+    assert (growth < -1.05).all()  # the layer makes larger contacts stiffer
+    lines = fit_map(experiment, rough=True)
+    assert lines.chi2_per_dof > 10 * fit.chi2_per_dof

@@ -19,13 +19,13 @@ from palpmap.blind.records import (
     TrialTruthRecord,
 )
 from palpmap.commands.check import CheckRecord
-from palpmap.commands.scan import ScanRecord
 from palpmap.paper.command import PaperRecord
 from palpmap.prediction_results import DifferenceRecord, PredictionRecord
 from palpmap.record import FileRecord, Record
 from palpmap.result.history import HistoryRecord
 from palpmap.result.press_outcomes import PressesRecord
 from palpmap.result.records import DiagnosisRecord, ExplainRecord, LimitsRecord
+from palpmap.result.scan_record import ScanRecord
 from palpmap.result.truth import TruthRecord
 from palpmap.run_folder import RunsRecord
 

@@ -181,10 +181,10 @@ class PressedSurface:
 
     def __init__(self, body: Mesh | Surface) -> None:
         if isinstance(body, Surface):
-            nodes, self.faces, self.order = body.vertices, body.triangles, 1
+            self.nodes, self.faces, self.order = body.vertices, body.triangles, 1
         else:
-            nodes, self.faces, self.order = body.nodes, body.boundary, body.order
-        corners = nodes[self.faces[:, :3]]
+            self.nodes, self.faces, self.order = body.nodes, body.boundary, body.order
+        corners = self.nodes[self.faces[:, :3]]
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self.corners = corners
         self.centres = corners.mean(axis=1)

@@ -41,7 +41,7 @@ class DeadPressure:
     def constraints(self, surface: PressedSurface, contacts: Contacts, j: int) -> np.ndarray:
         """None."""
         del contacts, j
-        return np.empty((0, len(surface.mesh.nodes), 3))
+        return np.empty((0, len(surface.nodes), 3))
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class RigidTip:
         radius = float(contacts.radius_m[j])
         frame = contact_frame(contacts.directions[j])
         under = surface.under(contacts.points_m[j], frame, points * radius, radius)
-        shape = shape_functions(under.barycentric, surface.mesh.order)
+        shape = shape_functions(under.barycentric, surface.order)
         used, inverse = np.unique(surface.faces[under.face], return_inverse=True)
         inverse = inverse.reshape(shape.shape)
         scalar = np.zeros((len(weighted), len(used)))
@@ -81,7 +81,7 @@ class RigidTip:
             held = _independent(scalar)[:, :, None]
             parts += [held * frame[0], held * frame[1]]
         rows = np.concatenate(parts)
-        result = np.zeros((len(rows), len(surface.mesh.nodes), 3))
+        result = np.zeros((len(rows), len(surface.nodes), 3))
         result[:, used] = rows
         return result
 

@@ -126,6 +126,14 @@ def scan(
             show_default="the built-in one",
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Show the scan while it is made: in a viewer that listens on port 9876, else in a "
+            "new window.",
+        ),
+    ] = False,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -163,6 +171,7 @@ def scan(
         on_fault=on_fault.value,
         arm=arm,
         lab=lab,
+        live=live,
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),

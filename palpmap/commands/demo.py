@@ -10,20 +10,14 @@ from typing import TYPE_CHECKING
 from identify.fit import FitIteration
 from models import read_scan
 from palpmap import api
-from palpmap.commands.scan import (
-    PAPER_FORCE_N,
-    ScanRecord,
-    make_scan,
-    planned_laboratory,
-    scan_record,
-    scan_settings,
-    scan_table,
-)
+from palpmap.commands.scan import PAPER_FORCE_N, make_scan, planned_laboratory, scan_settings
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
+from palpmap.report.scan_console import scan_table
 from palpmap.result.finding import Finding
+from palpmap.result.scan_record import ScanRecord, scan_record
 from palpmap.result.truth import matched
 from palpmap.results import FitResult
 from palpmap.run_files.fit_run import finish_fit, record_step, with_making

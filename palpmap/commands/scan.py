@@ -1,21 +1,24 @@
 """`palpmap scan`: the virtual laboratory's robot presses on a soft body."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field, JsonValue
+from pydantic import JsonValue
 
 from models import InputError, Scan, write_scan
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
-from palpmap.record import FileRecord, Record
 from palpmap.recording.recorder import Recording
+from palpmap.recording.viewer import ViewerError, live_viewer
+from palpmap.report.scan_console import refused_table, scan_table
 from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
+from palpmap.result.scan_record import scan_record
+from palpmap.result.truth import TruthRecord
+from palpmap.run_files import samples as all_samples
 from palpmap.run_folder import RunFolder
 from palpmap.study.lab import Lab, read_lab
 from palpmap.study.study import Study, load_study, write_study
@@ -34,14 +37,12 @@ from palpmap.study.virtual_lab import (
     program_plan_of,
     reachable,
     tip_notes,
+    truth_of,
     with_touch_error,
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-    from rich.console import RenderableType
-
-    from sim.motion import Motion, Refusal, ScanPlan, ScanSettings
+    from sim.motion import Motion, ScanPlan, ScanSettings
     from sim.scan import PressOutcome, PressResult, PressStatistics, ScanRun, Series
 
 OnFault = Literal["skip", "retry", "stop"]
@@ -49,11 +50,9 @@ OnFault = Literal["skip", "retry", "stop"]
 PAPER_FORCE_N = 3.0
 LISTED = 10
 RANDOM = "random"
-SAMPLES = "samples.parquet"
 SCAN_PARTS = ("robot", "body", "presses", "truth", "events", "about")
 
 PAPER_DEEPEST_SHARE = 1.0  # the paper's 3 N press the linear phantom nearly flat
-SMALL_DEPTH_SHARE = 0.2  # deeper ones are said: beyond a tenth a linear law goes wrong by so much
 
 
 def run_scan_command(
@@ -74,6 +73,7 @@ def run_scan_command(
     tips: str | None = None,
     arm: str | None = None,
     lab: Path | None = None,
+    live: bool = False,
 ) -> bool:
     """Scan the built-in phantom, or a study's body.
 
@@ -90,6 +90,7 @@ def run_scan_command(
     on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
     arm : name or folder of the arm
     lab : file of the laboratory, see `palpmap.study.lab`; arm, truth and plant go before its own
+    live : a viewer shows the scan while it is made
 
     Returns
     -------
@@ -108,11 +109,11 @@ def run_scan_command(
     plant = plant or [planted(text) for text in place.plant]
     settings: dict[str, JsonValue] = {}
     carried = read_tips(tips, kind_of(known)) if tips else ()
-    widest = max((tip.radius_m for tip in carried), default=None)
     if program is None:
         force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
         settings |= {"force_n": force_n}
         if presses is not None:
+            widest = max((tip.radius_m for tip in carried), default=None)
             plan = cover_plan_of(known, force_n, presses, seed=seed, radius_m=widest)
             settings |= {"presses": presses}
         else:
@@ -148,6 +149,7 @@ def run_scan_command(
             seed=seed,
             planned_presses=len(plan),
             parts=SCAN_PARTS,
+            live=_viewer(output) if live else None,
         ) as recording,
     ):
         task = progress.add_task("meshing and solving the body", total=len(plan))
@@ -169,6 +171,15 @@ def run_scan_command(
         f"Recording: {escape(to_type('review', run.path))}",
     )
     return record.kept
+
+
+def _viewer(output: Output) -> str | None:
+    """Return the address of a viewer; say why there is none, and go on without."""
+    try:
+        return live_viewer()
+    except (ViewerError, InputError) as error:
+        output.say(f"Not shown live: {error}")
+        return None
 
 
 def planted(text: str) -> tuple[str, float]:
@@ -231,7 +242,17 @@ def _truth(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> Trut
 
     if truth is None:
         return Truth(default_truth(plan.body, seed))
-    return Truth(drawn_truth(plan.body, seed)) if truth == RANDOM else read_truth(truth, study)
+    if truth == RANDOM:
+        return Truth(drawn_truth(plan.body, seed))
+    if not truth.endswith(".json"):
+        return read_truth(truth, study)
+    earlier = TruthRecord.read(Path(truth))
+    if earlier.effects:
+        raise InputError(
+            f"{truth}: found hidden effects, expected a map alone; write the map in TOML and plant "
+            "effects with --plant"
+        )
+    return Truth(truth_of(earlier.body.map))
 
 
 def make_scan(
@@ -269,137 +290,6 @@ def make_scan(
         made, _ = laboratory.press(drawn, on_press, on_outcome)
     finally:
         if samples:
-            write_samples(samples, laboratory.plan.ids, run / SAMPLES)
+            path = run / all_samples.FILE
+            all_samples.write_samples(samples, laboratory.plan.ids, path)
     return made
-
-
-def write_samples(samples: "Sequence[Series]", ids: "np.ndarray", path: Path) -> None:
-    """Write every time step of the presses, as the robot reads them, into a Parquet file."""
-    import numpy as np
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    from sim.scan import SERIES_PHASES
-
-    def column(name: str) -> "np.ndarray":
-        return np.concatenate([getattr(one, name) for one in samples])
-
-    table = {
-        "press": np.asarray(ids)[column("press")],
-        "time_s": column("time_s"),
-        "phase": pa.DictionaryArray.from_arrays(column("phase").astype(np.int8), SERIES_PHASES),
-        "force_n": column("force_n").astype(np.float32),
-        "displacement_m": column("displacement_m").astype(np.float32),
-        "wanted_n": column("wanted_n").astype(np.float32),
-    }
-    for joint, angles in enumerate(column("q").T, start=1):
-        table[f"joint{joint}_rad"] = angles.astype(np.float32)
-    pq.write_table(pa.table(table), path, compression="zstd")
-
-
-class LargestRecord(Record):
-    """Largest deviations of the presses from their commands, as only the simulator knows them."""
-
-    force_error: float = Field(description="of the held force, relative")
-    overshoot: float = Field(description="of the force, relative")
-    contact_error_m: float = Field(description="of the contact's place, m")
-    coupling_error: float = Field(description="of body and robot from each other, relative")
-    depth_share: float = Field(description="depth of a press over the body's height")
-
-
-class ScanRecord(FileRecord):
-    """Output of `palpmap scan --json`: how well the presses were made."""
-
-    presses: int = Field(description="planned")
-    presses_kept: int = Field(description="made, with force and place kept by the readings")
-    kept: bool = Field(description="whether all are")
-    outcomes: dict[str, int] = Field(
-        default_factory=dict, description="presses that were made, retried, skipped, aborted"
-    )
-    not_kept: tuple[str, ...] = Field(default=(), description="a sentence on each other press")
-    largest: LargestRecord
-    force_n: float = Field(description="set force of the first press, N")
-    simulated_s: float = Field(description="time of the robot, s")
-    wall_s: float = Field(description="time of the computer, s")
-    real_time_factor: float = Field(description="the robot's time over the computer's")
-
-
-def scan_record(scanned: "ScanRun") -> ScanRecord:
-    """Return how well the presses were made."""
-    statistics = scanned.statistics
-    largest = LargestRecord(
-        force_error=max(abs(s.force_error) for s in statistics),
-        overshoot=max(s.overshoot for s in statistics),
-        contact_error_m=max(s.contact_error_m for s in statistics),
-        coupling_error=max(s.coupling_error for s in statistics),
-        depth_share=max(s.depth_share for s in statistics),
-    )
-    kept = sum(outcome.kept for outcome in scanned.outcomes)
-    counts = Counter(outcome.outcome for outcome in scanned.outcomes)
-    return ScanRecord(
-        presses=len(scanned.outcomes),
-        presses_kept=kept,
-        kept=kept == len(scanned.outcomes),
-        outcomes=dict(counts),
-        not_kept=tuple(outcome.sentence for outcome in scanned.outcomes if not outcome.kept),
-        largest=largest,
-        force_n=statistics[0].set_force_n,
-        simulated_s=scanned.simulated_s,
-        wall_s=scanned.wall_s,
-        real_time_factor=scanned.real_time_factor,
-    )
-
-
-def scan_table(record: ScanRecord) -> "RenderableType":
-    """Return how well the presses were made, as a small table."""
-    from rich import box
-    from rich.table import Table
-
-    largest = record.largest
-    table = Table(box=box.SIMPLE, show_header=False, title="scan", title_justify="left")
-    table.add_row(
-        "presses that kept force and place",
-        f"{record.presses_kept} of {record.presses} at {record.force_n:g} N",
-    )
-    if set(record.outcomes) - {"made"}:
-        told = ", ".join(f"{number} {name}" for name, number in record.outcomes.items())
-        table.add_row("presses", told)
-    table.add_row(
-        "largest force error, overshoot",
-        f"{100 * largest.force_error:.2f} %, {100 * largest.overshoot:.1f} %",
-    )
-    table.add_row(
-        "largest contact error, coupling error",
-        f"{1e3 * largest.contact_error_m:.3f} mm, {100 * largest.coupling_error:.3f} %",
-    )
-    if largest.depth_share > SMALL_DEPTH_SHARE:
-        table.add_row(
-            "deepest press",
-            f"{100 * largest.depth_share:.0f} % of the body's height; a real body is linear "
-            "to about a tenth",
-        )
-    table.add_row(
-        "robot time, computing time",
-        f"{record.simulated_s:.0f} s, {record.wall_s:.1f} s "
-        f"({record.real_time_factor:.0f} times real time)",
-    )
-    return table
-
-
-def refused_table(refused: "Sequence[Refusal]") -> "RenderableType":
-    """Return the presses that cannot be made, and why, as a table."""
-    from rich import box
-    from rich.table import Column, Table
-
-    table = Table(
-        "press",
-        "place, mm",
-        Column("why it is left out", overflow="fold"),
-        box=box.SIMPLE,
-        title=f"{len(refused)} presses cannot be made",
-        title_justify="left",
-    )
-    for one in refused:
-        place = ", ".join(f"{1e3 * value:.1f}" for value in one.point_m)
-        table.add_row(str(one.press), place, one.reason)
-    return table

@@ -44,6 +44,7 @@ class Recording:
     planned_presses : presses that the whole run makes
     parts : names of `entities.PARTS` that the whole run has; `palpmap review --summary`
         says which of them are missing
+    live : address of a viewer that follows the run
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Recording:
         seed: int | None = None,
         planned_presses: int = 81,
         parts: Sequence[str] = tuple(names.PARTS),
+        live: str | None = None,
     ) -> None:
         if unknown := set(parts) - set(names.PARTS):
             raise ValueError(
@@ -79,7 +81,7 @@ class Recording:
         self._last_step: FitIteration | None = None
         self._residual_limit_um = 0.0
         self._figures: list[str] = []
-        self._file = RecordingFile(self.path, name)
+        self._file = RecordingFile(self.path, name, live)
         run = {"palpmap": __version__, "planned_presses": planned_presses, "parts": list(parts)}
         if seed is not None:
             run["seed"] = seed

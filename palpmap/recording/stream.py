@@ -2,6 +2,7 @@
 
 import errno
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import rerun as rr
@@ -10,7 +11,7 @@ import rerun.blueprint as rrb
 from palpmap.recording import entities as parts
 from palpmap.recording.integrity import examine
 
-LONGEST_FLUSH_S = 20.0
+LONGEST_FLUSH_S, LONGEST_LIVE_S = 20.0, 2.0
 Log = Callable[..., None]
 """``log(entity, *archetypes)``, bound to a place on the timelines."""
 
@@ -22,19 +23,28 @@ class RecordingFile:
     ----------
     path : path of the .rrd file; an existing one is replaced
     name : name of the recording, shown by the viewer
+    live : address of a viewer that follows meanwhile. It has a stream of its own, so that the file
+        is whole whatever becomes of the viewer.
     """
 
-    def __init__(self, path: Path, name: str) -> None:
+    def __init__(self, path: Path, name: str, live: str | None = None) -> None:
         self._path = path
         self.stream = rr.RecordingStream(parts.APPLICATION)
-        rr.set_log_time_enabled(False, recording=self.stream)
-        rr.set_log_tick_enabled(False, recording=self.stream)
         self.stream.save(path)
-        self.stream.send_recording_name(name)
+        self._streams = [self.stream]
+        if live is not None:
+            same = self.stream.get_recording_id()
+            self._streams.append(rr.RecordingStream(parts.APPLICATION, recording_id=same))
+            self._streams[1].connect_grpc(live)
+        for stream in self._streams:
+            rr.set_log_time_enabled(False, recording=stream)
+            rr.set_log_tick_enabled(False, recording=stream)
+            stream.send_recording_name(name)
 
     def static(self, entity: str, *components: rr.AsComponents) -> None:
         """Log for all times."""
-        self.stream.log(entity, *components, static=True)
+        for stream in self._streams:
+            stream.log(entity, *components, static=True)
 
     def at(
         self,
@@ -45,20 +55,22 @@ class RecordingFile:
         """Bind a place: s on `sim_time`, numbers on the others; None leaves a timeline out."""
 
         def log(entity: str, *components: rr.AsComponents) -> None:
-            self.stream.reset_time()
-            if sim_time is not None:
-                self.stream.set_time(parts.SIM_TIME, duration=float(sim_time))
-            if press is not None:
-                self.stream.set_time(parts.PRESS, sequence=int(press))
-            if iteration is not None:
-                self.stream.set_time(parts.ITERATION, sequence=int(iteration))
-            self.stream.log(entity, *components)
+            for stream in self._streams:
+                stream.reset_time()
+                if sim_time is not None:
+                    stream.set_time(parts.SIM_TIME, duration=float(sim_time))
+                if press is not None:
+                    stream.set_time(parts.PRESS, sequence=int(press))
+                if iteration is not None:
+                    stream.set_time(parts.ITERATION, sequence=int(iteration))
+                stream.log(entity, *components)
 
         return log
 
     def show(self, blueprint: rrb.Blueprint) -> None:
         """Embed a layout; the viewer opens with the last one embedded."""
-        self.stream.send_blueprint(blueprint)
+        for stream in self._streams:
+            stream.send_blueprint(blueprint)
 
     def flush(self) -> None:
         """Hand all that was logged to the operating system.
@@ -73,6 +85,16 @@ class RecordingFile:
         except (RuntimeError, ValueError) as error:
             reason = f"no answer from the disk: {str(error).splitlines()[0]}"
             raise OSError(errno.EIO, reason, str(self._path)) from error
+        for stream in self._streams[1:]:
+            try:
+                stream.flush(timeout_sec=LONGEST_LIVE_S)
+            except (RuntimeError, ValueError):  # the viewer was closed
+                self._drop(stream)
+
+    def _drop(self, stream: rr.RecordingStream) -> None:
+        self._streams.remove(stream)
+        with suppress(RuntimeError, ValueError):
+            stream.disconnect()
 
     def close(self) -> None:
         """Write the footer, which marks a whole recording.
@@ -83,6 +105,8 @@ class RecordingFile:
             The file has no footer: the disk is full. It is readable as far as it goes.
         """
         self.flush()
+        for stream in self._streams[:0:-1]:
+            self._drop(stream)
         self.stream.disconnect()
         if not examine(self._path).closed:
             reason = "the recording could not be written whole; make room on the disk"

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 PICTURE_SIZE = (1800, 1100)
+LIVE_PORT = 9876
 _HOST = "127.0.0.1"
 _LAST_WORDS_S = 3.0
 _PAUSE_S = 0.7  # between looks at a picture that still moves
@@ -60,6 +61,33 @@ def open_window(recording: Path) -> int:
     with private_settings() as environment:
         command = [viewer_program(), str(recording), "--bind", _HOST, "--port", "auto"]
         return subprocess.run(command, env=environment, check=False).returncode
+
+
+def live_viewer(port: int = LIVE_PORT, time_limit_s: float = 30.0) -> str:
+    """Return the address of a viewer that listens on this machine; without one open a window.
+
+    Raises
+    ------
+    ViewerError
+        There is none, and no window can be opened.
+    """
+    address = f"rerun+http://{_HOST}:{port}/proxy"
+    if _listens(port):
+        return address
+    if not has_display():
+        raise ViewerError(
+            f"no viewer listens on {_HOST}:{port} and there is no display for a window; run "
+            f"`rerun` on the machine with the display and forward the port to it (ssh -R "
+            f"{port}:localhost:{port}), or look at the recording afterwards"
+        )
+    with private_settings() as environment:
+        command = [viewer_program(), "--bind", _HOST, "--port", str(port), "--hide-welcome-screen"]
+        quiet = subprocess.DEVNULL
+        viewer = subprocess.Popen(
+            command, env=environment, stdout=quiet, stderr=quiet, start_new_session=True
+        )
+        _wait_for_port(viewer, port, time.monotonic() + time_limit_s)
+    return address
 
 
 @dataclass(frozen=True)
@@ -136,12 +164,18 @@ def _wait_for_port(viewer: subprocess.Popen[bytes], port: int, deadline: float) 
     while time.monotonic() < deadline:
         if viewer.poll() is not None:
             raise ViewerError(f"the viewer stopped with exit code {viewer.returncode}")
-        try:
-            socket.create_connection((_HOST, port), timeout=1).close()
+        if _listens(port):
             return
-        except OSError:
-            time.sleep(0.1)
+        time.sleep(0.1)
     raise ViewerError("the viewer did not start in time; try again on an idle machine")
+
+
+def _listens(port: int) -> bool:
+    try:
+        socket.create_connection((_HOST, port), timeout=1).close()
+    except OSError:
+        return False
+    return True
 
 
 def _reason(viewer: subprocess.Popen[bytes], words: str, error: Exception) -> str:

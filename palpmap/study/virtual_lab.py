@@ -363,7 +363,7 @@ def default_truth(surface: BodySurface, seed: int = 0) -> TruthMap:
     return scaled if block and surface.contains(centres).all() else drawn_truth(surface, seed)
 
 
-def truth_of(found: GaussianMap, origin_m: np.ndarray) -> TruthMap:
+def truth_of(found: GaussianMap, origin_m: np.ndarray | float = 0.0) -> TruthMap:
     """Return a map as the laboratory knows it, moved into the body's frame."""
     from sim.body import Inclusion, TruthMap
 

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fem import Contacts
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
@@ -59,8 +60,8 @@ def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> FreeCompl
     noisy = displacement.ravel() + NOISE.displacement_m * rng.standard_normal(size)
     box = ((0.0, 0.0, 0.0), (0.09, 0.06, THICKNESS))
     return FreeCompliance(
-        readings, noisy, NOISE, np.full(PRESSES, BALL), "flat", NU, np.full(PRESSES, unit),
-        BodyState(box, NU),
+        readings, noisy, NOISE, Contacts(readings.point_m[readings.first],
+        np.array([0.0, 0.0, -1.0]), BALL), NU, np.full(PRESSES, unit), BodyState(box, NU),
     )  # fmt: skip
 
 

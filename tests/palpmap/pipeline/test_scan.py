@@ -4,10 +4,16 @@ from pathlib import Path
 
 import pytest
 
+from models.errors import InputError
 from models.scan_file import read_scan
-from palpmap.commands.scan import ScanRecord, scan_table
+from palpmap.commands.scan import _truth
+from palpmap.commands.scan_truth import write_truth
+from palpmap.report.scan_console import scan_table
 from palpmap.result.press_outcomes import PressesRecord
+from palpmap.result.scan_record import ScanRecord
 from palpmap.run_folder import sha256
+from palpmap.study.virtual_lab import default_study, grid_plan_of
+from sim.body import HiddenBody
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
@@ -70,3 +76,14 @@ def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):
     _, folder = spaced
     assert again.exit_code == 0, again.stderr
     assert sha256(folder / "scan.csv") == sha256(again.folder / "scan.csv")
+
+
+def test_the_truth_of_an_earlier_scan_is_pressed_again(tmp_path):
+    study, said = default_study(), tmp_path / "truth.json"
+    plan = grid_plan_of(study, 0.3, 2)
+    drawn = _truth("random", study, plan, 7)
+    write_truth(tmp_path, HiddenBody(truth=drawn.map), ())
+    assert _truth(str(said), study, plan, 0) == drawn
+    write_truth(tmp_path, HiddenBody(), [{"name": "creep", "category": "structured"}])
+    with pytest.raises(InputError, match="expected a map alone; write the map in TOML"):
+        _truth(str(said), study, plan, 0)

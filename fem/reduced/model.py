@@ -51,8 +51,8 @@ from fem.reduced.energies import Fields, by_sample, summed
 
 FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
 FAR_LAW = 0.3  # ... beside springs or a skin, whose bounds are wide before their second solution
-_BASES = 2  # the last ones that served
-_BYTES = 128e6  # of a basis's energies
+_BASES = 3  # the last ones that served
+_BYTES = 64e6  # of a basis's energies
 _MOST = 10  # snapshots of a basis: more are not worth their growth
 SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
 _SPANNED_SLOPE = 1e-3  # ... of a derivative, relative to itself

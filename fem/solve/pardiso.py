@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.errors import SolverError
 from fem.solve.checks import WHAT_TO_DO, checked_pattern, checked_rhs, checked_rows, checked_values
 
-_ANALYSE, _FACTORIZE, _SOLVE, _RELEASE = 11, 22, 33, -1
+_ANALYSE, _FACTORIZE, _SOLVE, _RELEASE, _RELEASE_FACTOR = 11, 22, 33, -1, 0
 _FORWARD, _BACKWARD = 331, 333  # the diagonal phase between them does nothing to a Cholesky factor
 _SPD = 2  # mtype: real, symmetric positive definite
 _PARDISO_ERRORS = {
@@ -158,7 +158,14 @@ class PardisoPattern:
         self._values = checked.astype(self._precision, copy=False)
         self._generation += 1
         self._call(_FACTORIZE)
-        return PardisoFactor(self, self._generation)
+        factor = PardisoFactor(self, self._generation)
+        weakref.finalize(factor, self._forget, self._generation).atexit = False
+        return factor
+
+    def _forget(self, generation: int) -> None:
+        """Give back the numbers of a factor that nobody uses any more; the analysis stays."""
+        if generation == self._generation:
+            self._call(_RELEASE_FACTOR)
 
     def solve(self, rhs: ArrayLike, generation: int, phase: int = _SOLVE) -> NDArray[np.float64]:
         """Solve with the factor of that generation; all of it, or one of the two halves."""

@@ -17,7 +17,7 @@ from identify.body.settings import BODY, BodySettings
 from identify.optimize.result import InadmissibleError
 
 Shift = tuple[float, float]
-_KEPT = 6  # coarse models, the last ones used: four are at work at a time, of 0.1 GB each
+_KEPT = 4  # coarse models, the last ones used, of 50 MB each: so many are at work at a time
 _SIDES = {"x0", "x1", "y0", "y1"}
 
 

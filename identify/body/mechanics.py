@@ -205,7 +205,8 @@ class BodyMechanics:
         """
         found = self._found(stiffness, plain, slack) if slack else self._solved(stiffness, plain)
         coarse = found.compliance
-        reach, grown = self.settings.carried_shift_m, self.settings.carried_change
+        wide = min(max(slack, 1.0), self.settings.carried_slack)
+        reach, grown = wide * self.settings.carried_shift_m, wide * self.settings.carried_change
         for place, known, corrected in reversed(self._elsewhere if slack else []):
             apart = np.abs(np.subtract(place, shift)).max()
             if apart <= reach and np.abs(np.log(coarse / known)).max() <= grown:

@@ -30,6 +30,7 @@ class BodySettings:
         springs
     carried_shift_m, carried_change : distance of the body's place, and change of the logarithm of
         a compliance, up to which a search takes the finer model's correction from another place
+    carried_slack : slack up to which both grow with it
     shift_step_m : distance between shifts with a finer model of their own
     """
 
@@ -51,6 +52,7 @@ class BodySettings:
     plain_slack: float = 20.0
     carried_shift_m: float = 5e-4
     carried_change: float = 0.05
+    carried_slack: float = 4.0
 
 
 BODY = BodySettings()

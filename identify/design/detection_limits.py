@@ -77,16 +77,10 @@ class _Seen:
 def detection_limits(
     fit: FitResult,
     catalogue: Sequence[Effect],
-    at: Linearised | None = None,
     settings: DetectionSettings = DETECTION,
 ) -> tuple[Limit, ...]:
-    """Return the limits of every effect of a catalogue beyond those of the model.
-
-    Parameters
-    ----------
-    at : the model's linearisation; default the fit's own
-    """
-    return limits_at(fit.model, at or fit.at, fit.u, catalogue, settings)
+    """Return the limits of every effect of a catalogue beyond those of the model."""
+    return limits_at(fit.model, fit.at, fit.u, catalogue, settings)
 
 
 def limits_at(

@@ -21,7 +21,7 @@ class DetectionSettings:
     far_map : scaled unknown beyond which the map is fitted to an effect, not projected: a ball's
         edge is then seen from 3.2 % of the signal on, not 1.9 %
     fit_steps, longest_step : Gauss-Newton steps of such a fit, and their largest length
-    slack : of the solutions by reduced bases (`BodyMechanics.evaluate`): compliances within 3e-4
+    slack : of the solutions by reduced bases (`BodyMechanics.evaluate`): compliances within 1e-3
     far_signal : size beyond which the linear pattern is accurate enough
     alike : cosine of two patterns above which their effects cannot be distinguished
     clearly_smaller : detection limit of a better scan, relative to the present one
@@ -36,7 +36,7 @@ class DetectionSettings:
     far_map: float = 0.1
     fit_steps: int = 4
     longest_step: float = 0.5
-    slack: float = 30.0
+    slack: float = 100.0
     far_signal: float = 0.5
     alike: float = DIAGNOSIS.alike
     clearly_smaller: float = 0.7

@@ -94,7 +94,7 @@ def effect_patterns(
     if most is not None and len(shapes) > most:
         shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
     null = effect.null
-    rows = np.empty((len(shapes), len(at.residual), len(amplitudes)))
+    moved = np.empty((len(shapes), len(amplitudes), len(at.residual)))
     chain = replace(model.chain, effects=[*model.chain.effects, effect])
     base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
     for g, shape in enumerate(shapes):
@@ -104,18 +104,13 @@ def effect_patterns(
             values = {**null, **shape, amplitude.name: size}
             if isinstance(effect, BodyEffect):
                 dc, de = at.body.change(effect.body(at.state, **values))
-                moved = model.moved_by_body(at, dc, de)
+                moved[g, a] = model.moved_by_body(at, dc, de) / step
             else:
-                moved = (
-                    chain.predict(
-                        at.compliance,
-                        at.modulus,
-                        at.latent_force_n,
-                        {**at.values, effect.name: values},
-                    )
-                    - base
-                )
-            rows[g, :, a] = at.whitened(moved / step, model.readings.press)
+                given = {**at.values, effect.name: values}
+                there = chain.predict(at.compliance, at.modulus, at.latent_force_n, given)
+                moved[g, a] = (there - base) / step
+    flat = moved.reshape(-1, moved.shape[2])
+    rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
     far = _far_patterns(model, at, effect, amplitudes[0], shapes)
     if far:
         rows = np.concatenate([rows, *(r for _, r in far)])

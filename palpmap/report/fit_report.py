@@ -11,6 +11,7 @@ from palpmap.report.draw import write_page
 from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
 from palpmap.result.next_step import after_fit
+from palpmap.result.press_outcomes import FILE, PressesRecord
 from palpmap.result.tables import Cell, Table, number, parameter_table
 
 
@@ -38,11 +39,32 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         presses=_press_table(finding),
         readings=_reading_table(finding),
         scan=_scan_table(finding),
+        outcomes=_outcome_table(path.with_name(FILE)),
         stages=Table.of(
             ("Stage", number("Time")), ((name, f"{s:.1f} s") for name, s in finding.stage_s.items())
         ),
         how=Table.of(("", ""), finding.how.items()),
     )
+
+
+def _outcome_table(path: Path) -> Table | None:
+    """Return a robot's presses that were not simply made, and why; None without presses.json."""
+    if not path.is_file():
+        return None
+    presses = PressesRecord.read(path).presses
+    rows = [
+        (
+            f"press {p.press}",
+            Cell(p.outcome, "" if p.outcome in ("made", "retried") else "bad"),
+            f"{p.set_force_n:.3g} N",
+            p.reason,
+        )
+        for p in presses
+        if p.outcome != "made" or not p.kept
+    ]
+    made = len(presses) - len(rows)
+    rows.append((f"the other {made}", Cell("made"), "", "with force and place as set"))
+    return Table.of(("Press", "Outcome", number("Set force"), "Reason"), rows)
 
 
 def _test_table(c: Comparison) -> Table:

@@ -27,8 +27,8 @@ from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
 
 _BALL = (
-    "The tip is a ball. Its near travel is that of a rigid ball; further off, its contact "
-    "is held at the size that it has at half of the press's depth."
+    "The tip is a ball. Its contact grows with the force, at the rate that the finite elements say "
+    "for the contact of half of the press's depth; the body stays linear."
 )
 
 

@@ -13,7 +13,7 @@ from sim.robot.mechanism import Live
 
 
 class Part:
-    """A law that turns the travel of the body below it into another one."""
+    """A law that turns the travel of the body below it into another one; itself it changes none."""
 
     memory = False
 
@@ -22,7 +22,7 @@ class Part:
 
     def travel(self, press: int, force_n: float, below_m: float) -> float:
         """Return the travel with the present history, m."""
-        raise NotImplementedError
+        return below_m
 
     def advance(self, press: int, time_s: float, dt: float, force_n: float, below_m: float) -> None:
         """Go on in time."""

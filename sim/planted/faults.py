@@ -8,6 +8,7 @@ watchdog could prevent: a blow that drives the tip into the body or the body int
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
@@ -55,12 +56,13 @@ class _Fault:
         return value * float(self.draw.choice([-1, 1])) if signed else value
 
 
-class _Sensor(_Fault):
+class _Sensor(_Fault, ABC):
     def sensor(self, time_s: float, wrench: np.ndarray) -> np.ndarray:
         return self.read(time_s - self.start_s, wrench) if self.active(time_s) else wrench
 
+    @abstractmethod
     def read(self, since_s: float, wrench: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
+        """Return the wrench that is read, a time after the fault began."""
 
 
 class _SensorFrozen(_Sensor):
@@ -148,7 +150,7 @@ class _SensorNoise(_Sensor):
         return _plus(wrench, self.size_n * float(self.draw.standard_normal()))
 
 
-class _SensorLate(_Sensor):
+class _SensorLate(_Fault):
     """The force comes 0.2 to 0.5 s late, from the begin of the attempt."""
 
     def prepare(self) -> None:
@@ -179,7 +181,7 @@ class _SensorClipped(_Sensor):
         return clipped
 
 
-class _Encoder(_Fault):
+class _Encoder(_Fault, ABC):
     def prepare(self) -> None:
         self.joint, self.size_rad = int(self.draw.integers(6)), self.uniform(0.006, 0.05, True)
         self.last_rad = np.nan
@@ -190,8 +192,9 @@ class _Encoder(_Fault):
             q[self.joint] = self.read(float(q[self.joint]))
         return q
 
+    @abstractmethod
     def read(self, angle_rad: float) -> float:
-        raise NotImplementedError
+        """Return the angle that is read."""
 
 
 class _EncoderJump(_Encoder):
@@ -227,7 +230,7 @@ class _JointShock(_Fault):
         return torque
 
 
-class _Scene(_Fault):
+class _Scene(_Fault, ABC):
     """Changes the compiled model for the length of a press."""
 
     model: Any = None
@@ -241,8 +244,9 @@ class _Scene(_Fault):
         if self.on:
             self.change()
 
+    @abstractmethod
     def change(self) -> None:
-        raise NotImplementedError
+        """Change the model."""
 
 
 class _JointFriction(_Scene):

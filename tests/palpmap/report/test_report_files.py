@@ -31,13 +31,15 @@ from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
 from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
-from palpmap.report.fit_report import write_report
+from palpmap.report.fit_report import _outcome_table, write_report
 from palpmap.result.finding import Finding, Outline, study_outline
+from palpmap.result.press_outcomes import PressesRecord, press_record
 from palpmap.result.tables import parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
 from palpmap.run_files.fit_run import with_making
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
+from sim.scan.outcome import Judgement, PressOutcome
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -353,3 +355,21 @@ def test_the_map_that_is_shown_has_in_it_what_the_fitted_effects_change():
     at = np.array([[0.02, 0.03, 0.02], [0.08, 0.08, 0.0]])
     np.testing.assert_allclose(shown.modulus(at), [13000 * 0.9, 5000 * 1.2], rtol=1e-6)
     assert len(shown.inclusions) == 1
+
+
+def test_the_presses_that_were_not_simply_made_are_listed_with_the_reason(tmp_path):
+    path = tmp_path / "presses.json"
+    assert _outcome_table(path) is None
+    given = [
+        PressOutcome(0, "made", 0.3, judged=Judgement(0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)),
+        PressOutcome(1, "skipped", 0.3, reason="tare (transit): the force reads 7 N at rest"),
+        PressOutcome(2, "made", 0.3, judged=Judgement(0.31, 0.03, 0.0, 0.0, 0.0, 0.0, 0.3),
+                     reason="the held force is off by 3.0 %"),
+    ]  # fmt: skip
+    PressesRecord(on_fault="skip", presses=tuple(map(press_record, given))).write(path)
+    rows = [[cell.text for cell in row] for row in _outcome_table(path).rows]
+    assert rows == [
+        ["press 1", "skipped", "0.3 N", "tare (transit): the force reads 7 N at rest"],
+        ["press 2", "made", "0.3 N", "the held force is off by 3.0 %"],
+        ["the other 1", "made", "", "with force and place as set"],
+    ]

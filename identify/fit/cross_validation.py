@@ -40,7 +40,7 @@ def cross_validate(
 ) -> CrossValidation:
     """Predict presses and high forces that are left out of a fit."""
     if fit.field is not None:
-        return _of_free_map(fit, fit.field, settings)
+        return _of_free_map(fit, fit.field)
     press = fit.model.readings.press
     fold = folds(fit.model.readings.presses, settings.folds)[press]
     error = np.empty(len(press))
@@ -56,15 +56,16 @@ def cross_validate(
     return CrossValidation(rms, ratio, *_rms(fit, error, high))
 
 
-def _of_free_map(
-    fit: FitResult, field: Field, settings: CrossValidationSettings
-) -> CrossValidation:
-    """Predict the presses of each fold by the map of the others; no high forces alone."""
-    assert field.posterior is not None
-    error = field.posterior.left_out(folds(fit.model.readings.presses, settings.folds))
-    moved = field.by_press_m * (error - field.press_error)[fit.model.readings.press]
-    whole = (fit.residual_m - moved) / fit.at.sigma_m
+def _of_free_map(fit: FitResult, field: Field) -> CrossValidation:
+    """Predict each press by the map of the other four fifths, see `Field`; no high forces alone."""
+    whole = left_out_residual_m(fit, field) / fit.at.sigma_m
     return CrossValidation(*_rms(fit, whole, np.ones(len(whole), bool)), None, None)
+
+
+def left_out_residual_m(fit: FitResult, field: Field) -> np.ndarray:
+    """Return the residual (m,) m of each press by a free map that has not seen its fifth."""
+    moved = (field.press_error - field.left_out)[fit.press_index]  # of ln C, from the whole map's
+    return fit.residual_m - field.by_press_m * moved
 
 
 def folds(presses: int, count: int = CROSS_VALIDATION.folds) -> np.ndarray:

@@ -186,7 +186,7 @@ class FieldPosterior:
         return np.cbrt(6 / np.pi * count * self.prior.grid.cell_m3)
 
     def left_out(self, folds: np.ndarray) -> np.ndarray:
-        """Predicted less fitted s (j,) of each press from those of the other folds (j,)."""
+        """Error (j,) of each press's s by the map of the other folds (j,): its own less that."""
         data, found = self.data, np.zeros(len(self.data.target))
         precision = data.root @ data.root.T
         # What readings say of s on their own: s_hat with the covariance precision^-1
@@ -197,4 +197,4 @@ class FieldPosterior:
             known = self._of_s[np.ix_(rest, rest)] + noise
             gain = np.linalg.solve(known, own[rest])
             found[out] = self.of_field[np.ix_(out, rest)] @ gain
-        return found - own
+        return own - found

@@ -24,6 +24,7 @@ from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
+from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
@@ -139,6 +140,12 @@ class Explanation:
         noise = self.final.comparison.is_noise
         return not noise and _within_laws(self.ladder, self.accepted, self.settings)
 
+    @cached_property
+    def in_few_presses(self) -> tuple[int, ...]:
+        """Indices of the presses that hold most of an excess beside a free map, if few do."""
+        few = _few_presses(self.final.fit, self.accepted, self.settings)
+        return tuple(np.flatnonzero(few).tolist())
+
     @property
     def explained_share(self) -> float:
         """Share of the first step's excess chi-square that the accepted effects remove."""
@@ -200,6 +207,8 @@ def forward_selection(
         ladder = [judged(fit)]
     most = settings.most_effects + len(accepted)
     while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
+        if _few_presses(ladder[-1].fit, accepted, settings).any():
+            break  # what is sought for them would be laid on all others
         now = ladder[-1]
         candidates = policy.propose(now, effects, say, dropped, settings)
         if not candidates:
@@ -364,6 +373,25 @@ def _within_laws(
         return False
     small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
     return small and last.chi2_per_dof <= settings.nearly_noise**2
+
+
+def _few_presses(
+    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> np.ndarray:
+    """Few presses (j,) bool that hold most of the excess beside a free map; else none.
+
+    Where the presses called for a law that brings most of them to noise, the others (beside a hard
+    lump, say) have a law of their own.
+    """
+    press = fit.model.readings.press
+    none = np.zeros(fit.model.readings.presses, bool)
+    if fit.field is None or not any(effect.shown_by_presses for effect in accepted):
+        return none
+    squares, count = np.bincount(press, fit.at.residual**2), np.bincount(press)
+    bad = squares > FREE_COMPLIANCE.tail * count
+    share = np.sum((squares - count)[bad]) / max(fit.chi2 - fit.dof, 1.0)
+    few = np.mean(bad) <= 1 - CONTACT_LAW.noise_share
+    return bad if few and share > settings.elsewhere else none
 
 
 def _further(

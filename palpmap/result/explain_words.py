@@ -20,6 +20,8 @@ from palpmap.study.open_study import Problem
 
 _NAMED = 3  # effects with the largest unseen shifts
 _THIN = 4.5  # tip radii: a thinner body hardens by its geometry, see `finite_strain`
+_HARD = 0.7  # of the middle compliance
+_LISTED = 6  # presses
 _FORM_COUNTS = 1.2  # times the interval by one form, from which on its growth is told
 
 VERDICTS = {  # but see `headline`
@@ -47,6 +49,9 @@ def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
+    if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
+        of = explained.final.fit.model.readings.presses
+        return f"Unexplained in {few} of {of} presses: no known effect removes their structure."
     return VERDICTS[explained.verdict][0]
 
 
@@ -67,6 +72,8 @@ def verdict_detail(explained: Explanation) -> str:
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
         return text + (f" The residual is {_size(explained)}." if explained.within_laws else "")
+    if explained.in_few_presses:
+        return _few_presses(explained)
     residual = explained.final.comparison
     look = sentence(replace(residual, law=None, course=None))
     return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
@@ -81,6 +88,32 @@ def _size(explained: Explanation) -> str:
     return (
         f"{np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of the misfit is "
         "left, less than laws of contact are right to"
+    )
+
+
+def _few_presses(explained: Explanation) -> str:
+    """Say that few presses hold the structure, where they are, and how well the others are met."""
+    final = explained.final
+    few, fit = np.array(explained.in_few_presses), final.fit
+    squares = np.bincount(fit.press_index, fit.at.residual**2)
+    count = np.bincount(fit.press_index)
+    share = np.sum((squares - count)[few]) / (fit.chi2 - fit.dof)
+    others = np.setdiff1d(np.arange(len(count)), few)
+    times = np.sqrt(squares[others].sum() / count[others].sum())
+    softness = fit.at.compliance / np.median(fit.at.compliance)
+    where = (
+        f", where the body is {1 / np.median(softness[few]):.1f} times as hard as at the others"
+        if np.median(softness[few]) < _HARD
+        else ""
+    )
+    ids = [final.comparison.presses[j].press for j in few[np.argsort(-squares[few])]]
+    said = ", ".join(map(str, ids[:_LISTED]))
+    more = f" and {len(ids) - _LISTED} more" if len(ids) > _LISTED else ""
+    names = listed([effect.name for effect in explained.accepted])
+    return (
+        f"{len(few)} of {len(count)} presses hold {percent(share)} of the structure{where}: no "
+        f"effect explains them with the others ({said}{more}). With {names}, the residual of all "
+        f"others is {times:.2g} times the noise."
     )
 
 

@@ -17,7 +17,7 @@ from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
-from identify.select.forward_selection import _within_laws
+from identify.select.forward_selection import _few_presses, _within_laws
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
 from models import Scan
@@ -146,3 +146,23 @@ def test_structure_within_the_accuracy_of_contact_laws_ends_the_selection():
     assert not within(1500, [shown], first=90000)  # 1.22 times the noise
     assert not within(1150, [other])
     assert not within(1150, [shown], field=None)
+
+
+def test_few_presses_that_no_law_explains_are_known():
+    """Of 20 presses two hold the excess; not where all do, nor without a law of the presses."""
+    shown = [SimpleNamespace(shown_by_presses=True)]
+    press = np.repeat(np.arange(20), 10)
+
+    def found(residual: np.ndarray, accepted: list = shown) -> list[int]:
+        readings = SimpleNamespace(press=press, presses=20)
+        fit = SimpleNamespace(
+            model=SimpleNamespace(readings=readings), at=SimpleNamespace(residual=residual),
+            field=1, chi2=float(residual @ residual), dof=200,
+        )  # fmt: skip
+        return np.flatnonzero(_few_presses(fit, accepted, SELECTION)).tolist()
+
+    residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
+    assert found(residual) == [3, 11]
+    assert found(residual, []) == []
+    assert found(np.where(press < 6, 5.0, 1.0)) == []  # a third are no few
+    assert found(np.where(press == 3, 2.5, 1.4)) == []  # most of the excess lies elsewhere

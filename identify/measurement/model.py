@@ -211,7 +211,7 @@ class MeasurementModel:
         self._refuse_impossible(body.compliance)
         residual, by_c = self.table.residuals(body.compliance, self.noise)
         by_map = body.by_map[:, list(self.space.free)] * self.space.slope(u)
-        jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(-1, len(u))
+        jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(residual.size, len(u))
         return Compressed(residual.ravel(), jacobian, self.table.rms(body.compliance))
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:

@@ -138,8 +138,6 @@ class Map(Table):
                     f"'{name}' above minus the background, {-background:g} Pa, so that the "
                     f"modulus stays positive, not {value:g} Pa"
                 )
-        if self.inclusions != "auto" and len(self.fixed) == len(known):
-            raise ValueError("a parameter of the map that is free; remove one from [map.fixed]")
         return self
 
 

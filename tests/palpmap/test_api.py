@@ -45,6 +45,24 @@ def test_every_public_name_is_there_and_documented():
         _ = pm.fitt  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def test_a_map_whose_values_are_all_fixed_is_fitted_and_explained(tmp_path):
+    free = "[map.initial]\nbackground_pa = 5200.0\n\n[map.fixed]"
+    text = TWELVE.read_text()
+    assert free in text
+    study = tmp_path / "study.toml"
+    study.write_text(text.replace(free, "[map.fixed]\nbackground_pa = 5000.0"))
+    (tmp_path / "scan.csv").write_bytes(TWELVE.with_name("scan.csv").read_bytes())
+    experiment = pm.read_study(study)
+    fit = pm.fit(experiment)
+    assert fit.success
+    assert not fit.covariance_names
+    assert fit.values["background_pa"] == 5000.0
+    why = pm.explain(experiment, [pm.CATALOGUE["contact_offset"]])
+    assert why.final.fit.covariance_names == ("contact_offset.offset_m",)
+    assert why.added == ("contact_offset",)
+    assert why.final.fit.values["contact_offset.offset_m"] == pytest.approx(1.5e-4, rel=0.05)
+
+
 def test_the_import_alone_loads_nothing_heavy():
     code = "import sys, palpmap; print({'numpy', 'scipy', 'fem', 'pydantic'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -17,9 +17,6 @@ from palpmap.study.study import load_study
 from tests.paths import LAB, TESTS
 
 TWELVE = TESTS / "data" / "twelve_presses"
-FREE = "[map.initial]\nbackground_pa = 5200.0\n\n[map.fixed]"
-FIXED = "[map.fixed]\nbackground_pa = 5200.0"
-
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
 
 
@@ -40,7 +37,6 @@ def study(tmp_path) -> Path:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        (FREE, FIXED, "key map: expected a parameter of the map that is free"),
         ("background_pa = 5200.0", "background_pa = 1e300", "a size up to 1e+12 for 'back"),
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 400}", "a size up to 1e+12 for 'back"),
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 9000}", "text that is not TOML"),

@@ -88,7 +88,9 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
         readings=len(w.residual_m),
         parameters=view.absorbed.shape[1],
         rms_m=float(np.sqrt(np.mean(w.residual_m**2))),
-        expected_rms_m=float(np.sqrt(np.mean(w.sigma_m**2) * view.dof / len(w.residual_m))),
+        expected_rms_m=float(
+            np.sqrt(np.mean(w.sigma_m**2) * view.dof / len(w.residual_m) + w.touch_m**2)
+        ),
         chi2=view.chi2,
         dof=view.dof,
         chi2_p=found["size"].p_value,

@@ -36,6 +36,8 @@ class Whitened:
     size : (chi-square, degrees of freedom)
         Of the fit itself, where it is not that of the residual without the absorbed directions:
         beside a free map that of the readings about the prior's mean.
+    touch_m : float
+        Standard deviation of the depth of first touch, an error that a press's readings share.
     """
 
     scan: Scan
@@ -45,6 +47,7 @@ class Whitened:
     absorbed: np.ndarray
     noise_estimated: bool
     size: tuple[float, int] | None = None
+    touch_m: float = 0.0
 
     def __post_init__(self) -> None:
         for array in (self.residual_m, self.sigma_m, self.force_n, self.absorbed):
@@ -113,6 +116,7 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
         ),
         noise_estimated=fit.noise.estimated,
         size=None if fit.field is None else (fit.chi2, fit.dof),
+        touch_m=fit.noise.touch_m,
     )
 
 

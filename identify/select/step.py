@@ -61,4 +61,5 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         force_n=fit.at.latent_force_n.copy(),
         absorbed=absorbed,
         noise_estimated=fit.model.noise.estimated,
+        touch_m=fit.model.noise.touch_m,
     )

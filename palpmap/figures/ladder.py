@@ -130,7 +130,7 @@ def press_rms(step: Step) -> np.ndarray:
 def draw_evidence(evidence: Evidence) -> Figure:
     """Draw the residual before a step, the change of the model, and the residual after it."""
     shown = evidence.shown
-    figure = new_figure(10.4, 4.3)
+    figure = new_figure(10.4, 4.5)
     for number, (axes, (axis, curves)) in enumerate(
         zip(figure.subplots(1, len(shown), squeeze=False).flat, shown, strict=True)
     ):
@@ -142,9 +142,7 @@ def draw_evidence(evidence: Evidence) -> Figure:
         axes.set_title(_along(axis))
         if number == 0:
             axes.set_ylabel("mean residual in a bin, µm")
-        low, high = axes.get_ylim()
-        axes.set_ylim(low, high + 0.24 * (high - low))
-        _evidence_legend(axes, curves)
+    _evidence_legend(figure, [curve.name for _, curves in shown for curve in curves])
     return figure
 
 
@@ -172,24 +170,21 @@ def _evidence_curve(axes: Axes, curve: Curve) -> None:
     )
 
 
-def _evidence_legend(axes: Axes, curves: tuple[Curve, ...]) -> None:
-    """Name the marks once, in black, and the phases by their colour."""
+def _evidence_legend(figure: Figure, names: Sequence[str]) -> None:
+    """Name the marks once beside the panels, in black, and the phases by their colour."""
     from matplotlib.lines import Line2D
 
-    split = len(curves) > 1
-    dots, line = (BLACK, BLACK) if split else (BLUE, ORANGE)
+    phases = [name for name in _PHASE_HUES if name and name in names]
+    dots, line = (BLACK, BLACK) if phases else (BLUE, ORANGE)
     handles = [
         Line2D([], [], marker="o", ls="", color=dots, label="residual before"),
         Line2D([], [], lw=2.0, color=line, label="change of the model"),
         Line2D([], [], marker="x", ls="", color=GREY, label="residual after"),
     ]
-    if split:
-        handles += [
-            Line2D([], [], marker="o", lw=2.0, color=_PHASE_HUES[c.name], label=c.name)
-            for c in curves
-        ]
-    columns = 2 if split else 1
-    axes.legend(handles=handles, fontsize=8.5, loc="upper left", ncols=columns)
+    handles += [
+        Line2D([], [], marker="o", lw=2.0, color=_PHASE_HUES[name], label=name) for name in phases
+    ]
+    figure.legend(handles=handles, fontsize=8.5, loc="outside upper right", ncols=len(handles))
 
 
 def draw_cosines(diagnosis: Diagnosis) -> Figure | None:

@@ -66,21 +66,24 @@ class Imported:
                 f"{study_file}: is already there and is not overwritten; choose another --out"
             )
         folder.mkdir(parents=True, exist_ok=True)
-        scan_file = folder / f"scan.{form}"
+        scan_file, page_file = folder / f"scan.{form}", folder / "import.md"
         write_scan(self.scan, scan_file)
+        with replaced(page_file) as beside:
+            beside.write_text(self.page(), encoding="utf-8")
+        # Last, as a study that is there is not overwritten: an import that was killed runs again
         try:
             checked_study(_study(self, scan_file, folder), study_file)
         except ValueError:
             scan_file.unlink(missing_ok=True)
+            page_file.unlink(missing_ok=True)
             raise
         names = ", ".join(path.name for path in self.files[:3]) + ", ..." * (len(self.files) > 3)
         text = commented(
             study_file.read_text(encoding="utf-8"),
             f"# Made by palpmap import from {names}; import.md says what was found.",
         )
-        for path, words in ((study_file, text), (folder / "import.md", self.page())):
-            with replaced(path) as beside:
-                beside.write_text(words, encoding="utf-8")
+        with replaced(study_file) as beside:
+            beside.write_text(text, encoding="utf-8")
         return study_file
 
     def page(self) -> str:

@@ -109,7 +109,8 @@ def _step(explained: Explanation, problem: Problem, number: int) -> _Step:
             ("Source", effect.source),
             ("Remedy", effect.cure),
         )
-        tables.append(Table.of(("", ""), about))
+        title = effect.title if len(names) > 1 else ""
+        tables.append(Table.of(("", title), about))
         own = "" if name.replace("_", " ") in effect.title.lower() else f" ({name})"
         titles.append(f"{effect.title}{own}")
     return _Step(

@@ -90,13 +90,14 @@ def explain_pictures(
     first = explained.ladder[0]
     with rc_context(STYLE):
         pictures = {
-            "ladder": png(draw_ladder(explained)),
             "residuals": png(draw_residuals(explained, finding.origin_m)),
             "maps": png(draw_maps(finding, explained)),
             "presses": png(draw_presses(explained)),
             "residual_along": png(draw_along(finding)),
             "residual_tests": png(draw_tests(finding)),
         }
+        if len(explained.ladder) > 1:  # one dot is no picture
+            pictures["ladder"] = png(draw_ladder(explained))
         for number, evidence in enumerate(evidences(explained), start=1):
             pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
         parameters = draw_parameters(finding, explained, record)

@@ -3,6 +3,7 @@
 Results go to stdout, progress and errors to stderr, so that `palpmap ... --json | jq` works.
 """
 
+import ctypes
 import errno
 import functools
 import json
@@ -13,7 +14,7 @@ import sys
 import sysconfig
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -121,6 +122,7 @@ class Output:
 
             def say(text: str) -> None:
                 nonlocal told
+                _give_memory_back()
                 left = show(course.at(text), text) if course else None
                 if not course:
                     progress.update(number, description=text)
@@ -140,6 +142,16 @@ class Output:
 
             yield Task(say, advance, progress.console.print)
             progress.update(number, description="done", total=1, completed=1)
+
+
+def _give_memory_back() -> None:
+    """Return freed memory to the system, where the C library is glibc.
+
+    It keeps freed arrays of up to 32 MB, a third of the memory of `explain`.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def to_type(*words: object) -> str:

@@ -66,7 +66,7 @@ class BodyMechanics:
     settings: BodySettings = BODY
     carried: bool = False
     _others: dict[float, PalpationModel] = field(default_factory=dict)
-    _shifted: ShiftedBlock | None = None
+    _shifted: list[ShiftedBlock] = field(default_factory=list)  # one, once it is needed
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _linear: dict[tuple, LinearRatio] = field(default_factory=dict)
     _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
@@ -308,12 +308,9 @@ class BodyMechanics:
     @property
     def shifted(self) -> ShiftedBlock:
         """The models of the body elsewhere."""
-        if self._shifted is None:
-            object.__setattr__(
-                self, "_shifted", ShiftedBlock(self.coarse, self.fine, self.settings)
-            )
-        assert self._shifted is not None
-        return self._shifted
+        if not self._shifted:
+            self._shifted.append(ShiftedBlock(self.coarse, self.fine, self.settings))
+        return self._shifted[0]
 
     def _log_ratio(
         self,

@@ -20,7 +20,8 @@ from identify.experiment import BodyModel, Experiment, contacts_of
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import scan_noise
-from identify.select.forward_selection import Explanation, forward_selection
+from identify.select.explanation import Explanation
+from identify.select.forward_selection import forward_selection
 from identify.select.start_fit import measurement_model
 from models.catalogue import Catalogue
 from models.scan_file import read_scan, write_scan

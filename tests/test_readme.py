@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 from typer.testing import CliRunner
 
-from identify.select.forward_selection import Verdict
+from identify.select.explanation import Verdict
 from palpmap.__main__ import app
 from palpmap.study.study import Effect, Study
 

@@ -18,9 +18,9 @@ from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
 from identify.select.diagnosis import EffectVerdict
+from identify.select.explanation import Explanation
 from identify.select.form_average import Form, averaged, forms_of
 from identify.select.form_curve import FormCurve, form_curves
-from identify.select.forward_selection import Explanation
 from identify.select.outlying_presses import WithoutSuspects, suspects_left
 from identify.select.verdicts import effect_verdict
 

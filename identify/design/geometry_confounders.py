@@ -16,7 +16,7 @@ from identify.design.settings import CONFOUNDERS, ConfounderSettings
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.select.accepted_effect import AcceptedEffect
-from identify.select.forward_selection import Explanation
+from identify.select.explanation import Explanation
 from identify.select.score_test import fitted_basis
 
 _STEP = 0.02  # of a length, for its derivative

@@ -3,9 +3,9 @@
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import fit_with
 from identify.select.diagnosis import CandidateVerdict, Diagnosis, EffectVerdict
+from identify.select.explanation import OTHER_CAUSE, Explanation, Verdict
 from identify.select.form_average import Form
 from identify.select.form_curve import FormCurve
-from identify.select.forward_selection import OTHER_CAUSE, Explanation, Verdict
 from identify.select.outlying_presses import WithoutSuspects, explain
 from identify.select.plant_and_recover import NOT_PLANTED, plant_and_recover
 from identify.select.score_test import Score

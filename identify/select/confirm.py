@@ -11,7 +11,8 @@ from identify.measurement.model import MeasurementModel
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
 from identify.select.accepted_effect import AcceptedEffect, at_bound
-from identify.select.forward_selection import Explanation, without_unneeded
+from identify.select.explanation import Explanation
+from identify.select.forward_selection import without_unneeded
 from identify.select.reconsider import reconsider
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import whitened_fit

@@ -24,7 +24,7 @@ from scipy.special import ndtr
 from identify.fit.profile_intervals import NORMAL_95
 from identify.fit.result import Estimate, FitResult
 from identify.select.candidates import Candidate
-from identify.select.forward_selection import Explanation
+from identify.select.explanation import Explanation
 
 _AMPLITUDE = 5.0  # typical sizes: one standard deviation of an amplitude's prior
 _LEAST = 0.01  # share of the evidence below which a model does not count

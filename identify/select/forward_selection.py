@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -24,133 +22,15 @@ from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
-from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
-from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
-from identify.select.candidates import Candidate, best_candidates, is_implausible
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import Candidate, best_candidates
+from identify.select.explanation import Explanation, few_presses, verdict_of, within_laws
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
-from identify.select.standing import standing
 from identify.select.step import Step, step_of
 from models import Scan
-
-SUSPECT_PRESSES = "suspect_presses"  # equivalent of an effect that rests on single presses
-OTHER_CAUSE = "another_cause"  # equivalent of an effect whose values are doubted
-
-Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """Result of the selection.
-
-    Attributes
-    ----------
-    verdict : of the whole scan
-    ladder : steps from the map alone to the last model
-    accepted : effects of the last model, in the order of their steps
-    dropped : effects that were added and later lost their place
-    resting_on_outliers : effects that are not found without the outlying presses
-    further : best-scored effect where the residual is noise and yet one more is missing, or nothing
-    settings : of the selection
-    """
-
-    verdict: Verdict
-    ladder: tuple[Step, ...]
-    accepted: tuple[AcceptedEffect, ...]
-    dropped: tuple[str, ...]
-    resting_on_outliers: tuple[str, ...] = ()
-    further: str = ""
-    settings: SelectionSettings = SELECTION
-
-    @property
-    def final(self) -> Step:
-        """The last step."""
-        return self.ladder[-1]
-
-    @property
-    def ambiguous(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of effects that explain the scan equally well.
-
-        Single bad presses are among them, and, where the residual is noise, the unknown cause in
-        place of an effect whose values are doubted.
-        """
-        groups = tuple(a.group for a in self.accepted if not a.decided)
-        groups += tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
-        if self.verdict == "unexplained":
-            return groups
-        decided = {a.name for a in self.accepted if a.decided}
-        doubted = dict.fromkeys(
-            (*self.at_bound, *self.undetermined, *self.implausible, self.further)
-        )
-        return groups + tuple(
-            (name, OTHER_CAUSE) for name in doubted if name in (*decided, self.further) and name
-        )
-
-    @property
-    def added(self) -> tuple[str, ...]:
-        """Effects that are offered by name: of one cause in their group, and plausible.
-
-        Beside a structured residual, an effect is offered only if the rest cannot be its cause
-        (`identify.select.standing`), or the contact law of the presses supports it.
-        """
-        unsure = (*self.resting_on_outliers, *self.at_bound, *self.undetermined, *self.implausible)
-        sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
-        if self.verdict == "unexplained":
-            stand = frozenset() if self.map_error else self._standing
-            sure = tuple(a for a in sure if a.shown_by_presses or a.name in stand)
-        return tuple(a.name for a in sure)
-
-    @cached_property
-    def _standing(self) -> frozenset[str]:
-        return standing(self.final.fit, self.final.comparison)
-
-    @property
-    def at_bound(self) -> tuple[str, ...]:
-        """Effects of the last model at a bound of the search: not found."""
-        return tuple(name for name in self.final.fit.effect_names if at_bound(self.final.fit, name))
-
-    @property
-    def undetermined(self) -> tuple[str, ...]:
-        """Accepted effects of the last model whose size the scan does not determine."""
-        names = tuple(effect.name for effect in self.accepted)
-        return undetermined(self.final.fit, names, self.settings)
-
-    @property
-    def implausible(self) -> tuple[str, ...]:
-        """Effects of the last model with implausible values."""
-        return tuple(
-            name for name in self.final.fit.effect_names if is_implausible(self.final.fit, name)
-        )
-
-    @property
-    def traces(self) -> tuple[str, ...]:
-        """Significant effects of the last step that do not call for a further step."""
-        return tuple(sorted(self.final.diagnosis.significant)) * (self.verdict != "unexplained")
-
-    @property
-    def map_error(self) -> float:
-        """Relative error of the map's compliances, counted beside the noise, or 0."""
-        return self.final.fit.model.press_error
-
-    @property
-    def within_laws(self) -> bool:
-        """Whether the residual is beyond noise by less than laws of contact are right to."""
-        noise = self.final.comparison.is_noise
-        return not noise and _within_laws(self.ladder, self.accepted, self.settings)
-
-    @cached_property
-    def in_few_presses(self) -> tuple[int, ...]:
-        """Indices of the presses that hold most of an excess beside a free map, if few do."""
-        few = _few_presses(self.final.fit, self.accepted, self.settings)
-        return tuple(np.flatnonzero(few).tolist())
-
-    @property
-    def explained_share(self) -> float:
-        """Share of the first step's excess chi-square that the accepted effects remove."""
-        return _share(self.ladder[0].fit, self.final.fit)
-
 
 FirstStep = Callable[[Step, Callable[[str], None]], tuple[FitResult, list[AcceptedEffect]] | None]
 
@@ -207,7 +87,7 @@ def forward_selection(
         ladder = [judged(fit)]
     most = settings.most_effects + len(accepted)
     while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
-        if _few_presses(ladder[-1].fit, accepted, settings).any():
+        if few_presses(ladder[-1].fit, accepted, settings).any():
             break  # what is sought for them would be laid on all others
         now = ladder[-1]
         candidates = policy.propose(now, effects, say, dropped, settings)
@@ -234,21 +114,15 @@ def forward_selection(
         ladder.append(judged(fit))
     further = "" if settled else _further(ladder, accepted, settings)
     gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
-    noise = ladder[-1].comparison.is_noise or _within_laws(ladder, accepted, settings)
+    within = within_laws(ladder, accepted, settings)
     return Explanation(
-        _verdict(ladder[-1], accepted, further) if noise else "unexplained",
+        verdict_of(ladder[-1], accepted, further, within),
         tuple(ladder),
         tuple(accepted),
         gone,
         further=further,
         settings=settings,
     )
-
-
-def _share(before: FitResult, after: FitResult) -> float:
-    """Share of the excess chi-square of a fit that another one removes."""
-    excess = before.chi2 - before.dof
-    return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0
 
 
 def _accepted(
@@ -353,45 +227,11 @@ def is_more_missing(
     strongest = max(
         (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
     )
-    enough = now.comparison.is_noise or _within_laws(ladder, accepted, settings)
+    enough = now.comparison.is_noise or within_laws(ladder, accepted, settings)
     if strongest == 0 or not accepted or not enough:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
-
-
-def _within_laws(
-    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
-) -> bool:
-    """Whether structure that remains beside a free map is less than laws of contact are right to.
-
-    Where single presses called for the laws, they hold to a few per cent (`contact_law`): an excess
-    of a hundredth of what they explain, in a residual of hardly more than noise, is their own.
-    """
-    first, last = ladder[0].fit, ladder[-1].fit
-    if last.field is None or not any(effect.shown_by_presses for effect in accepted):
-        return False
-    small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
-    return small and last.chi2_per_dof <= settings.nearly_noise**2
-
-
-def _few_presses(
-    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
-) -> np.ndarray:
-    """Few presses (j,) bool that hold most of the excess beside a free map; else none.
-
-    Where the presses called for a law that brings most of them to noise, the others (beside a hard
-    lump, say) have a law of their own.
-    """
-    press = fit.model.readings.press
-    none = np.zeros(fit.model.readings.presses, bool)
-    if fit.field is None or not any(effect.shown_by_presses for effect in accepted):
-        return none
-    squares, count = np.bincount(press, fit.at.residual**2), np.bincount(press)
-    bad = squares > FREE_COMPLIANCE.tail * count
-    share = np.sum((squares - count)[bad]) / max(fit.chi2 - fit.dof, 1.0)
-    few = np.mean(bad) <= 1 - CONTACT_LAW.noise_share
-    return bad if few and share > settings.elsewhere else none
 
 
 def _further(
@@ -402,16 +242,6 @@ def _further(
     if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
         return ""
     return max(last.diagnosis.significant, key=lambda name: last.diagnosis[name].statistic)
-
-
-def _verdict(last: Step, accepted: Sequence[AcceptedEffect], further: str = "") -> Verdict:
-    """Verdict beside noise; `further`: an effect that is missing."""
-    if not accepted and not further:
-        return "nothing_missing"
-    doubted = any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted)
-    doubted = doubted or bool(undetermined(last.fit, [a.name for a in accepted]))
-    sure = all(a.decided for a in accepted) and not doubted and not further
-    return "explained" if sure else "ambiguous"
 
 
 @dataclass(frozen=True)

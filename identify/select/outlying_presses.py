@@ -16,8 +16,9 @@ from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed
+from identify.select.explanation import Explanation, Verdict
 from identify.select.first_step import follow
-from identify.select.forward_selection import Explanation, Policy, Verdict, forward_selection
+from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step

@@ -5,7 +5,7 @@ from dataclasses import replace
 from identify.effects.base import Effect, advice
 from identify.select.candidates import refit_p_value
 from identify.select.diagnosis import CandidateVerdict, EffectVerdict
-from identify.select.forward_selection import OTHER_CAUSE, SUSPECT_PRESSES, Explanation
+from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES, Explanation
 from identify.select.step import Step
 
 

@@ -7,7 +7,8 @@ from palpmap import units
 from palpmap.recording import entities as parts
 from palpmap.recording.explain_layout import PRESSES
 from palpmap.report.draw import markdown
-from palpmap.result.explain_words import doubts, headline, unseen_effects, verdict_detail
+from palpmap.result.doubts import doubts, unseen_effects
+from palpmap.result.explain_words import headline, verdict_detail
 from palpmap.result.records import ExplainRecord
 from palpmap.result.tables import Table, explained_table, ladder_table, number, verdict_table
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from identify.select import Diagnosis, Step
 from palpmap.report.draw import console
-from palpmap.result.explain_words import untestable_sentences
+from palpmap.result.doubts import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences
 from palpmap.result.records import DiagnosisRecord
 from palpmap.result.tables import score_table

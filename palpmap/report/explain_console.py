@@ -7,20 +7,16 @@ from identify.select import Explanation, Step
 from palpmap import units
 from palpmap.console import plain
 from palpmap.report.draw import console
-from palpmap.result.evidence import added_names
-from palpmap.result.explain_words import (
-    VERDICTS,
+from palpmap.result.doubts import (
     assumed_thickness,
     bound_notes,
-    headline,
     outlier_notes,
     stated_lengths,
-    step_evidence,
-    steps_of,
     unseen_effects,
     unseen_inclusions,
-    verdict_detail,
 )
+from palpmap.result.evidence import added_names
+from palpmap.result.explain_words import VERDICTS, headline, step_evidence, steps_of, verdict_detail
 from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord

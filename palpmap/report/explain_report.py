@@ -7,6 +7,7 @@ from pathlib import Path
 from identify.select import AcceptedEffect, Explanation
 from palpmap import units
 from palpmap.report.draw import write_page
+from palpmap.result import doubts
 from palpmap.result import explain_words as words
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.field_tables import sight_table, spot_table
@@ -67,11 +68,11 @@ def write_explain_report(
         headline=words.headline(explained),
         following=following,
         detail=words.verdict_detail(explained),
-        doubts=[*words.doubts(record, explained), *words.assumed_thickness(explained, problem)],
+        doubts=[*doubts.doubts(record, explained), *doubts.assumed_thickness(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
-        unseen=words.unseen_effects(record),
-        trust=[*words.limits_of_method(explained, record), *finding.limits],
+        unseen=doubts.unseen_effects(record),
+        trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),
         spots=spot_table(explained.final.fit, finding.origin_m),
         sight=sight_table(explained.final.fit, finding.scan),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from identify.design import DETECTION
 from identify.fit import FitResult
 from palpmap.report.draw import console
-from palpmap.result.explain_words import untestable_sentences
+from palpmap.result.doubts import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences
 from palpmap.result.records import LimitsRecord
 from palpmap.result.tables import ShiftColumn, limit_table

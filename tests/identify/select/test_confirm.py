@@ -5,7 +5,8 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE as BUILT_IN
 from identify.select.confirm import confirmed
-from identify.select.forward_selection import Explanation, forward_selection
+from identify.select.explanation import Explanation
+from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
 
 OFFSET_M = 2e-4

@@ -17,7 +17,7 @@ from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
-from identify.select.forward_selection import _few_presses, _within_laws
+from identify.select.explanation import few_presses, within_laws
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
 from models import Scan
@@ -139,7 +139,7 @@ def test_structure_within_the_accuracy_of_contact_laws_ends_the_selection():
     def within(chi2: float, accepted: list, first: float = 20000, field: object = 1) -> bool:
         fits = [SimpleNamespace(chi2=c, dof=1000, chi2_per_dof=c / 1000, field=field)
                 for c in (first, chi2)]  # fmt: skip
-        return _within_laws([SimpleNamespace(fit=f) for f in fits], accepted, SELECTION)
+        return within_laws([SimpleNamespace(fit=f) for f in fits], accepted, SELECTION)
 
     assert within(1150, [shown, other])
     assert not within(1250, [shown])  # a hundredth of what they explain is 188
@@ -159,7 +159,7 @@ def test_few_presses_that_no_law_explains_are_known():
             model=SimpleNamespace(readings=readings), at=SimpleNamespace(residual=residual),
             field=1, chi2=float(residual @ residual), dof=200,
         )  # fmt: skip
-        return np.flatnonzero(_few_presses(fit, accepted, SELECTION)).tolist()
+        return np.flatnonzero(few_presses(fit, accepted, SELECTION)).tolist()
 
     residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
     assert found(residual) == [3, 11]

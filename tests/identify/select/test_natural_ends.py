@@ -9,7 +9,8 @@ import pytest
 from fem import PalpationModel, RefinedModel, block_mesh
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.base import Effect, EffectParameter
-from identify.select.forward_selection import OTHER_CAUSE, forward_selection
+from identify.select.explanation import OTHER_CAUSE
+from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import (
     NU,
     SIZE,

@@ -17,22 +17,15 @@ from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
 from identify.select import outlying_presses as suspects
 from identify.select.accepted_effect import AcceptedEffect, undetermined
-from identify.select.forward_selection import OTHER_CAUSE, SUSPECT_PRESSES
+from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
+from palpmap.result.doubts import doubts, unseen_effects, without_suspects
 from palpmap.result.explain_record import explain_record
-from palpmap.result.explain_words import (
-    _name_notes,
-    _way_out,
-    doubts,
-    headline,
-    unseen_effects,
-    verdict_detail,
-    without_suspects,
-)
+from palpmap.result.explain_words import _name_notes, _way_out, headline, verdict_detail
 from palpmap.result.records import ExplainRecord, ParameterRecord, WithoutSuspectsRecord
 from tests.palpmap.report.test_explain_report import grouped
 
@@ -85,7 +78,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     explained = explained_case.explained
     (name,) = explained.added
     assert name == "viscoelasticity"
-    assert explain._verdict(explained.final, explained.accepted) == "explained"
+    assert explain.verdict_of(explained.final, explained.accepted) == "explained"
     why = "it keeps step with the presses"
 
     class Doubted(Advice, Viscoelasticity):
@@ -95,7 +88,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     monkeypatch.setattr(CATALOGUE[name], "__class__", Doubted)
     assert candidates.is_implausible(explained.final.fit, name)
     # The model fits: the residual is noise, and the cause is doubtful
-    assert explain._verdict(explained.final, explained.accepted) == "ambiguous"
+    assert explain.verdict_of(explained.final, explained.accepted) == "ambiguous"
     found = replace(explained, verdict="ambiguous")
     assert found.added == ()
     assert found.ambiguous == ((name, OTHER_CAUSE),)
@@ -223,7 +216,7 @@ def test_an_effect_whose_interval_is_its_whole_bound_is_no_explanation(explained
         row = names.index(f"{name}.{amplitude.name}")
         wide[row, row] = (high[row] - low[row]) ** 2
     ladder = (*explained.ladder[:-1], with_covariance(last, wide))
-    assert explain._verdict(ladder[-1], explained.accepted) == "ambiguous"
+    assert explain.verdict_of(ladder[-1], explained.accepted) == "ambiguous"
     found = replace(explained, verdict="ambiguous", ladder=ladder)
     assert found.undetermined == (name,)
     assert found.added == ()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identify.select.forward_selection import SUSPECT_PRESSES
+from identify.select.explanation import SUSPECT_PRESSES
 from identify.select.outlying_presses import (
     WithoutSuspects,
     suspects_left,
@@ -16,8 +16,9 @@ from identify.select.outlying_presses import (
     without_suspects,
 )
 from palpmap.__main__ import app
+from palpmap.result.doubts import doubts
 from palpmap.result.explain_record import explain_record
-from palpmap.result.explain_words import doubts, verdict_detail
+from palpmap.result.explain_words import verdict_detail
 from tests.identify.select.loop_problem import scan, timing, true_compliance
 from tests.palpmap.report.loop_study import put, shifted
 

@@ -19,22 +19,17 @@ from identify.design.undetected_bias import UndetectedBias
 from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
-from identify.select.forward_selection import Explanation
+from identify.select.explanation import Explanation
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
 from palpmap.report.explain_report import write_explain_report
+from palpmap.result.doubts import stated_lengths, unseen_inclusions
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.result.explain_record import limit_record
-from palpmap.result.explain_words import (
-    CANDIDATES,
-    _name_notes,
-    stated_lengths,
-    unseen_inclusions,
-    verdict_detail,
-)
+from palpmap.result.explain_words import CANDIDATES, _name_notes, verdict_detail
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.records import ExplainRecord, NextPressesRecord

@@ -10,7 +10,8 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
-from identify.select.forward_selection import _confounded, _verdict, is_more_missing
+from identify.select.explanation import verdict_of
+from identify.select.forward_selection import _confounded, is_more_missing
 from identify.select.score_test import Score
 
 
@@ -77,9 +78,9 @@ def test_a_rival_is_beaten_by_the_data_and_not_by_its_price_alone(rungs, behind,
 def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
     (first, last), _ = rungs
     quiet = replace(significant(first, 0.01, first.fit.chi2), comparison=last.comparison)
-    assert _verdict(quiet, (), further=first.diagnosis.scores[0].name) == "ambiguous"
-    assert _verdict(quiet, ()) == "nothing_missing"
-    assert _verdict(first, ()) == "unexplained"
+    assert verdict_of(quiet, (), further=first.diagnosis.scores[0].name) == "ambiguous"
+    assert verdict_of(quiet, ()) == "nothing_missing"
+    assert verdict_of(first, ()) == "unexplained"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,206 @@
+"""Doubts about an explanation and its limits, in sentences."""
+
+from collections.abc import Sequence
+
+from identify.design import DETECTION
+from identify.effects import length, more, percent
+from identify.select import Explanation
+from palpmap import units
+from palpmap.result.explain_words import listed
+from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
+from palpmap.study.open_study import Problem
+
+_NAMED = 3  # effects with the largest unseen shifts
+_THIN = 4.5  # tip radii: a thinner body hardens by its geometry, see `finite_strain`
+_FORM_COUNTS = 1.2  # times the interval by one form, from which on its growth is told
+
+
+def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
+    """Return the reservations about the verdict."""
+    notes = [
+        *explained.final.comparison.notes,
+        *bound_notes(record),
+        *form_notes(record, explained),
+    ]
+    if unseen := unseen_inclusions(record):
+        notes.append(unseen)
+    notes.extend(stated_lengths(record))
+    if not explained.final.fit.success:
+        notes.append("The last fit did not converge within its evaluations.")
+    if explained.dropped:
+        notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
+    if explained.traces and explained.accepted:
+        notes.append(
+            f"A trace of {' or '.join(explained.traces)} remains. It is small against the "
+            "explained part, and may as well be an inaccuracy of the effects that were found."
+        )
+    return [*notes, *outlier_notes(record)]
+
+
+def bound_notes(record: ExplainRecord) -> list[str]:
+    """Return a sentence on the parameters at a bound, if there are any."""
+    held = [name for name, p in record.parameters.items() if p.at_bound]
+    return [f"At a bound, so not found: {', '.join(held)}."] if held else []
+
+
+def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
+    """Return a sentence on the part of the map's intervals that rests on the form of an effect."""
+    last, *others = record.forms or (None,)
+    if last is None or not others:
+        return []
+    beside = listed(
+        [f"{form.effect} for {form.in_place_of} ({percent(form.weight)})" for form in others]
+    )
+    alone = explained.final.fit.parameters
+
+    def wider(name: str) -> float:
+        counted, own = record.parameters[name], alone[name]
+        return (counted.upper95 - counted.lower95) / max(own.upper95 - own.lower95, 1e-300)
+
+    free = [name for name in explained.final.fit.map.names if alone[name].free]
+    text = (
+        f"The form is open: {percent(last.weight)} of the evidence is for the last model, the rest "
+        f"for {beside}. The map's intervals count that."
+    )
+    if not free or wider(most := max(free, key=wider)) < _FORM_COUNTS:
+        return [text]
+    own, counted = alone[most], record.parameters[most]
+    return [
+        f"{text} With this form alone, the {units.plain_name(most)} would be "
+        f"{units.interval(own.lower95, own.upper95, own.unit)}; counted it is "
+        f"{units.interval(counted.lower95, counted.upper95, counted.unit)}."
+    ]
+
+
+def outlier_notes(record: ExplainRecord) -> list[str]:
+    """Return a sentence on the outlying presses, if there are any."""
+    left, first = (
+        ", ".join(map(str, ids)) for ids in (record.suspects_left, record.suspect_presses)
+    )
+    if left:
+        says = (
+            f"Outlying presses: {left}. Check them before the physics is blamed: a slip, or a "
+            "wrong place, looks like an effect."
+        )
+    elif first:
+        says = f"Presses {first} are outliers for the map alone, but not for the last model."
+    else:
+        return []
+    return [f"{says} {without_suspects(record)}".strip()]
+
+
+def unseen_inclusions(record: ExplainRecord) -> str:
+    """Return a sentence on the redundant inclusions of the map; empty if there are none."""
+    unseen = record.unseen_inclusions
+    if not unseen:
+        return ""
+    numbers = listed([str(number) for number in unseen])
+    mapped = [name for name in record.parameters if name.startswith("inclusion_")]
+    count = sum(name.endswith(".radius_m") for name in mapped)
+    if len(unseen) == 1:
+        which = f"Inclusion {numbers} is not seen: without it the model is as good."
+    else:
+        which = f"Inclusions {numbers} are not seen: without them the model is as good."
+    return f"{which} Set inclusions = {count - len(unseen)} under [map], or scan closer."
+
+
+def unseen_effects(record: ExplainRecord) -> str:
+    """Return a sentence on the shifts of the parameters by undetected effects; or empty."""
+    shifts = record.unseen_shifts
+    if not shifts:
+        return ""
+    errors = {name: record.parameters[name].std for name in shifts}
+    known = [name for name in shifts if errors[name] > 0]
+    known.sort(key=lambda name: shifts[name].shift / errors[name], reverse=True)
+    effects = list(dict.fromkeys(shifts[name].effect for name in known))[:_NAMED]
+    hidden = record.not_counted
+    return (
+        "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
+        f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the "
+        f"signal, the rms of the modelled displacements (most: {listed(effects)}); "
+        "`palpmap limits` names the scan that narrows it."
+        + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
+    )
+
+
+_LENGTHS = {"tip_radius": "the tip's radius", "body_height": "the body's height"}
+
+
+def stated_lengths(record: ExplainRecord) -> list[str]:
+    """Return a sentence for each effect that a wrong length of the study would mimic."""
+    by_effect: dict[str, list[str]] = {}
+    for found in record.stated_lengths:
+        change = length(abs(found.change_m))
+        side = more(found.change_m, "larger", "smaller")
+        by_effect.setdefault(found.effect, []).append(
+            f"{_LENGTHS[found.length]} were {change} {side} than stated"
+        )
+    return [
+        f"The readings would look nearly the same as with {effect} if {', or '.join(parts)}. "
+        "Measure that first."
+        for effect, parts in by_effect.items()
+    ]
+
+
+def assumed_thickness(explained: Explanation, problem: Problem) -> list[str]:
+    """Return a sentence where a body thinner than assumed would harden as its material does."""
+    fit = explained.final.fit
+    if not problem.study.body.thickness_assumed or "strain_stiffening" not in fit.effect_names:
+        return []
+    least = length(_THIN * float(fit.model.readings.radius_m.max()))
+    return [
+        f"The thickness is assumed: a body thinner than {least} hardens by its geometry, which "
+        "looks like strain_stiffening. Measure it first."
+    ]
+
+
+def without_suspects(record: ExplainRecord) -> str:
+    """Return the result without the outlying presses, in a sentence."""
+    other = record.without_suspects
+    if other is None:
+        return ""
+    if other.verdict == "nothing_missing":
+        return "Without them no missing effect is detected."
+    alike = other.verdict == record.verdict
+    if other.verdict == "unexplained":
+        return f"Without them{', too,' if alike else ''} the scan is unexplained."
+    same = alike and (other.added, other.ambiguous) == (record.added, record.ambiguous)
+    names = [*other.added, *(" or ".join(group) for group in other.ambiguous)]
+    return f"Without them the answer is {'the same' if same else listed(names)}."
+
+
+def limits_of_method(explained: Explanation, record: ExplainRecord) -> tuple[str, ...]:
+    """Return the limits of the method that a reader must know."""
+    limits = [
+        "Standard errors count the noise, under the model of the last step. The errors and "
+        "intervals of a map fitted WITHOUT an effect that is there do not cover the truth: they "
+        "are as narrow as before, around a wrong value. The missing effect has to be found before "
+        "a map is believed.",
+        "Only effects of the catalogue can be found. An effect outside it ends, at best, as "
+        "'unexplained'; at worst it looks like a mixture of effects inside.",
+        "An effect that the stiffness map can imitate cannot be seen: a constant error of the "
+        "force's gain, for one, is exactly a softer body.",
+        "The errors of the cross-validation and at forces left out are linearised around the fit "
+        "with all readings, not refitted.",
+        "The shares and p-values of effects that were not added come from one linear step, with "
+        "everything fitted projected out. Shortlisted effects were refitted; the refits decide.",
+    ]
+    if explained.final.fit.model.noise.estimated:
+        limits.append(
+            "The noise was estimated from this very scan: chi-square alone cannot tell a right "
+            "model from a wrong one."
+        )
+    if not record.limits:
+        limits.append("The detection limits of this scan are not in this report: `palpmap limits`.")
+    return tuple(limits)
+
+
+def untestable_sentences(
+    effects: Sequence[CandidateRecord | LimitRecord], start: str = "Cannot be tested"
+) -> tuple[str, ...]:
+    """Return a sentence for each reason that keeps effects from being tested on a scan."""
+    names: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.untestable is not None:
+            names.setdefault(effect.untestable, []).append(effect.name)
+    return tuple(f"{start}, as {why}: {', '.join(n)}." for why, n in names.items())

@@ -23,7 +23,7 @@ MODEL_ERROR = "mesh_error"  # the effect by which this error becomes an unknown 
 
 
 class TipPressure(NamedTuple):
-    """What the pressure under the tips depends on, read off a solution.
+    """Traits of a solution that set the pressure under the tips.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ ASSUMED = TipPressure()
 
 
 def tip_pressure(response: Response, changed: ChangedMap) -> TipPressure:
-    """Return what a solution says of the pressure under its tips."""
+    """Return the traits of a solution that set the pressure under its tips."""
     contacts = response.model.contacts
     if contacts.profile == "hertz":
         return TipPressure(growth=by_contact_radius(response) / response.compliance)

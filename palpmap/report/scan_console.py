@@ -53,8 +53,8 @@ def _forces(record: ScanRecord) -> str:
     """Return the set forces, one or their range.
 
     >>> from types import SimpleNamespace
-    >>> _forces(SimpleNamespace(force_n=0.1125, largest_force_n=0.3))
-    '0.112 to 0.3 N'
+    >>> _forces(SimpleNamespace(force_n=0.11, largest_force_n=0.3))
+    '0.11 to 0.3 N'
     """
     low, high = (f"{force:.3g}" for force in (record.force_n, record.largest_force_n))
     return f"{low} N" if low == high else f"{low} to {high} N"

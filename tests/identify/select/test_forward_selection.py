@@ -174,7 +174,9 @@ def test_presses_left_out_are_those_of_a_fit_without_them(monkeypatch):
     short = CrossValidationSettings(longest_step=0.2 * np.abs(other - fit.u).max())
     asked = []
     linearise = MeasurementModel.linearise
-    monkeypatch.setattr(MeasurementModel, "linearise", lambda *a: asked.append(a) or linearise(*a))
+    monkeypatch.setattr(
+        MeasurementModel, "linearise", lambda *a, **k: asked.append(a) or linearise(*a, **k)
+    )
     part = predicted_error(fit, out, short) - own
     assert len(asked) == 1
     assert 0.1 < part @ whole / (whole @ whole) < 0.7

@@ -26,7 +26,11 @@ def listening(received):
         probe.close()
         command = [viewers.viewer_program(), "--save", str(received), "--bind", "127.0.0.1"]
         server = subprocess.Popen(
-            [*command, "--port", str(port)], env=environment, start_new_session=True
+            [*command, "--port", str(port)],
+            env=environment,
+            start_new_session=True,
+            # A shell's background job, and so its children, would ignore the interrupt of `end`
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         try:
             viewers._wait_for_port(server, port, time.monotonic() + 30)

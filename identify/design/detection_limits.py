@@ -112,6 +112,8 @@ def limits_at(
                     for one in found
                 )
             seen[effect.name] = found
+            if linear and effect.link == "body":  # models of the finer mesh, of hundreds of MB
+                at.body.forget_other_models()
     bases = {n: s.basis for n, s in seen.items() if isinstance(s, _Seen) and s.share < np.inf}
     slope = model.unknowns.slope(u)
     limits = []

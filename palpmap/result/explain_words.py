@@ -106,9 +106,8 @@ def _few_presses(explained: Explanation) -> str:
     more = f" and {len(ids) - _LISTED} more" if len(ids) > _LISTED else ""
     names = listed([effect.name for effect in explained.accepted])
     return (
-        f"{len(few)} of {len(count)} presses hold {percent(share)} of the structure{where}: no "
-        f"effect explains them with the others ({said}{more}). With {names}, the residual of all "
-        f"others is {times:.2g} times the noise."
+        f"These presses hold {percent(min(share, 1.0))} of it{where} ({said}{more}). With {names}, "
+        f"the residual of all others is {times:.2g} times the noise."
     )
 
 

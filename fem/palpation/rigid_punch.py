@@ -1,4 +1,4 @@
-r"""What the travel under a tip says of other pressures: shape of a punch, size of a contact.
+r"""Other pressures under a tip, from its travel: shape of a punch, size of a contact.
 
 Decrease of a flat tip's compliance by a pressure better than the half-space's:
 

@@ -145,6 +145,12 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     opened = own.opened(progress, thin=len(fit.force_n) != len(touching(own.scan).used()))
     progress("predicting the other scan")
     found = predict_scan(opened, fit, catalogue_with(own.own_effects), scan, known)
+    if seen := int(np.sum(np.isin(scan.used().force_n, fit.force_n))):
+        notes = (
+            *notes,
+            f"{seen} of {len(found.scan)} readings were in the fit's own scan: such a prediction "
+            "tests the fit less than new presses do.",
+        )
     return Prediction.of(found, fit, experiment, notes)
 
 

@@ -13,5 +13,6 @@ def draw_free_force(found: RigCheck) -> Figure:
     axes.plot(found.time_s, 1e3 * found.after_n, "x", label="after it")
     axes.set_xlabel("time, s")
     axes.set_ylabel("free force, mN")
+    axes.ticklabel_format(useOffset=False)
     figure.legend(loc="outside upper right", ncols=2)
     return figure

@@ -47,10 +47,11 @@ _VERDICTS = {
 def parts_table(p: Prediction) -> Table:
     """Return the standard deviation of the travel near the largest forces, by cause."""
     near = p.scan.near_largest_force
+    parts = {**p.parts_m, "all together, one reading": p.sd_m}
     rows = [
-        (cause, length(float(np.sqrt(np.mean(sd[near] ** 2))))) for cause, sd in p.parts_m.items()
+        (cause, length(float(np.sqrt(np.mean(sd[near] ** 2))), signed=False))
+        for cause, sd in parts.items()
     ]
-    rows.append(("all together, one reading", length(float(np.sqrt(np.mean(p.sd_m[near] ** 2))))))
     return Table.of(("Cause", number("Standard deviation, rms")), rows)
 
 

@@ -98,3 +98,9 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     assert (record["maps_differ"], record["ratio"]) == (False, 1.0)
     assert set(schemas()["difference"]["required"]) <= set(record)
     assert "The maps agree" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_readings_that_the_fit_has_seen_are_said():
+    fit = pm.read_run(RUN).fit
+    again = pm.predict(fit, fit.experiment)
+    assert any("readings were in the fit's own scan" in note for note in again.notes)

@@ -100,6 +100,9 @@ class FitRecord(FileRecord):
         default=None, description="derivative of the travel by the free parameters, (m, k)"
     )
     field: FreeFieldRecord | None = Field(default=None, description="of a free map")
+    at_bound: tuple[str, ...] = Field(
+        default=(), description="parameters on a bound of the search, so not found"
+    )
 
 
 RECORDS: Mapping[str, type[FileRecord] | type[TrialLine]] = {

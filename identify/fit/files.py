@@ -87,6 +87,7 @@ def _fit(content: dict) -> FitResult:
         "noise": Noise(**content["noise"]),
         "covariance_names": tuple(content["covariance_names"]),
         "history": tuple(FitIteration(**entry) for entry in content["history"]),
+        "at_bound": tuple(content.get("at_bound", ())),
     }
     for name in _ARRAYS:
         if content.get(name) is not None:

@@ -101,6 +101,7 @@ class FitResult:
     estimates : parameters of a fit that was read from a file
     solution : the model behind the fit, None of one that was read from a file
     field : of a free map, whose unknowns stand there and not among `covariance_names`
+    at_bound : names of the unknowns on a bound of the search
     """
 
     map: GaussianMap
@@ -129,6 +130,7 @@ class FitResult:
     estimates: Mapping[str, Estimate] | None = None
     solution: Solution | None = None
     field: Field | None = None
+    at_bound: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -221,11 +223,6 @@ class FitResult:
         return ChangedMap(self.map, self.at.state)
 
     @property
-    def at_bound(self) -> tuple[str, ...]:
-        """Names of the unknowns that sit on one of their bounds."""
-        return self.model.unknowns.at_bound(self.u)
-
-    @property
     def is_gross(self) -> bool:
         """Whether the misfit is gross (`FitSettings.gross_misfit`) or the map has an error."""
         return self._live.settings.is_gross(self.chi2_per_dof) or bool(self.model.press_error)
@@ -289,6 +286,7 @@ def fit_result(
     slope, body, mechanics = model.unknowns.slope(u), at.body, model.mechanics
     presses = np.ones(len(body.compliance))
     dof = max(len(at.residual) - len(u), 1)
+    at_bound = started.unknowns.at_bound(u)
     return FitResult(
         map=model.map(u),
         covariance_names=model.names,
@@ -309,12 +307,13 @@ def fit_result(
         chi2_per_dof=at.chi2 / dof,
         rms_m=at.rms_m,
         success=success,
-        message=_message(message, started.unknowns.at_bound(u), at.chi2 / dof, dof),
+        message=_message(message, at_bound, at.chi2 / dof, dof),
         nfev=nfev,
         model_error=None if mechanics.fine is None else presses * mechanics.model_error,
         derivative_m=None if model.is_linear else at.jacobian * at.sigma_m[:, None] / slope,
         solution=Solution(started, u, at, noise_alone, total, settings),
         field=field,
+        at_bound=at_bound,
     )
 
 

@@ -128,8 +128,8 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
 
 
 def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
-    low = min(float(np.nanmin(v)) for v in fields)
-    high = max(float(np.nanmax(v)) for v in fields)
+    inside = np.concatenate([v[np.isfinite(v)] for v in fields])  # a cut may miss the body
+    low, high = (inside.min(), inside.max()) if inside.size else (0.0, 1.0)
     if signed:
         reach = max(-low, high, 1e-6)
         return -reach, reach

@@ -25,7 +25,9 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
     from rich.text import Text
 
     c = finding.comparison
-    statement = Text(c.statement, style="green" if c.is_noise else "yellow")
+    sure = c.is_noise and not finding.doubts
+    statement = Text(c.statement, style="green" if sure else "yellow")
+    doubts = (Text(doubt, style="yellow") for doubt in finding.doubts)
     title = f"{finding.name}: found map"
     parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
@@ -34,7 +36,7 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
         console(sight_table(finding.fit, finding.scan)),
     )  # fmt: skip
     found = (console(parameters), *free, console(_residual_table(c)))
-    return statement, *plain(following), *found, *notes
+    return statement, *doubts, *plain(following), *found, *notes
 
 
 def _residual_table(c: Comparison) -> Table:

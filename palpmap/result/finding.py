@@ -25,6 +25,7 @@ from palpmap.study.contact_body import contact_body
 from palpmap.study.frame import frame_shift_m, in_scan_frame
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
+from palpmap.units import plain_name
 
 _BALL = (
     "The tip is a ball. Its contact grows with the force, at the rate that the finite elements say "
@@ -116,7 +117,17 @@ class Finding:
     @cached_property
     def parameters(self) -> Mapping[str, ParameterRecord]:
         """Parameters of the fit, positions in the scan's frame."""
-        return parameter_records(self.fit.parameters, self.origin_m)
+        return parameter_records(self.fit.parameters, self.origin_m, self.fit.at_bound)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons to distrust the map even where the residual is noise, in sentences."""
+        held = (
+            f"Not found: {plain_name(name)} stands at the bound of the search."
+            for name in self.fit.at_bound
+        )
+        ended = () if self.fit.success else ("The search did not converge.",)
+        return (*held, *ended)
 
     @cached_property
     def true(self) -> Mapping[str, float]:

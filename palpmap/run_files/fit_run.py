@@ -129,7 +129,7 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
         1e-3 * (measured - modelled),
         {name: path for name, path in paths.items() if path.suffix == ".png"},
     )
-    recording.event(finding.comparison.statement)
+    recording.event(" ".join([finding.comparison.statement, *finding.doubts]))
 
 
 def with_making(finding: Finding, run: Path) -> Finding:

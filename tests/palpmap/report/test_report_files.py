@@ -247,6 +247,27 @@ def test_structure_fails_the_criterion_and_the_screen_holds_the_summary(tmp_path
     assert "it varies most with the force" in " ".join(" ".join(lines).split())
 
 
+def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):
+    run = make_run(tmp_path / "run")
+    lost = replace(small_fit(small_scan()), at_bound=("inclusion_1.y_m",), success=False)
+    write_fit(lost, run / "fit.json")
+    finding = load_finding(run)
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(*summary(finding), sep="\n")
+    lines = console.export_text().splitlines()
+    write_report(finding, {}, tmp_path / "report.html")
+    text = "".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
+    for sentence in (
+        "Not found: inclusion 1 y stands at the bound of the search.",
+        "The search did not converge.",
+    ):
+        assert sentence in lines[:4]
+        assert sentence in text
+    assert "in doubt" in text
+    assert "The model explains the scan" not in text
+    assert sum("at its bound" in line for line in lines) == 1
+
+
 def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     finding = load_finding(make_run(tmp_path / "run", truth=False))
     picture = png(draw_map(finding))

@@ -63,9 +63,7 @@ class Explanation:
         if self.verdict == "unexplained":
             return groups
         decided = {a.name for a in self.accepted if a.decided}
-        doubted = dict.fromkeys(
-            (*self.at_bound, *self.undetermined, *self.implausible, self.further)
-        )
+        doubted = dict.fromkeys((*self._doubted, self.further))
         return groups + tuple(
             (name, OTHER_CAUSE) for name in doubted if name in (*decided, self.further) and name
         )
@@ -77,12 +75,18 @@ class Explanation:
         Beside a structured residual, an effect is offered only if the rest cannot be its cause
         (`identify.select.standing`), or the contact law of the presses supports it.
         """
-        unsure = (*self.resting_on_outliers, *self.at_bound, *self.undetermined, *self.implausible)
+        unsure = (*self.resting_on_outliers, *self._doubted)
         sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
         if self.verdict == "unexplained":
             stand = frozenset() if self.map_error else self._standing
             sure = tuple(a for a in sure if a.shown_by_presses or a.name in stand)
         return tuple(a.name for a in sure)
+
+    @property
+    def _doubted(self) -> tuple[str, ...]:
+        """Effects whose values, or the structure left beside them, make the cause doubtful."""
+        left = tuple(effect.name for effect in self.accepted) if self.within_laws else ()
+        return (*self.at_bound, *self.undetermined, *self.implausible, *left)
 
     @cached_property
     def _standing(self) -> frozenset[str]:
@@ -142,13 +146,17 @@ def verdict_of(
     Parameters
     ----------
     further : effect that is missing beside noise
-    within : structure of the residual counts as noise (`within_laws`)
+    within : structure is left, but less than laws of contact are right to (`within_laws`): the
+        law that would leave none may be another
     """
-    if not (last.comparison.is_noise or within):
+    noise = last.comparison.is_noise
+    if not (noise or within):
         return "unexplained"
     if not accepted and not further:
         return "nothing_missing"
-    doubted = any(at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted)
+    doubted = not noise or any(
+        at_bound(last.fit, a.name) or is_implausible(last.fit, a.name) for a in accepted
+    )
     doubted = doubted or bool(undetermined(last.fit, [a.name for a in accepted]))
     sure = all(a.decided for a in accepted) and not doubted and not further
     return "explained" if sure else "ambiguous"

@@ -42,6 +42,8 @@ CANDIDATES = {
 
 def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
+    if explained.verdict == "ambiguous" and explained.within_laws:
+        return "Ambiguous: the structure that is left is no larger than the error of contact laws."
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
     if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
@@ -62,11 +64,11 @@ def verdict_detail(explained: Explanation) -> str:
             )
         return "The residual is noise, without a trace of any effect of the catalogue."
     if explained.verdict == "explained":
-        return f"With {sure} in the model, the residual is {_size(explained)}."
+        return f"With {sure} in the model, the residual is noise."
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
-        return text + (f" The residual is {_size(explained)}." if explained.within_laws else "")
+        return text + (_little_left(explained) if explained.within_laws else "")
     if explained.in_few_presses:
         return _few_presses(explained)
     residual = explained.final.comparison
@@ -74,15 +76,14 @@ def verdict_detail(explained: Explanation) -> str:
     return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
 
 
-def _size(explained: Explanation) -> str:
-    """Return the size of a residual that is noise, or little more."""
-    if not explained.within_laws:
-        return "noise"
+def _little_left(explained: Explanation) -> str:
+    """Say how little structure is left, and what that means for the values."""
     fit = explained.final.fit
     excess = (fit.chi2 - fit.dof) / (explained.ladder[0].fit.chi2 - fit.dof)
     return (
-        f"{np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of the misfit is "
-        "left, less than laws of contact are right to"
+        f" The residual is {np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of "
+        "the misfit is left, less than laws of contact are right to. Another law could leave none, "
+        "with other values."
     )
 
 

@@ -26,6 +26,11 @@ def next_steps(
         steps.append(_presses(record, run))
     if explained.verdict == "unexplained":
         steps.append(_own_effect(run, source))
+    elif explained.verdict == "ambiguous" and explained.within_laws:
+        steps.append(
+            "Press some of these places with a flat tip, or a larger ball, and explain both scans "
+            "together: a cause that holds for both tips is found."
+        )
     elif explained.verdict == "ambiguous" and not record.next_presses:
         steps.append(
             "No other presses with this tip separate them. Rule one of them out by another "

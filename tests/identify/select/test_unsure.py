@@ -17,7 +17,7 @@ from identify.select import candidates as candidates
 from identify.select import forward_selection as explain
 from identify.select import outlying_presses as suspects
 from identify.select.accepted_effect import AcceptedEffect, undetermined
-from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES
+from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES, Explanation
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.step import whitened_fit
@@ -72,6 +72,25 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     told = " ".join(doubts(record, suspected))
     assert f"Outlying presses: {two}." in told
     assert "not for the last model" not in told
+
+
+def test_structure_that_a_law_of_contact_may_leave_makes_its_cause_doubtful(
+    explained_case, monkeypatch
+):
+    explained = explained_case.explained
+    (name,) = explained.added
+    rough, noise = explained.ladder[0], explained.final.comparison
+    assert not rough.comparison.is_noise
+    left = replace(explained.final, comparison=rough.comparison)
+    assert explain.verdict_of(left, explained.accepted) == "unexplained"
+    assert explain.verdict_of(left, explained.accepted, within=True) == "ambiguous"
+    assert noise.is_noise  # then nothing is left for a law
+    assert explain.verdict_of(explained.final, explained.accepted, within=True) == "explained"
+    monkeypatch.setattr(Explanation, "within_laws", True)
+    found = replace(explained, verdict="ambiguous", ladder=(rough, left))
+    assert (found.added, found.ambiguous) == ((), ((name, OTHER_CAUSE),))
+    assert "error of contact laws" in headline(found)
+    assert "of the misfit is left" in verdict_detail(found)
 
 
 def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monkeypatch):

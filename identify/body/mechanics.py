@@ -276,7 +276,7 @@ class BodyMechanics:
         """Free the models of other Poisson's ratios and of other places."""
         self._others.clear()
         self._linear.clear()
-        object.__setattr__(self, "_shifted", None)
+        self._shifted.clear()
 
     def _other(self, nu: float) -> PalpationModel:
         model = self._others.get(nu) or self.at_poisson_ratio(nu)

@@ -100,6 +100,9 @@ def test_first_order_change_of_the_place_is_that_of_the_models():
         predicted, _ = at.change(own.state().changed(shift_m=shift))
         found, _ = at.exact_change(own.state().changed(shift_m=shift))
         assert np.linalg.norm(predicted - found) < 0.1 * np.linalg.norm(found)
+        at.forget_other_models()  # they are made again when they are asked for
+        again, _ = at.change(own.state().changed(shift_m=shift))
+        np.testing.assert_allclose(again, predicted, rtol=1e-9)
     there = own.evaluate(problem.TRUE, own.state().changed(shift_m=SHIFT))
     further = own.state().changed(shift_m=(SHIFT[0] + 1e-5, SHIFT[1]))
     predicted, _ = there.change(further)

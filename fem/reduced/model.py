@@ -192,8 +192,11 @@ class ReducedModel:
             alone = by_sample(self.full, new.fields)
         else:
             alone = -response.sensitivity[:, : len(modulus)]
+        energy = alone @ modulus
+        if not np.all(energy > 0):
+            return  # no least energy, so no bounds
         if not self._snapshots:
-            weight = (alone / response.compliance[:, None]).sum(axis=0) * modulus
+            weight = (alone / energy[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
             self._primal = _Modes(root, lambda a, b: modulus)
             self._dual = _Modes(root, lambda a, b: modulus * a.modulus * b.modulus)

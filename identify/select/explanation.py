@@ -63,7 +63,7 @@ class Explanation:
         if self.verdict == "unexplained":
             return groups
         decided = {a.name for a in self.accepted if a.decided}
-        doubted = dict.fromkeys((*self._doubted, self.further))
+        doubted = dict.fromkeys((*self.doubted, self.further))
         return groups + tuple(
             (name, OTHER_CAUSE) for name in doubted if name in (*decided, self.further) and name
         )
@@ -75,7 +75,7 @@ class Explanation:
         Beside a structured residual, an effect is offered only if the rest cannot be its cause
         (`identify.select.standing`), or the contact law of the presses supports it.
         """
-        unsure = (*self.resting_on_outliers, *self._doubted)
+        unsure = (*self.resting_on_outliers, *self.doubted)
         sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
         if self.verdict == "unexplained":
             stand = frozenset() if self.map_error else self._standing
@@ -83,7 +83,7 @@ class Explanation:
         return tuple(a.name for a in sure)
 
     @property
-    def _doubted(self) -> tuple[str, ...]:
+    def doubted(self) -> tuple[str, ...]:
         """Effects whose values, or the structure left beside them, make the cause doubtful."""
         left = tuple(effect.name for effect in self.accepted) if self.within_laws else ()
         return (*self.at_bound, *self.undetermined, *self.implausible, *left)

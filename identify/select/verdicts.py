@@ -61,7 +61,7 @@ def _in_group(
         return "indistinguishable", others
     if name in explained.resting_on_outliers:
         return "indistinguishable", (SUSPECT_PRESSES,)
-    if name in (*explained.at_bound, *explained.undetermined, *explained.implausible):
+    if name in explained.doubted:
         noise = explained.verdict != "unexplained"
         return ("indistinguishable", (OTHER_CAUSE,)) if noise else ("not_seen", ())
     return "helps", ()

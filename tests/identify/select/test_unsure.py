@@ -89,6 +89,7 @@ def test_structure_that_a_law_of_contact_may_leave_makes_its_cause_doubtful(
     monkeypatch.setattr(Explanation, "within_laws", True)
     found = replace(explained, verdict="ambiguous", ladder=(rough, left))
     assert (found.added, found.ambiguous) == ((), ((name, OTHER_CAUSE),))
+    assert effect_verdict(CATALOGUE[name], found).confused_with == (OTHER_CAUSE,)
     assert "error of contact laws" in headline(found)
     assert "of the misfit is left" in verdict_detail(found)
 

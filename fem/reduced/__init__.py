@@ -1,5 +1,6 @@
 """Reduced bases: compliances of all presses, with bounds and derivatives, at little cost."""
 
-from fem.reduced.model import ReducedBases, ReducedModel, ReducedResponse
+from fem.reduced.bases import ReducedBases
+from fem.reduced.model import ReducedModel, ReducedResponse
 
 __all__ = ["ReducedBases", "ReducedModel", "ReducedResponse"]

@@ -26,8 +26,8 @@ t_a, springs of compliance s, and a membrane of stretch r over the surface strai
 A bonded base takes fields of bonded bodies alone, a body without a skin stresses of such bodies.
 
 Both matrices are linear in a field, E or 1/E. A new field joins the span of those asked for before
-(`_Modes`), at the cost of one pass over the energies; in the span, an evaluation takes about a
-millisecond.
+(`fem.reduced.modes`), at the cost of one pass over the energies; in the span, an evaluation takes
+about a millisecond.
 
 Sources: Rozza, Huynh, Patera, Arch. Comput. Methods Eng. 15 (2008) 229 (reduced basis); Ladeveze,
 Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).
@@ -37,9 +37,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,113 +45,14 @@ from fem.errors import SolverError
 from fem.linear.support import first_order_rest
 from fem.palpation.model import Material, PalpationModel, Response
 from fem.palpation.skin import Skin, by_skin
-from fem.reduced.energies import Fields, by_sample, summed
+from fem.reduced.energies import by_sample
+from fem.reduced.modes import Modes, Pairs
+from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 
-FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
-FAR_LAW = 0.3  # ... beside springs or a skin, whose bounds are wide before their second solution
-_BASES = 3  # the last ones that served
-_BYTES = 64e6  # of a basis's energies
-_MOST = 10  # snapshots of a basis: more are not worth their growth
+MOST = 10  # snapshots of a basis: more are not worth their growth
 SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
 _SPANNED_SLOPE = 1e-3  # ... of a derivative, relative to itself
 _RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and the solves stable
-
-
-class _Law(NamedTuple):
-    """Springs (normal, tangential) m/Pa under the base, None where it is bonded; membrane (m)."""
-
-    springs: tuple[float, float] | None
-    stretch_m: float
-
-    @property
-    def kind(self) -> tuple[bool, bool]:
-        return self.springs is not None, self.stretch_m > 0
-
-
-class _Snapshot:
-    """Full solution at modulus samples (p,), in units of the first one's."""
-
-    def __init__(self, response: Response, modulus: np.ndarray) -> None:
-        self.modulus, self.law = modulus, _law(response._material, response._springs)
-        self._of = replace(response)  # without the sensitivities that are kept there
-
-    @property
-    def fields(self) -> Fields:
-        """The displacement of every press."""
-        return Fields.of(self._of)
-
-    @property
-    def has_skin(self) -> bool:
-        """Whether a skin counts in its compliance, be it as soft as to bear no stretching."""
-        return self._of._material.skin is not None
-
-    @cached_property
-    def base(self) -> np.ndarray:
-        """Displacement of the supported nodes, (j, b, 3)."""
-        model = self._of.model
-        return self.fields.nodal(model)[:, model.floating.foundation.nodes]
-
-    @cached_property
-    def traction(self) -> np.ndarray:
-        """Traction of the support on the body, (j, b, 3)."""
-        return self._of.base_traction()
-
-    @cached_property
-    def strains(self) -> np.ndarray:
-        """Strains of the surface that may bear a skin, see `fem.palpation.skin.Membrane`."""
-        model = self._of.model
-        return model.floating.membrane.strains(self.fields.nodal(model))
-
-
-class _Modes:
-    """Span of the fields asked for so far, with the sums of each pair's energies over its modes.
-
-    Parameters
-    ----------
-    root : (p,) root of each sample's weight
-    factor : of two snapshots, on the fields (p,)
-    """
-
-    def __init__(
-        self, root: np.ndarray, factor: Callable[[_Snapshot, _Snapshot], np.ndarray | float]
-    ) -> None:
-        self._root, self._factor = root, factor
-        self._modes = np.zeros((0, len(root)))  # (q, p), orthonormal, of fields times root
-        self.sums: dict[tuple[int, int], np.ndarray] = {}  # (j, q) of each pair of snapshots
-
-    def __len__(self) -> int:
-        return len(self._modes)
-
-    def coefficients(self, fields: np.ndarray, tolerance: np.ndarray, pairs: _Pairs) -> np.ndarray:
-        """Coefficients (k, q) of fields (k, p); those beyond the span by more than (k,) join it."""
-        scaled = fields * self._root
-        found = scaled @ self._modes.T
-        left = np.sum(scaled**2, axis=1) - np.sum(found**2, axis=1)
-        new = []
-        for field, beyond, most in zip(scaled, left, tolerance, strict=True):
-            if beyond <= most**2:
-                continue
-            for _ in range(2):  # twice is enough
-                for others in (self._modes, *(mode[None] for mode in new)):
-                    field = field - (others @ field) @ others
-            length = float(np.linalg.norm(field))
-            if length > most:
-                new.append(field / length)
-        if not new:
-            return found
-        joined = np.array(new)
-        self._modes = np.vstack([self._modes, joined])
-        for key, (first, second, energies) in pairs.items():
-            columns = joined / self._root * self._factor(first, second)
-            self.sums[key] = np.hstack([self.sums[key], summed(energies, columns)])
-        return scaled @ self._modes.T
-
-    def add(self, key: tuple[int, int], first: _Snapshot, second: _Snapshot, exact) -> None:
-        """Sum the energies (j, p) of a new pair over the modes."""
-        self.sums[key] = exact @ (self._modes / self._root * self._factor(first, second)).T
-
-
-_Pairs = dict[tuple[int, int], tuple[_Snapshot, _Snapshot, np.ndarray]]
 
 
 class ReducedModel:
@@ -167,12 +66,12 @@ class ReducedModel:
     most : largest number of snapshots; the one that has gone unused for longest makes place
     """
 
-    def __init__(self, full: PalpationModel, most: int = _MOST) -> None:
+    def __init__(self, full: PalpationModel, most: int = MOST) -> None:
         self.full, self._most = full, most
-        self._snapshots: dict[int, _Snapshot] = {}  # by number
+        self._snapshots: dict[int, Snapshot] = {}  # by number
         self._loads: dict[int, np.ndarray] = {}  # (j,) work of the load on each
         self._used: dict[int, int] = {}  # evaluation in which each one last counted
-        self._pairs: _Pairs = {}
+        self._pairs: Pairs = {}
         self._surface: dict[tuple[int, int, str], np.ndarray] = {}
         self._next = self._evaluations = 0
         self.served = False  # any search
@@ -182,12 +81,12 @@ class ReducedModel:
 
     def add(self, response: Response) -> None:
         """Add a full solution to every basis."""
-        modulus = _samples(response._material)
+        modulus = modulus_samples(response._material)
         if modulus is None:
             return
         if not self._snapshots:
             self._unit = modulus
-        new = _Snapshot(response, modulus / self._unit)
+        new = Snapshot(response, modulus / self._unit)
         if new.law.stretch_m:
             alone = by_sample(self.full, new.fields)
         else:
@@ -198,8 +97,8 @@ class ReducedModel:
         if not self._snapshots:
             weight = (alone / energy[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
-            self._primal = _Modes(root, lambda a, b: modulus)
-            self._dual = _Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
+            self._primal = Modes(root, lambda a, b: modulus)
+            self._dual = Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
         while len(self._snapshots) >= self._most:
             self._drop(min(self._used, key=lambda number: self._used[number]))
         number, self._next = self._next, self._next + 1
@@ -243,10 +142,10 @@ class ReducedModel:
             return None
         material = self.full.material(modulus_pa, skin=skin)
         asked, springs = self.full.held(material, support_compliance)
-        modulus = _samples(material)
+        modulus = modulus_samples(material)
         if modulus is None or np.isinf(asked[1]):  # whether it slides away, the full model knows
             return None
-        law = _law(material, springs)
+        law = law_of(material, springs)
         fields = [n for n, s in self._snapshots.items() if springs or not s.law.springs]
         stresses = [n for n, s in self._snapshots.items() if law.stretch_m or not s.law.stretch_m]
         if not fields or not stresses:
@@ -283,7 +182,7 @@ class ReducedModel:
 
     def _matrix(
         self,
-        modes: _Modes,
+        modes: Modes,
         coefficients: np.ndarray,
         numbers: list[int],
         more: Callable[[int, int], np.ndarray | float],
@@ -299,7 +198,7 @@ class ReducedModel:
         result[:, diagonal, diagonal] *= 1 + _RIDGE
         return result
 
-    def _of_law(self, law: _Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
+    def _of_law(self, law: Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
         """Part (j,) of G by springs and skin."""
         both: np.ndarray | float = 0.0
         if law.springs:
@@ -310,7 +209,7 @@ class ReducedModel:
             )
         return both
 
-    def _of_stress(self, law: _Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
+    def _of_stress(self, law: Law, a: int, b: int, modulus: np.ndarray) -> np.ndarray | float:
         """Part (j,) of H by springs and skin."""
         both: np.ndarray | float = 0.0
         if law.springs:
@@ -359,7 +258,7 @@ class ReducedResponse:
     weights: np.ndarray
     _model: weakref.ref[ReducedModel]
     _numbers: tuple[int, ...]
-    _law: _Law
+    _law: Law
     _material: Material
 
     @property
@@ -446,87 +345,6 @@ class ReducedResponse:
         stretched = sum(parts, np.zeros(len(self.compliance)))
         near = own.full.floating.near_skin(skin)
         return by_skin(skin, near, self._material.local, stretched)
-
-
-class ReducedBases:
-    """Reduced models of one palpation model around the maps of a search, grown as it goes.
-
-    A solution joins the basis that came nearest to it, or begins one of its own. Springs and skins
-    have bases of their own.
-    """
-
-    def __init__(self, full: PalpationModel) -> None:
-        self._full = full
-        by_pair = 4.0 * len(full.contacts) * len(full.points_m)
-        self._most = min(int((np.sqrt(1 + 8 * _BYTES / by_pair) - 1) / 2), _MOST)
-        self._bases: list[tuple[tuple[bool, bool], ReducedModel]] = []  # the last that served last
-        self._nearest: tuple[float, ReducedModel] | None = None
-
-    def evaluate(
-        self,
-        modulus_pa: np.ndarray,
-        tolerance: float,
-        support_compliance: tuple[float, float] | None = None,
-        skin: Skin | tuple | None = None,
-    ) -> ReducedResponse | None:
-        """Return the compliances for a body as `PalpationModel.evaluate` does, or None.
-
-        Parameters
-        ----------
-        tolerance : of the bound of their relative error
-        """
-        self._nearest = None
-        material = self._full.material(modulus_pa, skin=skin)
-        kind = _law(material, self._full.held(material, support_compliance)[1]).kind
-        for entry in reversed(self._bases):
-            if entry[0] != kind:
-                continue
-            basis = entry[1]
-            response = basis.evaluate(modulus_pa, support_compliance, skin)
-            if response is None:
-                return None
-            if response.error <= tolerance:
-                self._bases.remove(entry)
-                self._bases.append(entry)
-                basis.served = True
-                return response
-            if self._nearest is None or response.error < self._nearest[0]:
-                self._nearest = response.error, basis
-        return None
-
-    def add(self, response: Response, plain: Response | None = None) -> None:
-        """Take the full solution for the body that was evaluated last.
-
-        `plain` : that without springs and skin at this modulus, which joins a new basis
-        """
-        material = response._material
-        if self._most < 2 or _samples(material) is None or material.fibres is not None:
-            return
-        kind = _law(material, response._springs).kind
-        far = FAR_LAW if any(kind) else FAR
-        if self._nearest is not None and self._nearest[0] <= far:
-            self._nearest[1].add(response)
-            return
-        own = [entry for entry in self._bases if entry[0] == kind]
-        if len(own) == (1 if any(kind) else _BASES):
-            idle = [entry for entry in own if not entry[1].served]
-            self._bases.remove((idle or own)[0])
-        basis = ReducedModel(self._full, self._most)
-        if plain is not None:
-            basis.add(plain)
-        basis.add(response)
-        self._bases.append((kind, basis))
-
-
-def _law(material: Material, springs: tuple[float, float] | None) -> _Law:
-    return _Law(springs, 0.0 if material.skin is None else material.skin.stretch_m)
-
-
-def _samples(material: Material) -> np.ndarray | None:
-    """Modulus samples (p,); None where those of a steep cell are not as they are asked for."""
-    if material.close.steep:
-        return None
-    return np.concatenate([material.modulus, material.close.asked.ravel()])
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -276,3 +276,16 @@ def test_springs_and_skins_are_exact_at_their_snapshots(full, with_laws):
         expected = full.evaluate(modulus, base, skin=skin).compliance
         assert found.compliance == pytest.approx(expected, rel=1e-6)
         assert found.error < 1e-5
+
+
+def test_a_body_without_least_energy_begins_no_basis(full):
+    bases, sound = ReducedBases(full), solved(full, CENTRE)
+    bases.add(sound)
+    far = 5 * CENTRE[1] * (full.points_m[:, 0] > 0.02) + 5e3
+    wrong = full.evaluate(far)
+    vars(wrong)["sensitivity"] = -wrong.sensitivity
+    assert bases.evaluate(far, 1e-5) is None
+    bases.add(wrong)
+    found = bases.evaluate(field(CENTRE, full.points_m), 1e-5)
+    assert found is not None
+    assert found.compliance == pytest.approx(sound.compliance, rel=1e-6)

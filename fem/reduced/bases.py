@@ -1,0 +1,86 @@
+"""Reduced bases of a search: the last ones that served, each around its own solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fem.palpation.model import PalpationModel, Response
+from fem.palpation.skin import Skin
+from fem.reduced.model import MOST, ReducedModel, ReducedResponse
+from fem.reduced.snapshot import law_of, modulus_samples
+
+FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own
+FAR_LAW = 0.3  # ... beside springs or a skin, whose bounds are wide before their second solution
+_BASES = 3  # the last ones that served
+_BYTES = 64e6  # of a basis's energies
+
+
+class ReducedBases:
+    """Reduced models of one palpation model around the maps of a search, grown as it goes.
+
+    A solution joins the basis that came nearest to it, or begins one of its own. Springs and skins
+    have bases of their own.
+    """
+
+    def __init__(self, full: PalpationModel) -> None:
+        self._full = full
+        by_pair = 4.0 * len(full.contacts) * len(full.points_m)
+        self._most = min(int((np.sqrt(1 + 8 * _BYTES / by_pair) - 1) / 2), MOST)
+        self._bases: list[tuple[tuple[bool, bool], ReducedModel]] = []  # the last that served last
+        self._nearest: tuple[float, ReducedModel] | None = None
+
+    def evaluate(
+        self,
+        modulus_pa: np.ndarray,
+        tolerance: float,
+        support_compliance: tuple[float, float] | None = None,
+        skin: Skin | tuple | None = None,
+    ) -> ReducedResponse | None:
+        """Return the compliances for a body as `PalpationModel.evaluate` does, or None.
+
+        Parameters
+        ----------
+        tolerance : of the bound of their relative error
+        """
+        self._nearest = None
+        material = self._full.material(modulus_pa, skin=skin)
+        kind = law_of(material, self._full.held(material, support_compliance)[1]).kind
+        for entry in reversed(self._bases):
+            if entry[0] != kind:
+                continue
+            basis = entry[1]
+            response = basis.evaluate(modulus_pa, support_compliance, skin)
+            if response is None:
+                return None
+            if response.error <= tolerance:
+                self._bases.remove(entry)
+                self._bases.append(entry)
+                basis.served = True
+                return response
+            if self._nearest is None or response.error < self._nearest[0]:
+                self._nearest = response.error, basis
+        return None
+
+    def add(self, response: Response, plain: Response | None = None) -> None:
+        """Take the full solution for the body that was evaluated last.
+
+        `plain` : that without springs and skin at this modulus, which joins a new basis
+        """
+        material = response._material
+        if self._most < 2 or modulus_samples(material) is None or material.fibres is not None:
+            return
+        kind = law_of(material, response._springs).kind
+        far = FAR_LAW if any(kind) else FAR
+        if self._nearest is not None and self._nearest[0] <= far:
+            self._nearest[1].add(response)
+            return
+        own = [entry for entry in self._bases if entry[0] == kind]
+        if len(own) == (1 if any(kind) else _BASES):
+            idle = [entry for entry in own if not entry[1].served]
+            self._bases.remove((idle or own)[0])
+        basis = ReducedModel(self._full, self._most)
+        if plain is not None:
+            basis.add(plain)
+        basis.add(response)
+        if len(basis):  # a body without least energy begins none
+            self._bases.append((kind, basis))

@@ -23,19 +23,11 @@ def draw_scene(
     recording: Recording, laboratory: Laboratory, parameters: dict[str, float]
 ) -> "Callable[[Frame], None]":
     """Put arm, body and truth into the recording; return the drawer of a frame."""
-    from models import read_arm
-    from sim.robot import build_laboratory as build_arm
+    from sim.motion import plan_scene
 
     plan, body = laboratory.plan, laboratory.body
     place = plan.body_in_world
-    arm = build_arm(
-        plan.widest_m,
-        plan.body_size_m,
-        place,
-        round_tip=plan.round_tips,
-        arm=read_arm(laboratory.settings.arm),
-        obstacles=laboratory.settings.obstacles,
-    )
+    arm = plan_scene(plan, laboratory.settings)
     shapes = arm_shapes(arm.model, arm.links)
     drawn = link_names(shapes)
     order = [arm.links.index(name) for name in drawn]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from identify.map import GaussianMap
-from models import InputError, Scan, read_arm, stack_scans
+from models import InputError, Scan, stack_scans
 from palpmap.study.body import Body
 from palpmap.study.body_model import outside_of, support_of
 from palpmap.study.study import About, Map, Noise, Probe, Study
@@ -307,18 +307,9 @@ def reachable(
     InputError
         No press can be made, or, without `skip`, some cannot.
     """
-    from sim.motion import Motion, plan_motion
-    from sim.robot import build_laboratory as build_arm
+    from sim.motion import Motion, plan_motion, plan_scene
 
-    arm = build_arm(
-        plan.widest_m,
-        plan.body_size_m,
-        plan.body_in_world,
-        settings.timestep_s,
-        plan.round_tips,
-        read_arm(settings.arm),
-        settings.obstacles,
-    )
+    arm = plan_scene(plan, settings)
     motion = plan_motion(plan, arm, settings)
     if not motion.refused:
         return plan, motion, ()

@@ -3,6 +3,7 @@
 from sim.motion.body_surface import STEEPEST_DEG, BodySurface
 from sim.motion.planner import Motion, Refusal, plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
+from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.motion.tip import Tip, read_tips
 
@@ -15,6 +16,7 @@ __all__ = [
     "ScanSettings",
     "Tip",
     "plan_motion",
+    "plan_scene",
     "program_plan",
     "read_tips",
 ]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from models import InputError, PressProgram, Scan, nearest, read_arm
+from models import InputError, PressProgram, Scan, nearest
 from sim.bench.amplitude_search import amplitude_for
 from sim.bench.press import Planted
 from sim.body.block_compliance import block_compliance
@@ -17,6 +17,7 @@ from sim.body.soft_body import DIVISIONS, Divisions
 from sim.body.true_body import HiddenBody
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan
+from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.planted.bench import Bench
 from sim.planted.body_in_loop import Extra, LawOnBody
@@ -25,7 +26,6 @@ from sim.planted.faults import FAULTS, fault
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.mechanisms import FIELDS, mechanism
 from sim.robot.force_control import ACCELERATION_M_PER_S2
-from sim.robot.laboratory import build_laboratory
 from sim.robot.mechanism import Mechanism, Mechanisms
 from sim.robot.simulated_arm import SERVO_RAD_PER_S
 from sim.scan.scan_program import DWELL_S, TARE_S
@@ -225,15 +225,7 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
     compliance = block_compliance(
         body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
     )
-    laboratory = build_laboratory(
-        plan.widest_m,
-        plan.body_size_m,
-        plan.body_in_world,
-        settings.timestep_s,
-        arm=read_arm(settings.arm),
-        obstacles=settings.obstacles,
-    )
-    moved = plan_motion(plan, laboratory, settings).require_all()
+    moved = plan_motion(plan, plan_scene(plan, settings), settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])
     fast, slow = settings.approach_m_per_s, settings.touch_m_per_s
     speeding = fast / ACCELERATION_M_PER_S2

@@ -8,16 +8,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from models import InputError, read_arm
+from models import InputError
 from sim.motion.planner import Motion, PlannedPress, plan_motion, refuse_too_deep
 from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
 from sim.motion.scan_plan import ScanPlan
+from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
-from sim.robot.laboratory import build_laboratory
 from sim.robot.mechanism import Live, Mechanisms
 from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
@@ -136,15 +136,7 @@ class Program:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
         if check:
             self._refuse(plan, body, settings)
-        laboratory = build_laboratory(
-            plan.widest_m,
-            plan.body_size_m,
-            plan.body_in_world,
-            settings.timestep_s,
-            plan.round_tips,
-            read_arm(settings.arm),
-            settings.obstacles,
-        )
+        laboratory = plan_scene(plan, settings)
         motion = motion or plan_motion(plan, laboratory, settings)
         self.presses = motion.require_all()
         wrist_seed, encoder_seed, _ = settings.streams()

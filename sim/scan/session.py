@@ -13,14 +13,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from models import InputError, read_arm
+from models import InputError
 from sim.motion.clearance import Clearance
 from sim.motion.planner import Motion, plan_motion, transit_duration
 from sim.motion.scan_plan import ScanPlan
+from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
-from sim.robot.laboratory import build_laboratory
 from sim.robot.mechanism import Mechanisms
 from sim.scan.outcome import PressOutcome
 from sim.scan.result import ScanRun
@@ -104,15 +104,7 @@ class Session:
     ) -> None:
         self.settings, self._plan = settings, plan
         self._mechanisms = mechanisms or Mechanisms()
-        self.laboratory = build_laboratory(
-            plan.widest_m,
-            plan.body_size_m,
-            plan.body_in_world,
-            settings.timestep_s,
-            plan.round_tips,
-            read_arm(settings.arm),
-            settings.obstacles,
-        )
+        self.laboratory = plan_scene(plan, settings)
         self._kinematics = TipKinematics(self.laboratory.arm)
         self._clearance = Clearance(self.laboratory, plan.body, plan.body_in_world)
         self._program: Program | None = None

@@ -19,7 +19,7 @@ style: $(READY)
 	"$(BIN)/ruff" check .
 	"$(BIN)/ruff" format --check .
 
-# pyright is one of the tests, too: tests/test_types.py
+# pyright is one of the long tests, too: tests/test_types.py
 lint: style
 	"$(BIN)/pyright"
 

@@ -55,7 +55,6 @@ LONGEST = (
     "palpmap/pipeline/test_demo",
     "palpmap/cli/test_loop",
     "test_blocks",
-    "test_types",
     "identify/select/test_left_of_model_error",
     "palpmap/pipeline/test_organ_fit",
     "sim/test_planted.py",

@@ -1,4 +1,4 @@
-"""A whole default scan: accuracy, noise, speed, and what it hands over."""
+"""Half of the default scan: accuracy, noise, speed, and what it hands over."""
 
 import time
 
@@ -17,6 +17,7 @@ from sim.robot.laboratory import Placement, build_laboratory
 from sim.scan.scan_program import run_scan
 
 SIZE = (0.096, 0.096, 0.048)
+PRESSES = 41
 
 
 def few(count, **fields):
@@ -31,7 +32,8 @@ def body_for(plan, divisions=(8, 8, 4)):
 
 @pytest.fixture(scope="module")
 def default():
-    plan = grid_plan()
+    whole = grid_plan()
+    plan = ScanPlan(whole.points_m[::2], whole.directions[::2])
     body = body_for(plan)
     frames = []
     started = time.process_time()
@@ -43,9 +45,9 @@ def truth(run, name):
     return np.concatenate([getattr(press, name) for press in run.presses])
 
 
-def test_all_81_presses_reach_their_force_at_their_point(default):
+def test_all_presses_reach_their_force_at_their_point(default):
     run = default[2]
-    assert len(run.statistics) == 81
+    assert len(run.statistics) == PRESSES
     for press in run.statistics:
         assert abs(press.force_error) < 0.01
         assert press.overshoot < 0.05
@@ -58,7 +60,7 @@ def test_settled_pairs_agree_with_the_finite_element_law_within_a_thousandth(def
     assert max(press.coupling_error for press in run.statistics) < 1e-3
     assert min(press.fem_calls for press in run.statistics) > 20
     hold = run.scan.phase == "hold"
-    compliance = np.array([body.displacement(j, 1.0) for j in range(81)])[run.scan.press]
+    compliance = np.array([body.displacement(j, 1.0) for j in range(PRESSES)])[run.scan.press]
     law = compliance * truth(run, "true_force_n")
     assert_allclose(truth(run, "true_displacement_m")[hold], law[hold], rtol=1e-3)
 
@@ -77,7 +79,9 @@ def test_the_columns_have_the_declared_noise(default):
     # a touch point that is off by 5 um a press adds 3 % to the spread
     assert travel.std() == pytest.approx(2e-5, rel=0.03 + 4 / np.sqrt(2 * rows))
     offsets = [press.touch_error_m for press in run.statistics]
-    assert abs(travel.mean()) < 4 * np.hypot(2e-5 / np.sqrt(rows), np.std(offsets) / 9)
+    assert abs(travel.mean()) < 4 * np.hypot(
+        2e-5 / np.sqrt(rows), np.std(offsets) / np.sqrt(PRESSES)
+    )
     assert np.std(offsets) < 1e-5
     sideways = run.scan.force_vector_n[:, :2]
     assert_allclose(sideways.std(axis=0), 5e-3, rtol=4 / np.sqrt(2 * rows))
@@ -87,11 +91,11 @@ def test_noise_of_neighbouring_samples_is_independent(default):
     run = default[2]
     hold = run.scan.phase == "hold"
     for name, value in (("true_force_n", "force_n"), ("true_displacement_m", "displacement_m")):
-        noise = (getattr(run.scan, value) - truth(run, name))[hold].reshape(81, -1)
+        noise = (getattr(run.scan, value) - truth(run, name))[hold].reshape(PRESSES, -1)
         noise = noise - noise.mean(axis=1, keepdims=True)
         product = (noise[:, 1:] * noise[:, :-1]).mean() / noise.var()
-        # taking the mean of 8 out correlates by -1/7; the spread of 567 products is about 0.04
-        assert abs(product + 1 / 7) < 0.17
+        # taking the mean of 8 out correlates by -1/7; the spread of 287 products is about 0.06
+        assert abs(product + 1 / 7) < 0.24
 
 
 def test_the_scan_has_the_rows_of_the_press_profile(default):
@@ -99,9 +103,9 @@ def test_the_scan_has_the_rows_of_the_press_profile(default):
     scan = run.scan
     assert_allclose(scan.contact_points, plan.points_m)
     assert_allclose(scan.contact_radii, 0.005)
-    phases = scan.phase.reshape(81, 22)
+    phases = scan.phase.reshape(PRESSES, 22)
     assert (phases == ["load"] * 8 + ["hold"] * 8 + ["unload"] * 6).all()
-    times = scan.time_s.reshape(81, 22)
+    times = scan.time_s.reshape(PRESSES, 22)
     assert (np.diff(scan.time_s) > 0).all()
     assert_allclose(np.diff(times[:, :8]), 0.125, atol=0.002)
     assert_allclose(np.diff(times[:, 8:16]), 0.25, atol=0.002)
@@ -147,7 +151,7 @@ def test_the_series_hold_every_step(default):
     series = default[2].series
     assert_allclose(np.diff(series.time_s), 0.002, atol=1e-9)
     touching = np.isfinite(series.displacement_m)
-    assert touching.sum() == pytest.approx(81 * 2000, rel=0.01)
+    assert touching.sum() == pytest.approx(PRESSES * 2000, rel=0.01)
     noise = (series.displacement_m - series.true_depth_m)[touching]
     assert noise.std() == pytest.approx(2e-5, rel=0.05)
 
@@ -157,7 +161,7 @@ def test_frames_come_at_their_rate_and_show_the_arm_and_the_force(default):
     times = np.array([frame.time_s for frame in frames])
     assert_allclose(np.diff(times), 0.04, atol=1e-9)
     held = [frame for frame in frames if frame.phase == "hold"]
-    assert {frame.press for frame in held} == set(range(81))
+    assert {frame.press for frame in held} == set(range(PRESSES))
     force = np.mean([frame.force_vector_n for frame in held], axis=0)
     assert_allclose(force, [0, 0, -0.25], atol=1e-3)
     for frame in held[::200]:

@@ -100,6 +100,7 @@ def test_a_small_effect_is_found_beside_noise_that_is_less_than_stated():
     )
 
 
+@pytest.mark.slow
 def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     (spot,) = TRUE.inclusions
     ball = Inclusion(spot.weight_pa, (spot.x_m, spot.y_m, spot.z_m), spot.radius_m, ball_share=0.85)

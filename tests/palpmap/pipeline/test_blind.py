@@ -261,6 +261,7 @@ def test_further_presses_need_a_trial_and_a_program(trial, tmp_path):
     assert not (trial / "study_2.toml").exists()
 
 
+@pytest.mark.slow
 def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
     game = tournament.Game(0, str(tmp_path / "0"), Trial(3, ("force_bias",), (0.05,), 1), 2)
     (tmp_path / "0").mkdir()
@@ -473,6 +474,7 @@ def test_a_dask_address_at_which_nobody_answers_is_said(address):
         next(tournament.play_dask([], address))
 
 
+@pytest.mark.slow
 def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
     distributed = pytest.importorskip("distributed")
     (tmp_path / "file").touch()

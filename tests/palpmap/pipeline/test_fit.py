@@ -42,12 +42,14 @@ def case_k(run_command):
     return run_command("fit", LAB / "case_k" / "study.toml")
 
 
+@pytest.mark.slow
 def test_the_fit_of_an_independent_solvers_scan_succeeds(case_k):
     assert case_k.exit_code == 0, case_k.stderr
     assert case_k.record["success"]
     assert case_k.peak_bytes < 2e9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_the_independent_solvers_truth_is_found_within_tolerance_and_interval(case_k, name):
     estimate, true = case_k.record["parameters"][name], true_values("case_k")[name]
@@ -55,6 +57,7 @@ def test_the_independent_solvers_truth_is_found_within_tolerance_and_interval(ca
     assert estimate["lower95"] <= true <= estimate["upper95"]
 
 
+@pytest.mark.slow
 def test_the_independent_solvers_residual_is_noise(case_k):
     assert case_k.record["residual_is_noise"]
     # Five standard deviations of chi-square per degree of freedom of 81 x 22 readings.
@@ -65,6 +68,7 @@ def test_the_independent_solvers_residual_is_noise(case_k):
     assert not noise["force_estimated"]
 
 
+@pytest.mark.slow
 def test_the_compliances_are_the_independent_solvers(case_k):
     truth = json.loads((LAB / "case_k" / "truth.json").read_text())
     fit = json.loads((case_k.folder / "fit.json").read_text())
@@ -73,6 +77,7 @@ def test_the_compliances_are_the_independent_solvers(case_k):
     assert np.abs(ratio - 1).max() < 0.015
 
 
+@pytest.mark.slow
 def test_the_run_folder_of_a_fit_stands_for_itself(case_k):
     left = {path.name for path in case_k.folder.iterdir()}
     assert left == {
@@ -91,6 +96,7 @@ def test_the_run_folder_of_a_fit_stands_for_itself(case_k):
     assert entry["settings"] == {"inclusions": 1, "optimizer": "gauss-newton", "left_out": []}
 
 
+@pytest.mark.slow
 def test_the_recording_of_a_fit_is_whole_and_ends_at_the_found_map(case_k):
     summary = read_summary(case_k.folder / "recording.rrd")
     assert summary.whole

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from identify import Progress, silent
 from identify.catalogue import CATALOGUE
-from identify.design import BetterScans, assess, better_scans, detection_limits
+from identify.design import BetterScans, assess, better_scans, detection_limits, other_map
 from identify.effects import Effect
 from identify.fit import FitIteration
 from identify.select import Step, kind_of_map, start_fit, step_of
@@ -97,7 +97,8 @@ def explain(
     """
     problem = start(experiment, effects, progress, on_iteration)
     found, without = explain_scan(problem, seed, on_step)
-    assessment = assess(found, problem.catalogue, without, progress)
+    other = other_map(found, problem, lambda: experiment.of_kind("free").opened(progress))
+    assessment = assess(found, problem.catalogue, without, progress, other)
     return Explanation.of(found, experiment, problem, assessment, seed)
 
 

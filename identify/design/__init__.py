@@ -4,6 +4,7 @@ from identify.design.assessment import Assessment, assess
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.geometry_confounders import GeometryConfounder
 from identify.design.next_presses import Proposal
+from identify.design.other_map import OtherMap, other_map
 from identify.design.predicted_limits import BetterScans, better_scans
 from identify.design.scan_variants import Design, Presses
 from identify.design.settings import DETECTION
@@ -16,10 +17,12 @@ __all__ = [
     "Design",
     "GeometryConfounder",
     "Limit",
+    "OtherMap",
     "Presses",
     "Proposal",
     "UndetectedBias",
     "assess",
     "better_scans",
     "detection_limits",
+    "other_map",
 ]

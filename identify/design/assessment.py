@@ -11,6 +11,7 @@ from identify.body.discretization_error import MODEL_ERROR
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.geometry_confounders import GeometryConfounder, geometry_confounders
 from identify.design.next_presses import Proposal, next_presses
+from identify.design.other_map import OtherMap
 from identify.design.predicted_limits import designs_on_body
 from identify.design.redundant_inclusions import redundant_inclusions
 from identify.design.scan_variants import Presses, presses_of, variations
@@ -49,6 +50,7 @@ class Assessment:
     outlying : presses (ids) that the answer does not account for
     repeat : these presses once more
     finer_mesh : the error of the mesh is among the effects offered, so that a finer mesh decides
+    other_map : what maps of any form leave of an unexplained scan, None where that was not asked
     """
 
     parameters: Mapping[str, Estimate]
@@ -65,6 +67,7 @@ class Assessment:
     outlying: tuple[int, ...]
     repeat: Presses
     finer_mesh: bool
+    other_map: OtherMap | None = None
 
 
 def assess(
@@ -72,6 +75,7 @@ def assess(
     catalogue: Sequence[Effect],
     without: WithoutSuspects | None = None,
     say: Say = lambda text: None,
+    other: OtherMap | None = None,
 ) -> Assessment:
     """Assess an explanation with the effects of a catalogue.
 
@@ -82,6 +86,7 @@ def assess(
     ----------
     without : result without the outlying presses, None where there are none
     say : called with the present task, in words
+    other : what maps of any form leave of an unexplained scan
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
@@ -113,6 +118,7 @@ def assess(
         outlying=outlying,
         repeat=_again(explained, outlying),
         finer_mesh=known and MODEL_ERROR in offered,
+        other_map=other,
     )
 
 

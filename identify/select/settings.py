@@ -103,7 +103,10 @@ class SelectionSettings:
         the rms residual rises
     first_evaluations : of the first step from the contact law
     elsewhere : of the unexplained chi-square: share outside the outlying presses below which these
-        may have hidden the explanation of the others
+        may have hidden the explanation of the others; and what each press with a compliance of its
+        own must leave of it to exclude every map
+    rough : relative error of a free map in each press's compliance beyond which it is no error of
+        its form
     diagnosis, residual, cross_validation : of the analysis of each step
     """
 
@@ -137,6 +140,7 @@ class SelectionSettings:
     predicted_share: float = 0.5
     first_evaluations: int = 40
     elsewhere: float = 0.5
+    rough: float = 0.01
     diagnosis: DiagnosisSettings = DIAGNOSIS
     residual: ResidualSettings = RESIDUAL
     cross_validation: CrossValidationSettings = CROSS_VALIDATION

@@ -47,7 +47,7 @@ from palpmap.recording.scene import lifted, vertex_normals
 from palpmap.recording.stream import Log, RecordingFile
 from palpmap.result.explain_words import headline, step_evidence, step_labels, verdict_detail
 from palpmap.result.finding import Finding
-from palpmap.result.records import ExplainRecord
+from palpmap.result.records import ExplainRecord, OtherMapRecord
 from palpmap.result.truth import matched
 from palpmap.study.open_study import Problem
 from palpmap.units import rms
@@ -134,7 +134,7 @@ def record_explanation(
         modulus = step.fit.changed_map.modulus(surface.vertices_m)
         colors = modulus_colors(modulus, span)
         log(parts.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
-        _log_events(log, explained, problem, number)
+        _log_events(log, explained, problem, number, record.other_map)
     _log_comparison(file, finding, explained)
     for name, picture in figures.items():
         file.static(f"{parts.FIGURES}/{name}", rr.EncodedImage(path=picture))
@@ -289,7 +289,9 @@ def _log_step(log: Log, step: Step, number: int, painted: _Painted) -> None:
     log(CANDIDATES, rr.TextDocument(candidates_text(step), media_type="text/markdown"))
 
 
-def _log_events(log: Log, explained: Explanation, problem: Problem, number: int) -> None:
+def _log_events(
+    log: Log, explained: Explanation, problem: Problem, number: int, other: OtherMapRecord | None
+) -> None:
     step = explained.ladder[number]
     label = step_labels([s.fit.effect_names for s in explained.ladder])[number]
     text = (
@@ -303,7 +305,7 @@ def _log_events(log: Log, explained: Explanation, problem: Problem, number: int)
     log(parts.EVENTS, rr.TextLog(step.comparison.statement, level=level))
     if step is explained.final:
         sure = explained.verdict in ("nothing_missing", "explained")
-        text = f"{headline(explained)} {verdict_detail(explained)}"
+        text = f"{headline(explained)} {verdict_detail(explained, other)}"
         log(parts.EVENTS, rr.TextLog(text, level="INFO" if sure else "WARN"))
 
 

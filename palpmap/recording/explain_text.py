@@ -44,7 +44,7 @@ def about_text(
     """Return verdict, next steps, error, evidence and legend, Markdown."""
     blocks = [
         f"### {name}",
-        f"**{headline(explained)}** {verdict_detail(explained)}",
+        f"**{headline(explained)}** {verdict_detail(explained, record.other_map)}",
         *following,
         markdown(ladder_table(record.ladder)),
         markdown(explained_table(record)),

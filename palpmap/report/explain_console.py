@@ -52,7 +52,7 @@ def explain_summary(
     from rich.text import Text
 
     style = VERDICTS[explained.verdict][1]
-    verdict = f"{headline(explained)} {verdict_detail(explained)}".strip()
+    verdict = f"{headline(explained)} {verdict_detail(explained, record.other_map)}".strip()
     said = [*_evidence(explained, problem), *presses_sentences(record)]
     further = [*explained.final.comparison.notes]
     if unseen := unseen_effects(record):

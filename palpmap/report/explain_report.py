@@ -67,7 +67,7 @@ def write_explain_report(
         pictures=pictures,
         headline=words.headline(explained),
         following=following,
-        detail=words.verdict_detail(explained),
+        detail=words.verdict_detail(explained, record.other_map),
         doubts=[*doubts.doubts(record, explained), *doubts.assumed_thickness(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],

@@ -17,6 +17,7 @@ from palpmap.result.records import (
     FormRecord,
     LimitRecord,
     LimitsRecord,
+    OtherMapRecord,
     ParameterRecord,
     PlannedScanRecord,
     StepRecord,
@@ -56,6 +57,7 @@ def explain_record(
         unseen_inclusions=assessment.redundant_inclusions,
         stated_lengths=assessment.confounders,
         finer_cells=finer_cells(problem.study.body) if assessment.finer_mesh else None,
+        other_map=assessment.other_map and OtherMapRecord(**vars(assessment.other_map)),
         next_presses=next_presses_records(assessment, problem.model.readings.presses),
         limits=tuple(limit_record(limit) for limit in assessment.limits),
         detection_limits={

@@ -14,6 +14,7 @@ from identify.residual import law_sentence, sentence
 from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
+from palpmap.result.records import OtherMapRecord
 from palpmap.study.open_study import Problem
 
 _HARD = 0.7  # of the middle compliance
@@ -52,8 +53,11 @@ def headline(explained: Explanation) -> str:
     return VERDICTS[explained.verdict][0]
 
 
-def verdict_detail(explained: Explanation) -> str:
-    """Return the sentence that names the effects, or describes the residual."""
+def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) -> str:
+    """Return the sentence that names the effects, or describes the residual.
+
+    `other` maps of an unexplained scan are told last.
+    """
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
         if explained.traces:
@@ -73,7 +77,48 @@ def verdict_detail(explained: Explanation) -> str:
         return _few_presses(explained)
     residual = explained.final.comparison
     look = sentence(replace(residual, law=None, course=None))
-    return f"{law_sentence(residual)} {look} {_help(explained)}".strip()
+    maps = other_map_sentence(other)
+    if other and other.answer == "another_map":  # what the residual looks like is the wrong map's
+        return maps
+    return f"{law_sentence(residual)} {look} {_help(explained)}{maps}".strip()
+
+
+def other_map_sentence(other: OtherMapRecord | None) -> str:
+    """Say whether a map of another form would leave noise.
+
+    >>> other_map_sentence(OtherMapRecord(answer="no_map", chi2_per_dof=9.5, left=0.92,
+    ...     map_error=0.0, more_evidence=None, effects=("viscoelasticity",)))
+    'No map does either, of whatever form: beside viscoelasticity, 92 % of the misfit remains if \
+each press has a stiffness of its own. The missing cause is no stiffness.'
+    """
+    if other is None:
+        return ""
+    beside = f"beside {listed(other.effects)}, " if other.effects else ""
+    if other.answer == "no_map" and other.more_evidence is None:
+        return (
+            f"No map does either, of whatever form: {beside}{percent(other.left)} of the misfit "
+            "remains if each press has a stiffness of its own. The missing cause is no stiffness."
+        )
+    if other.answer == "no_map":
+        return (
+            f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
+            "remains with a free map. The missing cause is more than stiffness."
+        )
+    more = f"chi-square per degree of freedom {other.chi2_per_dof:.3g}"
+    if other.more_evidence is not None:
+        side = "above" if other.more_evidence > 0 else "below"
+        more += f", log evidence {abs(other.more_evidence):.3g} {side} that of the inclusions"
+    if other.answer == "another_map":
+        alone = "" if other.effects else ", and it needs no effect beside it"
+        return (
+            f"A map of another form does: {beside}a free map leaves noise ({more}){alone}. "
+            "The numbers below are those of the wrong map."
+        )
+    return (
+        f"No smooth map does: {beside}a free map leaves noise only with an error of "
+        f"{percent(other.map_error)} in each press ({more}). Places, tips or contacts may differ "
+        "from press to press."
+    )
 
 
 def _little_left(explained: Explanation) -> str:

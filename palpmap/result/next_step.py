@@ -24,6 +24,11 @@ def next_steps(
     steps = [f"{record.finer_cells}."] if record.finer_cells else []
     if record.next_presses:
         steps.append(_presses(record, run))
+    if record.other_map and record.other_map.answer == "another_map":
+        steps.append(
+            f'Set kind = "free" under [map] of {source}, and `{to_type("explain", source)}` again: '
+            "effects are then sought beside a map of any form."
+        )
     if explained.verdict == "unexplained":
         steps.append(_own_effect(run, source))
     elif explained.verdict == "ambiguous" and explained.within_laws:

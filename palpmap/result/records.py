@@ -5,6 +5,7 @@ file. A parameter's name is `background_pa`, `inclusion_1.weight_pa`, `viscoelas
 """
 
 from collections.abc import Mapping
+from typing import Literal
 
 from pydantic import Field
 
@@ -187,6 +188,22 @@ class WithoutSuspectsRecord(Record):
     residual: str = Field(description="the residual in one sentence")
 
 
+class OtherMapRecord(Record):
+    """What maps of any form leave of an unexplained scan."""
+
+    answer: Literal["another_map", "rough_map", "no_map"] = Field(
+        description="a map of another form leaves noise, only one with an error of its own in each "
+        "press does, or none does"
+    )
+    chi2_per_dof: float = Field(description="chi-square per degree of freedom with such a map")
+    left: float = Field(description="share of the unexplained chi-square that remains")
+    map_error: float = Field(description="relative error of the free map in each press, or 0")
+    more_evidence: float | None = Field(
+        description="log evidence of the free map less that of inclusions, null if not fitted"
+    )
+    effects: tuple[str, ...] = Field(description="effects beside it")
+
+
 class ExplainRecord(CountRecord, FileRecord):
     """result.json of `palpmap explain`."""
 
@@ -239,6 +256,9 @@ class ExplainRecord(CountRecord, FileRecord):
     )
     finer_cells: str | None = Field(
         default=None, description="what a finer mesh would tell, else null"
+    )
+    other_map: OtherMapRecord | None = Field(
+        default=None, description="what other maps leave of an unexplained scan, null if not asked"
     )
     next_presses: tuple[NextPressesRecord, ...] = Field(
         default=(), description="the best one first"

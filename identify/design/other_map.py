@@ -1,0 +1,123 @@
+"""Maps of other forms, for an unexplained scan: would one do, or does none.
+
+Two fits answer it. Each press with a compliance of its own bounds every map: a residual that this
+leaves is none of stiffness. Where it leaves little, a free map is fitted in place of the
+inclusions. Of the effects that were added only those stay that the presses call for: a wrong map
+brings in others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.special import chdtrc
+
+from identify.experiment import Experiment
+from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
+from identify.fit.free_compliance_start import free_compliance
+from identify.fit.free_map_fit import fit_free_map
+from identify.fit.result import FitResult
+from identify.measurement.model import EffectInModel
+from identify.optimize.result import InadmissibleError
+from identify.residual.compare import compare
+from identify.select.explanation import Explanation
+from identify.select.settings import SELECTION, SelectionSettings
+from identify.select.start_fit import StartFit
+from models import InputError
+
+Answer = Literal["another_map", "rough_map", "no_map"]
+
+
+@dataclass(frozen=True)
+class OtherMap:
+    """What maps of any form leave of an unexplained scan.
+
+    Attributes
+    ----------
+    answer : `another_map`: a free map leaves noise. `rough_map`: only with an error of its own in
+        each press (`map_error`), so that places, tips or contacts may differ from press to press.
+        `no_map`: structure remains, so that its cause is none of stiffness
+    chi2_per_dof : of the free map, or of the presses with a compliance each where those suffice to
+        exclude every map
+    left : share of the unexplained chi-square that remains
+    map_error : relative error of the free map in each press's compliance; 0 where none is needed
+    more_evidence : logarithm of the free map's evidence less that of the inclusions; None where no
+        free map was fitted
+    effects : names of the effects beside it
+    """
+
+    answer: Answer
+    chi2_per_dof: float
+    left: float
+    map_error: float = 0.0
+    more_evidence: float | None = None
+    effects: tuple[str, ...] = ()
+
+
+def other_map(
+    explained: Explanation,
+    start: StartFit,
+    open_free: Callable[[], Experiment],
+    settings: SelectionSettings = SELECTION,
+) -> OtherMap | None:
+    """Ask whether a map of another form explains an unexplained scan.
+
+    Parameters
+    ----------
+    open_free : makes the experiment with a free map, on a mesh for it
+    settings : `sure` is the level of the test, `elsewhere` the share of the excess that excludes
+        every map, `rough` the largest error of a map that counts as one of its form
+
+    Returns
+    -------
+    OtherMap or None
+        None where the question does not arise, or no free map was found.
+    """
+    last = explained.final.fit
+    if explained.verdict != "unexplained" or last.field is not None:
+        return None
+    excess = max(last.chi2 - last.dof, 1.0)
+    presses = free_compliance(start.scan, start.body, last.model.noise)
+    own = explained.ladder[0].fit.effect_names
+    given = [p for p in last.model.effects if p.effect.name in own]
+    alone = min(
+        (_alone(presses, parts, last) for parts in (given, last.model.effects)),
+        key=lambda fit: fit.chi2 + fit.unknowns * np.log(len(fit.residual)),
+    )
+    left = (alone.chi2 - alone.dof) / excess
+    noise = chdtrc(alone.dof, alone.chi2) >= settings.sure
+    if not noise and left > settings.elsewhere and not last.model.noise.estimated:
+        return OtherMap("no_map", alone.chi2_per_dof, min(left, 1.0), effects=alone.names)
+    start.experiment.say("fitting a free map in place of the inclusions")
+    effects = [(p.effect, last.at.values[p.effect.name]) for p in given]
+    effects += [(p.effect, p.start) for p in alone.parts if p.effect.name not in own]
+    try:
+        free = replace(open_free(), effects=tuple(effects))
+        fit = fit_free_map(free)
+    except (InputError, InadmissibleError):
+        return None
+    return _answer(fit, last, free, excess, settings) if fit.success else None
+
+
+def _alone(
+    presses: FreeCompliance, parts: Sequence[EffectInModel], last: FitResult
+) -> FreeComplianceFit:
+    """Fit the presses alone beside effects, from their values in the last model."""
+    parts = [presses.part(p.effect, last.at.values[p.effect.name]) for p in parts]
+    return presses.fit([part for part in parts if presses.shows(part.effect)])
+
+
+def _answer(
+    fit: FitResult, last: FitResult, free: Experiment, excess: float, settings: SelectionSettings
+) -> OtherMap:
+    assert fit.field is not None
+    error = fit.field.hyper.error
+    answer: Answer = "no_map"
+    if compare(fit, free.scan, settings.residual).is_noise:
+        answer = "another_map" if error <= settings.rough else "rough_map"
+    left = min(max(fit.chi2 - fit.dof, 0.0) / excess, 1.0)
+    more = fit.field.log_evidence + last.bic / 2
+    return OtherMap(answer, fit.chi2_per_dof, left, error, float(more), fit.effect_names)

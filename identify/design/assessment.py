@@ -50,7 +50,7 @@ class Assessment:
     outlying : presses (ids) that the answer does not account for
     repeat : these presses once more
     finer_mesh : the error of the mesh is among the effects offered, so that a finer mesh decides
-    other_map : what maps of any form leave of an unexplained scan, None where that was not asked
+    other_map : residual of an unexplained scan beside maps of any form, None where not asked
     """
 
     parameters: Mapping[str, Estimate]
@@ -86,7 +86,7 @@ def assess(
     ----------
     without : result without the outlying presses, None where there are none
     say : called with the present task, in words
-    other : what maps of any form leave of an unexplained scan
+    other : residual of an unexplained scan beside maps of any form
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}

@@ -33,7 +33,7 @@ Answer = Literal["another_map", "rough_map", "no_map"]
 
 @dataclass(frozen=True)
 class OtherMap:
-    """What maps of any form leave of an unexplained scan.
+    """Residual of an unexplained scan beside maps of any form.
 
     Attributes
     ----------

@@ -189,7 +189,7 @@ class WithoutSuspectsRecord(Record):
 
 
 class OtherMapRecord(Record):
-    """What maps of any form leave of an unexplained scan."""
+    """Residual of an unexplained scan beside maps of any form."""
 
     answer: Literal["another_map", "rough_map", "no_map"] = Field(
         description="a map of another form leaves noise, only one with an error of its own in each "

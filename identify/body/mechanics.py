@@ -379,7 +379,7 @@ class BodyMechanics:
         return response
 
     def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
-        """True for a state whose law reduced bases know."""
+        """Return True for a state whose law reduced bases know."""
         return isinstance(stiffness, GaussianMap) and not state.fibre_share
 
     def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:

@@ -76,7 +76,7 @@ def standing(fit: FitResult, comparison: Comparison) -> frozenset[str]:
 
 
 def _common_course(fit: FitResult, parts: Parts) -> bool:
-    """True for a residual with a course within the presses that all of them share.
+    """Return True for a residual with a course within the presses that all of them share.
 
     Steps of the force, phase by phase, as a length and as a share of the force.
     """

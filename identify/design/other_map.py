@@ -28,7 +28,7 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
 from models import InputError
 
-Answer = Literal["another_map", "rough_map", "no_map"]
+Answer = Literal["another_map", "either", "rough_map", "no_map"]
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,11 @@ class OtherMap:
 
     Attributes
     ----------
-    answer : `another_map`: a free map leaves noise. `rough_map`: only with an error of its own in
-        each press (`map_error`), so that places, tips or contacts may differ from press to press.
-        `no_map`: structure remains, so that its cause is none of stiffness
+    answer : `another_map`: a free map leaves noise, and has more evidence than the inclusions.
+        `either`: it leaves noise, but has less evidence: an effect that the catalogue lacks, or
+        that acts on compliances, may be imitated. `rough_map`: it leaves noise only with an error
+        of its own in each press (`map_error`), so that places, tips or contacts may differ from
+        press to press. `no_map`: structure remains, so that its cause is none of stiffness
     chi2_per_dof : of the free map, or of the presses with a compliance each where those suffice to
         exclude every map
     left : share of the unexplained chi-square that remains
@@ -69,7 +71,8 @@ def other_map(
     ----------
     open_free : makes the experiment with a free map, on a mesh for it
     settings : `sure` is the level of the test, `elsewhere` the share of the excess that excludes
-        every map, `rough` the largest error of a map that counts as one of its form
+        every map, `margin` twice the evidence that decides, `rough` the largest error of a map
+        that counts as one of its form
 
     Returns
     -------
@@ -114,10 +117,10 @@ def _answer(
     fit: FitResult, last: FitResult, free: Experiment, excess: float, settings: SelectionSettings
 ) -> OtherMap:
     assert fit.field is not None
-    error = fit.field.hyper.error
+    error, more = fit.field.hyper.error, float(fit.field.log_evidence + last.bic / 2)
     answer: Answer = "no_map"
     if compare(fit, free.scan, settings.residual).is_noise:
-        answer = "another_map" if error <= settings.rough else "rough_map"
+        smooth: Answer = "another_map" if more > settings.margin / 2 else "either"
+        answer = smooth if error <= settings.rough else "rough_map"
     left = min(max(fit.chi2 - fit.dof, 0.0) / excess, 1.0)
-    more = fit.field.log_evidence + last.bic / 2
-    return OtherMap(answer, fit.chi2_per_dof, left, error, float(more), fit.effect_names)
+    return OtherMap(answer, fit.chi2_per_dof, left, error, more, fit.effect_names)

@@ -111,8 +111,14 @@ each press has a stiffness of its own. The missing cause is no stiffness.'
     if other.answer == "another_map":
         alone = "" if other.effects else ", and it needs no effect beside it"
         return (
-            f"A map of another form does: {beside}a free map leaves noise ({more}){alone}. "
-            "The numbers below are those of the wrong map."
+            f"A map of another form would do: {beside}a free map leaves noise ({more}){alone}. "
+            "Causes that act on compliances alone (support, tool, shape of the body) may hide in "
+            "such a map. The numbers below are those of the map that does not do."
+        )
+    if other.answer == "either":
+        return (
+            f"A map of another form could take it, but the scan speaks against it: {beside}a free "
+            f"map leaves noise too ({more}). Map or physics is not decided here."
         )
     return (
         f"No smooth map does: {beside}a free map leaves noise only with an error of "

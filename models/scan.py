@@ -5,13 +5,14 @@ One row a sample, SI units; a press is a run of rows with the same id.
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from models.scan_columns import CONTACT_PHASES, OUTCOMES, PHASES
 
 _WORDS = {"phase": PHASES, "outcome": OUTCOMES}
+_NO_COLUMNS = ("frame_m", "travel_from")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,8 @@ class Scan:
     tip_pose : (m, 7) measured pose of the tip: position in m and quaternion w, x, y, z; or None
     outcome : (m,) made, or retried where an earlier attempt at the press failed; or None
     frame_m : (3,) m, origin of the body's frame in that of the scan, once it was placed
+    travel_from : "touch" if travel counts from each press's own first touch, "plane" if from where
+        the surface was planned; empty where that is not known
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Scan:
     tip_pose: np.ndarray | None = None
     outcome: np.ndarray | None = None
     frame_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    travel_from: Literal["", "touch", "plane"] = ""
 
     def __post_init__(self):
         m = len(self.press)
@@ -82,7 +86,7 @@ class Scan:
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """The arrays that the table has, by name."""
-        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "frame_m"}
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _NO_COLUMNS}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def __len__(self) -> int:

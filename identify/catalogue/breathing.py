@@ -1,6 +1,7 @@
 """The body moves up and down on its own."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ class Breathing(Advice, Effect):
     name = "breathing"
     title = "Breathing"
     order = 100
+    counted_from = "plane"
     summary = (
         "The body rises and falls on its own, as with breath or pulse, and the robot takes that "
         "for travel. The motion goes on through all presses at one frequency."
@@ -44,6 +46,8 @@ class Breathing(Advice, Effect):
         EffectParameter("frequency_hz", "Hz", "of the motion", None, 1e-3, 10.0, 0.3),
     )
     needs = ("time",)
+    tones = 1  # the highest one has to be resolved
+    highest_hz = _HIGHEST_HZ
     examples = (
         WorkedExample(
             "0.1 mm at 0.25 Hz: a quarter of a period a second.",
@@ -64,7 +68,15 @@ class Breathing(Advice, Effect):
         frequency_hz: float,
     ) -> np.ndarray:
         """Add the motion."""
-        return travel_m + motion(readings.elapsed_s, sine_m, cosine_m, frequency_hz)
+        return travel_m + self.moved(readings, frequency_hz, (sine_m, cosine_m))
+
+    def moved(self, readings: Readings, frequency_hz: float, waves: Sequence[float]) -> np.ndarray:
+        """Motion (m,) of the body, since touch where travel counts from there."""
+        moved = motion(readings.elapsed_s, frequency_hz, waves)
+        if self.counted_from == "touch":
+            touch = readings.touch_time_s - readings.clock_start_s
+            moved = moved - motion(touch, frequency_hz, waves)[readings.press]
+        return moved
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.
@@ -72,12 +84,13 @@ class Breathing(Advice, Effect):
         A motion that comes round with each press, or at a multiple of its rhythm, looks the same
         in all presses and imitates creep, bias and loops: no scan can tell it from them.
         """
-        frequency, free = _free_frequencies(readings)
+        frequency, free = _free_frequencies(readings, self.tones)
+        free &= frequency <= self.highest_hz
         return [{"frequency_hz": float(f)} for f in frequency[free]]
 
     def doubt(self, values: Values, readings: Readings) -> str | None:
         """Doubt a frequency that has drifted to the rhythm of the presses."""
-        frequency, free = _free_frequencies(readings)
+        frequency, free = _free_frequencies(readings, self.tones)
         f = values["frequency_hz"]
         nearest = int(np.argmin(np.abs(frequency - f)))
         if free[nearest]:
@@ -104,7 +117,7 @@ class Breathing(Advice, Effect):
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how far and how often the body moves."""
-        size = math.hypot(values["sine_m"], values["cosine_m"])
+        size = float(np.sqrt(sum(values[p.name] ** 2 for p in self.amplitudes)))
         f = values["frequency_hz"]
         return (
             f"Readings swing up and down by {length(size)} every {seconds(1 / f)} "
@@ -112,13 +125,16 @@ class Breathing(Advice, Effect):
         )
 
 
-def motion(time_s: np.ndarray, sine_m: float, cosine_m: float, frequency_hz: float) -> np.ndarray:
-    """Motion of the body at times since the scan's clock began, m."""
+def motion(time_s: np.ndarray, frequency_hz: float, waves: Sequence[float]) -> np.ndarray:
+    """Motion of the body at times since the scan's clock began, m.
+
+    `waves` are sine and cosine of the frequency, of twice it, and so on.
+    """
     angle = 2 * math.pi * frequency_hz * time_s
     total = np.zeros_like(angle)
-    for size, course in ((sine_m, np.sin), (cosine_m, np.cos)):
+    for number, size in enumerate(waves):
         if size:  # a pattern of one amplitude needs no other, and there are thousands
-            total += size * course(angle)
+            total += size * (np.cos if number % 2 else np.sin)((1 + number // 2) * angle)
     return total
 
 
@@ -129,18 +145,19 @@ def _band(readings: Readings) -> tuple[float, float]:
     return min(max(_LOWEST_HZ, 2 / time), high / 2), high
 
 
-def _free_frequencies(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
+def _free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies in Hz, and which of them lie far enough from any that is locked.
 
-    Locked: the presses start at nearly one angle of the motion.
+    Locked: the presses start at nearly one angle of the motion. `tones` fold the resolution.
     """
+    oversampling = tones * _OVERSAMPLING
     time = float(readings.elapsed_s[-1])
     low, high = _band(readings)
-    frequency = np.arange(low, high, 1 / (_OVERSAMPLING * time))
+    frequency = np.arange(low, high, 1 / (oversampling * time))
     start = readings.elapsed_s[readings.first]
     turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
     limit = max(_COHERENT, _CHANCE / math.sqrt(readings.presses))
     locked = np.abs(turn.mean(axis=1)) >= limit
-    reach = round(_RESOLUTION * _OVERSAMPLING)
+    reach = round(_RESOLUTION * oversampling)
     near = np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
     return frequency, ~near

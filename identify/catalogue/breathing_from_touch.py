@@ -1,10 +1,7 @@
 """The body moves up and down on its own, and each press counts from its own touch."""
 
-import numpy as np
-
-from identify.catalogue.breathing import Breathing, motion
+from identify.catalogue.breathing import Breathing
 from identify.effects.base import WorkedExample
-from identify.effects.readings import Readings
 
 
 class BreathingFromTouch(Breathing):
@@ -14,6 +11,7 @@ class BreathingFromTouch(Breathing):
     family = "breathing"
     title = "Breathing, counted from each touch"
     order = 101
+    counted_from = "touch"
     summary = (
         "The body rises and falls on its own, and each press counts its travel from where it met "
         "the surface. Only the motion since first touch shows."
@@ -36,18 +34,3 @@ class BreathingFromTouch(Breathing):
             {"displacement_m": (1.1e-3, 1.2e-3, 1.1e-3, 1e-3)},
         ),
     )
-
-    def reading(
-        self,
-        readings: Readings,
-        force_n: np.ndarray,
-        travel_m: np.ndarray,
-        *,
-        sine_m: float,
-        cosine_m: float,
-        frequency_hz: float,
-    ) -> np.ndarray:
-        """Add the motion since touch."""
-        sizes = sine_m, cosine_m, frequency_hz
-        touch = readings.touch_time_s[readings.press] - readings.clock_start_s
-        return travel_m + motion(readings.elapsed_s, *sizes) - motion(touch, *sizes)

@@ -7,6 +7,8 @@ from identify.catalogue.base_sliding import BaseSliding
 from identify.catalogue.body_shift import BodyShift
 from identify.catalogue.breathing import Breathing
 from identify.catalogue.breathing_from_touch import BreathingFromTouch
+from identify.catalogue.breathing_harmonics import BreathingHarmonics
+from identify.catalogue.breathing_harmonics_from_touch import BreathingHarmonicsFromTouch
 from identify.catalogue.contact_offset import ContactOffset
 from identify.catalogue.displacement_drift import DisplacementDrift
 from identify.catalogue.displacement_jump import DisplacementJump
@@ -30,8 +32,10 @@ from identify.catalogue.play import Play
 from identify.catalogue.poisson_ratio import PoissonRatio
 from identify.catalogue.power_law_creep import PowerLawCreep
 from identify.catalogue.preconditioning import Preconditioning
+from identify.catalogue.preconditioning_nearby import PreconditioningNearby
 from identify.catalogue.rigid_tip import RigidTip
 from identify.catalogue.sensitivity_drift import SensitivityDrift
+from identify.catalogue.several_plays import SeveralPlays
 from identify.catalogue.side_gradient import SideGradient
 from identify.catalogue.skin_layer import SkinLayer
 from identify.catalogue.spherical_tip import SphericalTip
@@ -69,9 +73,11 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         PowerLawCreep(),
         LocalCreep(),
         Preconditioning(),
+        PreconditioningNearby(),
         Hysteresis(),
         Play(),
         FreeLoop(),
+        SeveralPlays(),
         TimeLag(),
         ToolCompliance(),
         ForceBias(),
@@ -91,5 +97,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         DisplacementJump(),
         Breathing(),
         BreathingFromTouch(),
+        BreathingHarmonics(),
+        BreathingHarmonicsFromTouch(),
     )
 )

@@ -13,6 +13,7 @@ class DisplacementDrift(Effect):
     name = "displacement_drift"
     title = "Drift of the displacement"
     order = 90
+    counted_from = "plane"
     summary = (
         "The arm grows as it warms up, or the body settles on its bed, and displacements change "
         "with it. They are too large or too small by a length that grows over the scan."

@@ -15,6 +15,7 @@ class DisplacementJump(Jump):
     family = "displacement_drift"
     title = "Jump of the displacement's zero"
     order = 92
+    counted_from = "plane"
     summary = (
         "The body, the arm or its table was knocked or set anew during the scan. All displacements "
         "after that instant are off by one length, as they count from the planned surface."

@@ -15,6 +15,7 @@ class DisplacementWander(Effect):
     family = "displacement_drift"
     title = "Smooth wander of the displacement"
     order = 91
+    counted_from = "plane"
     summary = (
         "The arm warms up and settles, or the body sinks into its bed and stops. "
         "Displacements are off by a length that follows some smooth course over the scan."

@@ -15,6 +15,7 @@ class SurfaceTilt(Effect):
     name = "surface_tilt"
     title = "Tilted surface"
     order = 80
+    counted_from = "plane"
     summary = (
         "The surface is tilted and shifted against the plane from which depths are counted. "
         "Displacements are too large on one side of the scan and too small on the other."

@@ -23,6 +23,7 @@ class TouchThreshold(Advice, Effect):
     name = "touch_threshold"
     title = "Force threshold of first touch"
     order = 70
+    counted_from = "touch"
     summary = (
         "The robot takes the surface for touched when the force passes a threshold, and counts "
         "the travel from there. The travel up to then is missing in every "

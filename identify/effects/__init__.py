@@ -1,10 +1,19 @@
 """Effects: base class, parameters and readings."""
 
-from identify.effects.base import Advice, BodyEffect, Effect, EffectParameter, WorkedExample, advice
+from identify.effects.base import (
+    COUNTED_FROM,
+    Advice,
+    BodyEffect,
+    Effect,
+    EffectParameter,
+    WorkedExample,
+    advice,
+)
 from identify.effects.readings import Readings
 from identify.effects.units import force, length, more, percent
 
 __all__ = [
+    "COUNTED_FROM",
     "Advice",
     "BodyEffect",
     "Effect",

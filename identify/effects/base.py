@@ -44,6 +44,7 @@ LINKS: Mapping[Hook, Link] = {
     "reading": "instrument",
     "touch": "instrument",
 }
+COUNTED_FROM = {"touch": "each press's own touch", "plane": "the planned surface"}
 EffectParameter = Parameter  # under the name that authors of effects import
 Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
 
@@ -110,6 +111,8 @@ class Effect:
     cure : remedy or separation in the experiment, one sentence
     parameters : amplitudes (with a null) first, then shape parameters (null None)
     needs : requirements on the scan
+    counted_from : "touch" or "plane" for an effect that shows only in travel counted from each
+        press's own touch, or only from the planned surface; empty for both
     contains : names of effects that are special cases of this one
     examples : at least one, away from the null
 
@@ -135,6 +138,7 @@ class Effect:
     cure: ClassVar[str]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     needs: ClassVar[tuple[Need, ...]] = ()
+    counted_from: ClassVar[Literal["", "touch", "plane"]] = ""
     contains: ClassVar[tuple[str, ...]] = ()
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
@@ -167,7 +171,12 @@ class Effect:
         return f"{self.gives_away.rstrip('.')} ({sizes})."
 
     def untestable(self, readings: Readings) -> str | None:
-        """Return the reason why this scan cannot show the effect, or None; from `needs`."""
+        """Return the reason why this scan cannot show the effect, or None.
+
+        From `needs` and `counted_from`.
+        """
+        if self.counted_from and readings.travel_from not in ("", self.counted_from):
+            return f"travel counts from {COUNTED_FROM[readings.travel_from]}"
         return readings.lacks(self.needs)
 
     # ---- conveniences --------------------------------------------------------------------

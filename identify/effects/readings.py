@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class Readings:
     force_n : (m,) as the sensor read it
     radius_m : (m,) of the probe
     start_s : start of the scan's clock, if not the time of its first reading
+    travel_from : "touch" or "plane", see `models.Scan`; empty where that is not known
     """
 
     press: np.ndarray
@@ -39,6 +41,7 @@ class Readings:
     force_n: np.ndarray
     radius_m: np.ndarray
     start_s: float | None = None
+    travel_from: Literal["", "touch", "plane"] = ""
 
     @classmethod
     def of(cls, scan: Scan) -> Readings:
@@ -53,6 +56,7 @@ class Readings:
             direction=rows.direction,
             force_n=rows.force_n,
             radius_m=rows.probe_radius_m,
+            travel_from=rows.travel_from,
         )
 
     def __len__(self) -> int:

@@ -29,6 +29,7 @@ from identify.measurement.noise import Noise
 from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
+_PREDICTIONS = 24 * 24  # readings of a press times changes of the force, in a chain with a memory
 _HOOKS = {
     "_forces": ForceEffect,
     "_contacts": ContactEffect,
@@ -136,14 +137,26 @@ class Chain:
     ) -> np.ndarray:
         """Return the derivative (m,) of each displacement by its own force, m/N.
 
-        The forces of a press are changed up and down in turn, so that an effect's memory of earlier
-        readings cancels.
+        An effect with a memory, creep for one, passes a force on to the readings after it. Few
+        readings of a press are then changed at a time, of up to 24 one alone: changed together, the
+        noise expected beside creep of two times was 3 % too small, beside that of one 2 %, and the
+        wrong law won. Of more readings the changes go up and down in turn, so that
+        the memory of small steps in time cancels.
         """
         step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
-        sign = np.where(np.arange(len(force_n)) % 2 == 0, step, -step)
-        up = self.predict(compliance, modulus, force_n + sign, values)
-        down = self.predict(compliance, modulus, force_n - sign, values)
-        return (up - down) / (2 * sign)
+        layers = self.readings.layers
+        remembers = bool(self._responses or self._forces)
+        apart = min(max(_PREDICTIONS // len(layers), 2), len(layers)) if remembers else 1
+        slope = np.empty(len(force_n))
+        for first in range(apart):
+            change = np.zeros(len(force_n))
+            for turn, rows in enumerate(layers[first::apart]):
+                change[rows] = step if turn % 2 == 0 else -step
+            up = self.predict(compliance, modulus, force_n + change, values)
+            down = self.predict(compliance, modulus, force_n - change, values)
+            rows = change != 0
+            slope[rows] = (up - down)[rows] / (2 * change[rows])
+        return slope
 
     def by_body(
         self,

@@ -41,7 +41,8 @@ class AcceptedEffect:
         A candidate loses by its price alone only with a clearly higher chi-square. A more general
         effect, which contains this one, can always do nearly as well: it is no equivalent.
         """
-        best, margin, close = self.candidates[0], self.settings.margin, self.settings.close
+        best = min(self.candidates, key=lambda c: c.criterion)
+        margin, close = self.settings.margin, self.settings.close
         near = [
             c
             for c in self.candidates

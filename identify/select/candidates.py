@@ -37,6 +37,16 @@ class Candidate:
         return next((effect.family for effect in self._effect), self.name)
 
     @property
+    def has_size(self) -> bool:
+        """Whether an amplitude of the effect is two standard errors away from its null."""
+        values, std = self.fit.values, self.fit.std
+        return any(
+            abs(values[key] - absent) > 2 * std[key]
+            for effect in self._effect
+            for key, absent in ((f"{effect.name}.{name}", v) for name, v in effect.null.items())
+        )
+
+    @property
     def _effect(self) -> list[Effect]:
         return [part.effect for part in self.fit.model.effects if part.effect.name == self.name]
 
@@ -105,7 +115,27 @@ def compare_candidates(
         best = min(best, fit.chi2)
         if is_improvement(step.fit, fit, settings):
             candidates.append(Candidate(name, fit.chi2, fit.bic, fit))
-    return tuple(sorted(candidates, key=lambda c: c.criterion))
+    return ranked(candidates, settings)
+
+
+def ranked(
+    candidates: Sequence[Candidate], settings: SelectionSettings = SELECTION
+) -> tuple[Candidate, ...]:
+    """Return candidates by their criterion; of forms that do as well, one of determined size first.
+
+    Creep by a power of the time may be nearly elastic, and its size then anything: where another
+    form of the cause does as well, that one has values to offer.
+    """
+    order = sorted(candidates, key=lambda c: c.criterion)
+    forms = [
+        c for c in order
+        if c.family == order[0].family and c.criterion < order[0].criterion + settings.margin
+    ]  # fmt: skip
+    best = next((c for c in forms if c.has_size), None)
+    if best is not None:
+        order.remove(best)
+        order.insert(0, best)
+    return tuple(order)
 
 
 def refit(

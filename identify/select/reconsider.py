@@ -19,6 +19,7 @@ from identify.select.candidates import (
     is_beaten,
     is_implausible,
     is_improvement,
+    ranked,
     refit,
     refit_further,
 )
@@ -95,7 +96,7 @@ def _beside_the_others(
             continue
         if other.chi2 > fit.chi2 or is_improvement(fit, other, settings):
             compared.append(Candidate(name, other.chi2, other.bic, other))
-    return tuple(sorted(compared, key=lambda c: c.criterion))
+    return ranked(compared, settings)
 
 
 def _takes_over(

@@ -24,6 +24,9 @@ class TrialTruthRecord(TruthRecord):
         default=Noise(), description="one standard deviation of each reading, m and N"
     )
     radii_m: tuple[float, ...] | None = Field(default=None, description="radii of the tips, m")
+    size_m: tuple[float, float, float] | None = Field(
+        default=None, description="edges of the block, m; of the paper's if null"
+    )
     program: Mapping[str, tuple[float, ...]] | None = Field(
         default=None, description="the presses made, column by column, SI units"
     )

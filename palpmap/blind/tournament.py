@@ -58,6 +58,7 @@ def run_tournament(
     size: float | None,
     radii: int,
     mixed: bool,
+    small: bool,
     further: int,
     workers: int | None,
     dask: str | None,
@@ -70,7 +71,7 @@ def run_tournament(
     Parameters
     ----------
     count : number of trials
-    effects, size, radii, mixed : see `run_blind`; without effects all take turns
+    effects, size, radii, mixed, small : see `run_blind`; without effects all take turns
     further : how often the presses that an ambiguous answer proposes are made and explained too
     workers : processes, None for one a core
     dask : address of a dask scheduler that plays instead
@@ -80,12 +81,13 @@ def run_tournament(
         "size": size,
         "radii": radii,
         "mixed": mixed,
+        "small": small,
         "further": further,
         "seed": seed,
     }
     with RunFolder("tournament", out, seed=seed, settings=settings) as run:
         done = earlier_games(run.path, settings)
-        drawn = draw_games(run.path, count, effects, size, radii, seed, further, mixed)
+        drawn = draw_games(run.path, count, effects, size, radii, seed, further, mixed, small)
         games = [game for game in drawn if game.number not in done]
         with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
             task = progress.add_task("playing", total=count, completed=count - len(games))
@@ -112,6 +114,7 @@ def draw_games(
     seed: int,
     further: int = 0,
     mixed: bool = True,
+    small: bool = False,
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
     from sim.planted import INSIDERS, OUTSIDERS
@@ -129,7 +132,7 @@ def draw_games(
         Game(
             number,
             str(run / "trials" / f"{number:04d}"),
-            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii, mixed),
+            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii, mixed, small),
             further,
         )
         for number in range(count)
@@ -146,7 +149,11 @@ def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, Tri
     """
     path = run / FILE
     head = run / "settings.json"
-    usual = {"mixed": False, "further": 0}  # of tournaments whose settings do not say
+    usual = {
+        "mixed": False,
+        "further": 0,
+        "small": False,
+    }  # of tournaments whose settings do not say
     if head.is_file():
         try:
             before = {**usual, **json.loads(head.read_text(encoding="utf-8"))}

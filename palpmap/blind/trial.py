@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
 PRESSES_PER_SIDE = 9
+SMALL = 2 / 3  # edges of a small trial's block, over those of the usual one
+SMALL_PER_SIDE, SMALL_DIVISIONS, SMALL_CELL_M = 6, (10, 10, 5), 0.012
 MIXED = {"shuffled": True, "force_shares": (0.5, 1.5)}
 """Additions of a mixed scan to the plain one's places, see `models.press_program.grid_program`."""
 SIZES = (0.01, 0.10)
@@ -40,6 +42,7 @@ class Trial:
     effects, sizes : names and shares of the signal
     radii : number of tip radii
     mixed : whether the places come in random order, every other one pressed three times as hard
+    small : whether the block is two thirds as large, with 36 presses and cells of the same size
     """
 
     seed: int
@@ -47,6 +50,7 @@ class Trial:
     sizes: tuple[float, ...]
     radii: int
     mixed: bool = True
+    small: bool = False
 
 
 def run_blind(
@@ -55,6 +59,7 @@ def run_blind(
     size: float | None,
     radii: int,
     mixed: bool,
+    small: bool,
     out: Path | None,
     seed: int,
     output: Output,
@@ -67,14 +72,21 @@ def run_blind(
     size : share of the signal, None to draw 1 to 10 %
     radii : 1 or 2 tip radii
     mixed : places in random order with two forces, or row by row with one
+    small : a smaller block, with fewer presses
     """
     if out is not None and (out / FOLDER).exists():
         raise InputError(
             f"{out}: holds a blind trial already, with its answer and perhaps results; choose "
             "another --out"
         )
-    trial = draw_trial(seed, effects, size, radii, mixed)
-    settings = {"effects": list(effects), "size": size, "radii": radii, "mixed": mixed}
+    trial = draw_trial(seed, effects, size, radii, mixed, small)
+    settings = {
+        "effects": list(effects),
+        "size": size,
+        "radii": radii,
+        "mixed": mixed,
+        "small": small,
+    }
     with (
         RunFolder("blind", out, seed=seed, settings=settings) as run,
         output.progress() as progress,
@@ -99,6 +111,7 @@ def draw_trial(
     size: float | None = None,
     radii: int = 1,
     mixed: bool = True,
+    small: bool = False,
 ) -> Trial:
     """Draw the hidden effects of a trial.
 
@@ -122,7 +135,7 @@ def draw_trial(
     names = _draw_effects(word, rng)
     low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
     sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
-    return Trial(seed, names, tuple(sizes), radii, mixed)
+    return Trial(seed, names, tuple(sizes), radii, mixed, small)
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
@@ -158,8 +171,11 @@ def _other_forms(name: str) -> tuple[str, ...]:
     return tuple(e.name for e in CATALOGUE if e.family == family and e.name != name)
 
 
-def draw_map(seed: int) -> "TruthMap":
-    """Draw a body: background 4 to 8 kPa and one inclusion in the middle, 2 to 6 times as stiff."""
+def draw_map(seed: int, scale: float = 1.0) -> "TruthMap":
+    """Draw a body: background 4 to 8 kPa and one inclusion in the middle, 2 to 6 times as stiff.
+
+    `scale` is that of all lengths.
+    """
     from sim.body import PAPER_SIZE_M, Inclusion, TruthMap
 
     rng = np.random.default_rng([seed, 12])
@@ -167,7 +183,9 @@ def draw_map(seed: int) -> "TruthMap":
     x, y = rng.uniform(0.35, 0.65, 2) * PAPER_SIZE_M[:2]
     centre = (float(x), float(y), PAPER_SIZE_M[2] - float(rng.uniform(0.008, 0.022)))
     weight = background * (float(rng.uniform(2, 6)) - 1)
-    return TruthMap(background, (Inclusion(weight, centre, float(rng.uniform(0.008, 0.014))),))
+    radius = scale * float(rng.uniform(0.008, 0.014))
+    x, y, z = (scale * at for at in centre)
+    return TruthMap(background, (Inclusion(weight, (x, y, z), radius),))
 
 
 def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> int:
@@ -177,9 +195,13 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
 
     radii = RADII_M[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
+    scale = SMALL if trial.small else 1.0
+    if trial.small:
+        grid |= {"per_side": SMALL_PER_SIDE, "divisions": SMALL_DIVISIONS}
     scan, truth = planted_scan(
-        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed), **grid
-    )
+        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed, scale),
+        size_m=_size_m(trial), **grid,
+    )  # fmt: skip
     for effect in truth["effects"]:
         effect["kin"] = HIDDEN[effect["name"]].kin or _other_forms(effect["name"])
     answer = TrialTruthRecord.model_validate(truth)
@@ -189,14 +211,28 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
     return len(scan.press_ids)
 
 
+def _size_m(trial: Trial) -> tuple[float, float, float]:
+    from sim.body import PAPER_SIZE_M
+
+    scale = SMALL if trial.small else 1.0
+    x, y, z = (round(scale * edge, 6) for edge in PAPER_SIZE_M)
+    return x, y, z
+
+
 def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
     """Return the experimenter's knowledge: block, tip, noise, one inclusion."""
     from sim.body import HiddenBody
 
-    known = HiddenBody()
+    known = HiddenBody(_size_m(trial))
+    cell_m = SMALL_CELL_M if trial.small else None
     return Study(
         study=About(name=f"blind trial {trial.seed}", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
-        body=Body(shape="block", size_m=known.size_m, poisson_ratio=known.poisson_ratio),  # pyright: ignore[reportCallIssue]
+        body=Body(
+            shape="block",
+            size_m=known.size_m,
+            poisson_ratio=known.poisson_ratio,
+            cell_size_m=cell_m,
+        ),  # pyright: ignore[reportCallIssue]
         probe=Probe(tip="flat", radius_m=RADII_M[trial.radii][0]),
         noise=noise,
         map=Map(inclusions=1),

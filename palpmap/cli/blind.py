@@ -38,6 +38,12 @@ Mixed = Annotated[
         "shows smaller effects; or row by row with one force.",
     ),
 ]
+Small = Annotated[
+    bool,
+    typer.Option(
+        "--small", help="A block two thirds as large with 36 presses: a third of the time."
+    ),
+]
 Tournament = Annotated[
     int | None,
     typer.Option(
@@ -73,6 +79,7 @@ def blind(
     size: Size = None,
     radii: Radii = 1,
     mixed: Mixed = True,
+    small: Small = False,
     tournament: Tournament = None,
     further: Further = 0,
     workers: Workers = None,
@@ -100,6 +107,7 @@ def blind(
             size=share,
             radii=radii,
             mixed=mixed,
+            small=small,
             out=out,
             seed=seed,
             output=Output(quiet, json),
@@ -112,6 +120,7 @@ def blind(
         size=share,
         radii=radii,
         mixed=mixed,
+        small=small,
         further=further,
         workers=workers,
         dask=dask,

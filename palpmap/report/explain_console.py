@@ -10,6 +10,8 @@ from palpmap.report.draw import console
 from palpmap.result.doubts import (
     assumed_thickness,
     bound_notes,
+    counting_notes,
+    form_notes,
     outlier_notes,
     stated_lengths,
     unseen_effects,
@@ -54,7 +56,11 @@ def explain_summary(
     style = VERDICTS[explained.verdict][1]
     verdict = f"{headline(explained)} {verdict_detail(explained, record.other_map)}".strip()
     said = [*_evidence(explained, problem), *presses_sentences(record)]
-    further = [*explained.final.comparison.notes]
+    further = [
+        *explained.final.comparison.notes,
+        *form_notes(record, explained),
+        *counting_notes(explained),
+    ]
     if unseen := unseen_effects(record):
         further.insert(0, unseen)
     final = explained.final.fit

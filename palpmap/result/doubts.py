@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from identify.design import DETECTION
-from identify.effects import length, more, percent
+from identify.effects import COUNTED_FROM, length, more, percent
 from identify.select import Explanation
 from palpmap import units
 from palpmap.result.explain_words import listed
@@ -21,6 +21,7 @@ def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
         *explained.final.comparison.notes,
         *bound_notes(record),
         *form_notes(record, explained),
+        *counting_notes(explained),
     ]
     if unseen := unseen_inclusions(record):
         notes.append(unseen)
@@ -44,10 +45,10 @@ def bound_notes(record: ExplainRecord) -> list[str]:
 
 
 def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
-    """Return a sentence on the part of the map's intervals that rests on the form of an effect."""
+    """Return sentences on how much of the map's intervals rests on the form of an effect."""
     last, *others = record.forms or (None,)
     if last is None or not others:
-        return []
+        return _next_forms(explained)
     beside = listed(
         [f"{form.effect} for {form.in_place_of} ({percent(form.weight)})" for form in others]
     )
@@ -69,6 +70,45 @@ def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
         f"{text} With this form alone, the {units.plain_name(most)} would be "
         f"{units.interval(own.lower95, own.upper95, own.unit)}; counted it is "
         f"{units.interval(counted.lower95, counted.upper95, counted.unit)}."
+    ]
+
+
+def _next_forms(explained: Explanation) -> list[str]:
+    """Return for each accepted effect its nearest other form, in a sentence."""
+    says = []
+    for accepted in explained.accepted:
+        own = next((c for c in accepted.candidates if c.name == accepted.name), None)
+        if own is None or accepted.name not in explained.added:
+            continue
+        forms = [c for c in accepted.candidates if c.family == own.family and c is not own]
+        if not forms:
+            continue
+        near = min(forms, key=lambda c: c.criterion)
+        apart, price = near.chi2 - own.chi2, len(near.fit.u) - len(own.fit.u)
+        says.append(
+            f"The form is settled: {accepted.name} fits best. The next form of the same cause, "
+            f"{near.name}, has a chi-square {abs(apart):.2g} {more(apart, 'higher', 'lower')}"
+            + (f" with {abs(price)} {more(price, 'more', 'fewer')} parameters." if price else ".")
+        )
+    return says
+
+
+def counting_notes(explained: Explanation) -> list[str]:
+    """Return a sentence on the start of the travel's count where the study does not state it."""
+    fit = explained.final.fit
+    if fit.model.readings.travel_from:
+        return []
+    found: dict[str, list[str]] = {}
+    for part in fit.model.effects:
+        if part.effect.counted_from and part.effect.name in explained.added:
+            found.setdefault(part.effect.counted_from, []).append(part.effect.name)
+    if len(found) == 2:
+        shown = " and ".join(f"{listed(n)} from {COUNTED_FROM[k]}" for k, n in found.items())
+        return [f"Travel cannot count from both: {shown}. State travel_from under [study]."]
+    return [
+        f"Found from the data: travel counts from {COUNTED_FROM[kind]}, as {listed(names)} shows "
+        f'in no other. If that is known, state travel_from = "{kind}" under [study].'
+        for kind, names in found.items()
     ]
 
 

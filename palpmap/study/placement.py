@@ -66,7 +66,8 @@ def place_scan(scan: Scan, study: Study) -> Placement:
         If the body's surface file cannot be used.
     """
     origin = np.array(study.body.origin_m)
-    moved = scan.moved(-origin).replace(frame_m=study.body.origin_m)
+    counted = study.study.travel_from or ""
+    moved = scan.moved(-origin).replace(frame_m=study.body.origin_m, travel_from=counted)
     _check_radius(moved, study)
     points, directions = moved.contact_points, moved.contact_directions
     if study.body.shape == "block":

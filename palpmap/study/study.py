@@ -27,11 +27,14 @@ INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 class About(Table):
     """`[study]`: the experiment's name and its scan.
 
-    `units_checked` says that sizes which look like millimetres or grams are meant literally.
+    `travel_from` says from where the scan counts the travel of a press: from its own first touch,
+    or from where the surface was planned; without it both are possible. `units_checked` says that
+    sizes which look like millimetres or grams are meant literally.
     """
 
     name: str = Field(min_length=1, description="a name for the study, as text")
     scan: File = Field(description="the scan's file (.csv or .parquet), relative to this file")
+    travel_from: Literal["touch", "plane"] | None = None
     units_checked: bool = Field(False, strict=True)
     schema_version: int = Field(SCHEMA, alias="schema", ge=1, strict=True)
 

@@ -12,7 +12,7 @@ from models import InputError, PressProgram, Scan, grid_program
 from sim.bench.amplitude_search import amplitude_for, size_of
 from sim.bench.press import DISPLACEMENT_NOISE_M, FORCE_NOISE_N, Planted, press, record
 from sim.body.soft_body import DIVISIONS, Divisions
-from sim.body.true_body import HiddenBody
+from sim.body.true_body import PAPER_SIZE_M, HiddenBody
 from sim.body.true_map import Inclusion, TruthMap
 from sim.planted.bench import Bench
 from sim.planted.catalogue import HIDDEN
@@ -30,10 +30,11 @@ def planted_scan(
     program: PressProgram | None = None,
     values: dict[str, float] | None = None,
     noise: tuple[float, float] = (DISPLACEMENT_NOISE_M, FORCE_NOISE_N),
+    size_m: tuple[float, float, float] = PAPER_SIZE_M,
     divisions: Divisions = DIVISIONS,
     **grid: Any,
 ) -> tuple[Scan, dict[str, Any]]:
-    """Make a scan of the paper's block with effects hidden in it.
+    """Make a scan of a block, the paper's by default, with effects hidden in it.
 
     The first call for a grid and its radii sets up the truth's finite elements (seconds); later
     ones cost milliseconds for the same map, and one or more solutions where the body changes.
@@ -49,19 +50,20 @@ def planted_scan(
     values : of the effects, by name, in place of drawn ones; with the amplitude among them the
         size is not searched
     noise : one standard deviation of displacement (m) and force (N)
+    size_m : edges of the block
     divisions : of the truth's finer mesh
     **grid : of `models.press_program.grid_program`, where no program is given
 
     Returns
     -------
     The scan, and its truth: `effects` (each with name, category, law, values, size wanted and
-    reached), `body`, `seed`, `radii_m`, `noise`, `program` (column by column),
+    reached), `body`, `size_m`, `seed`, `radii_m`, `noise`, `program` (column by column),
     `compliance_m_per_n` of every press as it was made.
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     sizes = np.broadcast_to(np.asarray(size, float), len(names))
-    program = program or grid_program(radii_m=radii, seed=seed, **grid)
-    bench = Bench(program, HiddenBody(truth=truth), divisions=divisions)
+    program = program or grid_program(size_m, radii_m=radii, seed=seed, **grid)
+    bench = Bench(program, HiddenBody(size_m, truth=truth), divisions=divisions)
     rng = np.random.default_rng([seed, 3])
     planted: tuple[Planted, ...] = ()
     records = []
@@ -82,6 +84,7 @@ def planted_scan(
     return scan, {
         "effects": records,
         "body": truth.record(),
+        "size_m": size_m,
         "seed": seed,
         "noise": {"displacement_m": noise[0], "force_n": noise[1]},
         **_pressed_record(bench, planted),
@@ -120,7 +123,8 @@ def further_scan(
             "with palpmap blind"
         )
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
-    body = HiddenBody(truth=_map_from(answer["body"]))
+    size_m = tuple(answer.get("size_m") or PAPER_SIZE_M)
+    body = HiddenBody(size_m, truth=_map_from(answer["body"]))
     _on_top(program, body)
     bench = Bench(earlier.then(program, rest_s), body, divisions=divisions)
     planted = tuple((HIDDEN[e["name"]], e["values"]) for e in answer["effects"])

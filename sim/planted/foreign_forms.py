@@ -12,10 +12,12 @@ from sim.planted.effect import HiddenEffect, on_response, on_sensor
 from sim.planted.response import follow, lag_behind
 
 CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep")
-LOOP = ("hysteresis", "play", "free_loop")
+LOOP = ("hysteresis", "play", "free_loop", "several_plays")
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
 TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
-MOTION = ("breathing", "breathing_from_touch")
+MOTION = (
+    "breathing", "breathing_from_touch", "breathing_harmonics", "breathing_harmonics_from_touch",
+)  # fmt: skip
 
 
 def _session(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
@@ -135,7 +137,7 @@ def _drifts() -> list[HiddenEffect]:
 
 
 @on_response("form", "u (1 + share (1 - 1/sqrt(1 + k/4)))", "share", 0.08, limit=3.0,
-             kin=("preconditioning",))  # fmt: skip
+             kin=("preconditioning", "preconditioning_nearby"))  # fmt: skip
 def form_slow_preconditioning(bench, travel_m, values):
     """Softening that never quite ends: a power of the number of the press."""
     order = np.arange(len(travel_m))[:, None]

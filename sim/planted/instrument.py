@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from sim.planted.bench import Bench
@@ -139,3 +141,31 @@ def breathing_from_touch(bench, force_n, travel_m, values):
     angle = 2 * np.pi * values["frequency_hz"] * bench.time_s + values["phase_rad"]
     motion = np.sin(angle)
     return force_n, travel_m + values["amplitude_m"] * (motion - motion[:, :1])
+
+
+def two_tones(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """A tone of amplitude 1 and a third of it at twice the frequency."""
+    angle = 2 * np.pi * values["frequency_hz"] * time_s + values["phase_rad"]
+    return np.sin(angle) + np.cos(2 * angle + values["phase_2_rad"]) / 3
+
+
+def _of_a_breath(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    drawn = _off_the_rhythm(bench, rng)
+    while drawn["frequency_hz"] > 0.55:
+        drawn = _off_the_rhythm(bench, rng)
+    return {**drawn, "phase_2_rad": float(rng.uniform(0, 2 * np.pi))}
+
+
+@on_sensor("structured", "travel + a (sin + cos of twice the angle/3)", "amplitude_m", 1e-4,
+           draw=_of_a_breath)  # fmt: skip
+def breathing_harmonics(bench, force_n, travel_m, values):
+    """The body heaves along a wave that is no sine."""
+    return force_n, travel_m + values["amplitude_m"] * two_tones(bench.time_s, values)
+
+
+@on_sensor("structured", "the same, less its value at the press's start", "amplitude_m", 1.2e-4,
+           draw=_of_a_breath)  # fmt: skip
+def breathing_harmonics_from_touch(bench, force_n, travel_m, values):
+    """The body heaves along such a wave, and each press counts from where it met the surface."""
+    moved = two_tones(bench.time_s, values)
+    return force_n, travel_m + values["amplitude_m"] * (moved - moved[:, :1])

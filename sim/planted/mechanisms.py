@@ -30,6 +30,7 @@ from sim.planted.body_in_loop import (
 )
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import sphere_travel
+from sim.planted.instrument import two_tones
 from sim.planted.instrument_in_loop import (
     Backlash,
     CoarseEncoder,
@@ -40,6 +41,7 @@ from sim.planted.instrument_in_loop import (
     on_sensor,
     on_surface,
 )
+from sim.planted.response import softened_nearby
 from sim.robot.mechanism import Mechanism
 
 Values = Mapping[str, float]
@@ -115,6 +117,10 @@ def _sine(v: Values) -> Callable[[float, int], float]:
 def _pointed(v: Values) -> Callable[[float, int], float]:
     sine = _sine({**v, "amplitude_m": 1.0})
     return lambda t, press: v["amplitude_m"] * (sine(t, press) + sine(t, press) ** 3 / 2)
+
+
+def _two_tones(v: Values) -> Callable[[float, int], float]:
+    return lambda t, press: v["amplitude_m"] * float(two_tones(np.asarray(t), v))
 
 
 def _slow_cosines(v: Values) -> Callable[[float], float]:
@@ -301,6 +307,11 @@ def _local_creep(scene: PlantScene, v: Values) -> Mechanism:
     return _on_body("local_creep", part)
 
 
+def _softens_nearby(scene: PlantScene, v: Values) -> Mechanism:
+    grown = softened_nearby(scene.bench.points_m, v)
+    return _on_body("preconditioning_nearby", Softening(lambda k: float(grown[k]), 0))
+
+
 def _worn_encoder(scene: PlantScene, v: Values) -> Mechanism:
     made = CoarseEncoder(v["step_m"])
     return Mechanism(
@@ -356,6 +367,10 @@ _MAKE: dict[str, _Make] = {
     "play": lambda s, v: _on_body(
         "play", Play(v["share"], lambda press: v["width"] * np.array([s.deepest_m(press)]))
     ),
+    "several_plays": lambda s, v: _on_body(
+        "several_plays",
+        Play(v["share"], lambda press: s.deepest_m(press) * np.array([0.02, 0.06, 0.15, 0.4])),
+    ),
     "form_several_plays": lambda s, v: _on_body(
         "form_several_plays",
         Play(v["share"], lambda press: s.deepest_m(press) * np.array([0.03, 0.08, 0.2])),
@@ -367,6 +382,7 @@ _MAKE: dict[str, _Make] = {
     "preconditioning": lambda s, v: _on_body(
         "preconditioning", Softening(_softens(v), s.presses_before)
     ),
+    "preconditioning_nearby": _softens_nearby,
     "form_slow_preconditioning": lambda s, v: _on_body(
         "form_slow_preconditioning",
         Softening(lambda k: v["share"] * (1 - 1 / math.sqrt(1 + k / 4)), s.presses_before),
@@ -401,6 +417,10 @@ _MAKE: dict[str, _Make] = {
     "breathing": lambda s, v: on_surface("breathing", s, _sine(v)),
     "breathing_from_touch": lambda s, v: on_surface(
         "breathing_from_touch", s, _sine(v), from_touch=True
+    ),
+    "breathing_harmonics": lambda s, v: on_surface("breathing_harmonics", s, _two_tones(v)),
+    "breathing_harmonics_from_touch": lambda s, v: on_surface(
+        "breathing_harmonics_from_touch", s, _two_tones(v), from_touch=True
     ),
     "form_pointed_breathing": lambda s, v: on_surface("form_pointed_breathing", s, _pointed(v)),
     "outside_coarse_encoder": _worn_encoder,

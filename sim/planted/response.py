@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma
 
+from sim.planted.bench import Bench
 from sim.planted.effect import on_response
 
 
@@ -92,6 +95,40 @@ def lag_behind(travel_m: np.ndarray, half_m: np.ndarray) -> np.ndarray:
         now = travel_m[:, i]
         behind[:, i] = np.clip(behind[:, i - 1], now - half_m, now + half_m)
     return behind
+
+
+@on_response("structured", "u + share (mean of plays of 2, 6, 15 and 40 % - u)", "share", 0.2,
+             limit=1.0)  # fmt: skip
+def several_plays(bench, travel_m, values):
+    """Parts of the body follow after ways of different length."""
+    most = travel_m.max(axis=1)
+    plays = [lag_behind(travel_m, width * most) for width in (0.02, 0.06, 0.15, 0.4)]
+    return travel_m + values["share"] * (np.mean(plays, axis=0) - travel_m)
+
+
+def _softens_nearby(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    return {"presses": float(rng.uniform(0.5, 2)), "reach_m": float(rng.uniform(0.006, 0.02))}
+
+
+def softened_nearby(points_m: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """Softening (j,) of each place when it is pressed.
+
+    Each earlier press took a part of the rest, the larger, the nearer it was.
+    """
+    grown, rest = [], np.ones(len(points_m))
+    for j, point in enumerate(points_m):
+        grown.append(values["share"] * (1 - rest[j]))
+        away = np.sum((points_m - point) ** 2, axis=1)
+        nearness = np.exp(-away / (2 * values["reach_m"] ** 2))
+        rest *= np.exp(-nearness / values["presses"])
+    return np.array(grown)
+
+
+@on_response("structured", "u (1 + share (1 - product over earlier presses of exp(-near/presses)))",
+             "share", 0.05, limit=3.0, draw=_softens_nearby)  # fmt: skip
+def preconditioning_nearby(bench, travel_m, values):
+    """The body softens where it is pressed, and near it."""
+    return travel_m * (1 + softened_nearby(bench.points_m, values))[:, None]
 
 
 @on_response("structured", "(1 - share) u + share play(u)", "share", 0.2, limit=1.0,

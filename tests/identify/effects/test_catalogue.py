@@ -19,7 +19,8 @@ NAMES = (
     "body_shift", "sensitivity_drift", "displacement_drift", "time_lag", "force_warm_up",
     "force_wander", "displacement_wander", "two_time_creep", "power_law_creep", "play",
     "breathing_from_touch", "local_creep", "free_loop", "guide_friction", "backlash", "force_jump",
-    "displacement_jump",
+    "displacement_jump", "several_plays", "preconditioning_nearby", "breathing_harmonics",
+    "breathing_harmonics_from_touch",
 )  # fmt: skip
 
 

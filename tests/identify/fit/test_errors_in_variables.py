@@ -5,10 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.readings import Readings
+from identify.measurement.chain import Chain
 from identify.measurement.errors_in_variables import press_table, whitening
 from identify.measurement.noise import Noise, scan_noise
 from models.errors import InputError
 from models.scan import Scan
+from tests.identify.select.loop_problem import scan, timing
 
 NOISE = Noise(2e-5, 5e-3)
 
@@ -142,3 +146,24 @@ def test_too_few_samples_for_an_estimate_are_said():
 def test_a_noise_that_gives_no_weight_is_refused(pair):
     with pytest.raises(InputError, match="noise"):
         Noise(*pair)
+
+
+def test_the_noise_expected_beside_creep_is_that_of_repeated_readings():
+    """What a reading's residual varies by when all forces of its press are read again."""
+    *_, force = timing(1)
+    table = scan(np.zeros(len(force)), force, 1)
+    readings, compliance = Readings.of(table), np.full(25, 0.02)
+    names = ("two_time_creep", "power_law_creep")
+    values = {"two_time_creep": {"g_fast": 0.1, "g_slow": 0.1, "tau_s": 0.3, "ratio": 10.0},
+              "power_law_creep": {"g": 0.1, "alpha": 0.3}}  # fmt: skip
+    for name in names:
+        chain = Chain(readings, [CATALOGUE[name]], np.full(25, 0.004), "flat", 0.45)
+        args = compliance, np.full(25, 5e3)
+        slope = chain.by_force(*args, force, values)
+        rng, drawn = np.random.default_rng(3), []
+        told = chain.predict(*args, force, values)
+        for _ in range(60):
+            noise = 5e-3 * rng.standard_normal(len(force))
+            drawn.append(chain.predict(*args, force + noise, values) - told)
+        varied = np.mean(np.square(drawn))
+        assert np.mean((slope * 5e-3) ** 2) == pytest.approx(varied, rel=0.012)

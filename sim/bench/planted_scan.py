@@ -123,8 +123,8 @@ def further_scan(
             "with palpmap blind"
         )
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
-    size_m = tuple(answer.get("size_m") or PAPER_SIZE_M)
-    body = HiddenBody(size_m, truth=_map_from(answer["body"]))
+    x, y, z = answer.get("size_m") or PAPER_SIZE_M
+    body = HiddenBody((x, y, z), truth=_map_from(answer["body"]))
     _on_top(program, body)
     bench = Bench(earlier.then(program, rest_s), body, divisions=divisions)
     planted = tuple((HIDDEN[e["name"]], e["values"]) for e in answer["effects"])

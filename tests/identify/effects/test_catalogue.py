@@ -68,6 +68,7 @@ def test_effects_that_can_only_go_one_way_are_known():
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
         "touch_threshold", "rigid_tip", "power_law_creep", "play", "local_creep",
+        "preconditioning_nearby",
     }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
+from identify.catalogue.play import play_offset
 from identify.catalogue.viscoelasticity import lagging
 from identify.effects.base import Pressing
 from identify.effects.conformance.example_scan import trial
@@ -72,6 +73,36 @@ def test_loops_of_presses_to_different_forces_close_at_their_own():
     travel = 0.01 * own.force_n
     looped = CATALOGUE["hysteresis"].response(own, own.force_n, travel, h=0.2)
     assert_allclose(looped, travel, rtol=1e-14)
+
+
+def test_a_play_is_its_recursion_and_noise_at_the_turn_does_not_shift_the_hold():
+    steps = np.r_[np.linspace(0.1, 1, 10), np.ones(10), np.linspace(0.9, 0.0, 10)]
+    phase = ("load",) * 10 + ("hold",) * 10 + ("unload",) * 10
+    own = readings(force_n=tuple(0.3 * steps), phase=phase)
+    rng = np.random.default_rng(0)
+    noise = 0.02 * rng.standard_normal((200, 30))
+    for width in (0.03, 0.15, 0.4):
+        state, told = 0.0, []
+        for u in steps:
+            state = min(max(state, u - width), u + width)
+            told.append(state)
+        offset = play_offset(own, steps, width)
+        assert_allclose(offset, np.array(told) - steps, atol=1e-15)
+        read = np.mean([play_offset(own, steps + n, width) for n in noise], axis=0)
+        assert_allclose(read[10:20], offset[10:20], atol=1e-3)
+
+
+def test_several_plays_are_those_plays_with_their_shares():
+    own = readings(force_n=(0.1, 0.3, 0.2, 0.0), phase=("load", "load", "unload", "unload"))
+    travel, shares = np.array([1.0, 3.0, 2.0, 0.0]) * 1e-3, (0.1, 0.05, 0.2, 0.3)
+    effect = CATALOGUE["several_plays"]
+    names = [p.name for p in effect.parameters]
+    whole = effect.response(own, own.force_n, travel, **dict(zip(names, shares, strict=True)))
+    one = CATALOGUE["play"]
+    widths = (0.02, 0.06, 0.15, 0.4)
+    parts = [one.response(own, own.force_n, travel, share=s, width=w) - travel
+             for s, w in zip(shares, widths, strict=True)]  # fmt: skip
+    assert_allclose(whole, travel + sum(parts), rtol=1e-12)
 
 
 def test_creep_is_proportional_to_the_travel_and_so_the_same_everywhere():

@@ -7,7 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.readings import Readings
 from models.errors import InputError
+from models.scan_file import read_scan
+from palpmap.study.placement import place_scan
 from palpmap.study.study import (
     About,
     Body,
@@ -43,6 +46,19 @@ def test_what_may_be_left_out_has_its_default(tmp_path):
     assert study.map == Map(inclusions=1)
     assert study.effects == ()
     assert study.body.origin_m == (0, 0, 0)
+
+
+def test_the_start_of_the_travels_count_decides_which_effects_can_be(tmp_path):
+    measured = read_scan(CASE_A.parent / "scan.csv")
+    for said, can, cannot in (("touch", "breathing_from_touch", "surface_tilt"),
+                              ("plane", "displacement_drift", "breathing_from_touch")):  # fmt: skip
+        path = tmp_path / f"{said}.toml"
+        path.write_text(TEXT.replace("[study]", f'[study]\ntravel_from = "{said}"'))
+        readings = Readings.of(place_scan(measured, load_study(path)).scan)
+        assert CATALOGUE[can].untestable(readings) is None
+        assert "travel counts from" in (CATALOGUE[cannot].untestable(readings) or "")
+    open_ = Readings.of(place_scan(measured, load_study(CASE_A)).scan)
+    assert all(CATALOGUE[n].untestable(open_) is None for n in ("surface_tilt", "breathing"))
 
 
 def test_the_example_for_measured_data_says_what_is_assumed():

@@ -86,8 +86,9 @@ def _next_forms(explained: Explanation) -> list[str]:
         near = min(forms, key=lambda c: c.criterion)
         apart, price = near.chi2 - own.chi2, len(near.fit.u) - len(own.fit.u)
         says.append(
-            f"The form is settled: {accepted.name} fits best. The next form of the same cause, "
-            f"{near.name}, has a chi-square {abs(apart):.2g} {more(apart, 'higher', 'lower')}"
+            f"Of the forms of this cause {accepted.name} fits best for its number of parameters. "
+            f"The next, {near.name}, has a chi-square {abs(apart):.2g} "
+            + more(apart, "higher", "lower")
             + (f" with {abs(price)} {more(price, 'more', 'fewer')} parameters." if price else ".")
         )
     return says

@@ -16,7 +16,7 @@ from identify.effects import Effect
 from models import MOST_PRESSES, InputError, Scan, read_scan
 from palpmap.study.body import Body
 from palpmap.study.open_study import catalogue_with, open_study, own_effects
-from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
+from palpmap.study.study import About, Map, Noise, Probe, Study, Uncertainty, load_study
 
 Support = Literal["base-bonded", "base-sliding", "base-elastic"]
 _NOWHERE = Path("(in memory)") / "scan.csv"
@@ -106,6 +106,14 @@ class Experiment:
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
         checked = _checked(Map, **map_table.model_dump())
         study = self.study.model_copy(update={"map": checked})
+        return Experiment.of(self.scan, study, self.source)
+
+    def with_samples(self, samples: int | None) -> Experiment:
+        """Return the experiment with another number of posterior samples; None keeps it."""
+        if samples is None:
+            return self
+        asked = _checked(Uncertainty, samples=samples)
+        study = self.study.model_copy(update={"uncertainty": asked})
         return Experiment.of(self.scan, study, self.source)
 
     def of_kind(self, kind: Literal["inclusions", "free"]) -> Experiment:

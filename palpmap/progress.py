@@ -29,6 +29,7 @@ _OPEN = (Stage(("meshing",), 3), Stage(("fitting", "trying"), 12, 2))
 _SCORED = Stage(("analysing", "scoring"), 15, 45)
 _TRIED = Stage(("trying", "refitting"), 5, 20)
 FIT = (Stage(("meshing",), 3), Stage(("fitting",), 20, 12), Stage(("comparing",), 4))
+FIT_AND_SAMPLE = (*FIT[:2], Stage(("drawing",), 30, 80), FIT[2])
 DIAGNOSE = (*_OPEN, Stage(("analysing", "scoring"), 16, 45))
 LIMITS = (*_OPEN, Stage(("computing",), 12), Stage(("planning",), 40, 8))
 EXPLAIN = (

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from identify import Progress, silent
 from identify.fit import FitResult as FitRecord
+from identify.fit import draw_posterior, refuse_samples
 from identify.residual import Comparison as ComparisonRecord
 from identify.residual import ResidualTest
 from palpmap.experiment import Experiment
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 
     from palpmap.result.finding import Finding
     from palpmap.result.records import ExplainRecord
+
+
+_SAID = 50  # draws between two words of progress
 
 
 class Shown(ABC):
@@ -117,6 +122,28 @@ class FitResult(Shown, FitRecord):
     def __repr__(self) -> str:
         return f"FitResult({self.experiment.study.name!r}, {self.message!r})"
 
+    def sample(self, samples: int = 4000, seed: int = 0, progress: Progress = silent) -> Self:
+        """Return the fit with draws from the posterior of map and effects.
+
+        Parameters
+        ----------
+        samples : number of draws
+        seed : of the random numbers
+        progress : called with the number of draws so far, in words
+
+        Raises
+        ------
+        InputError
+            The posterior cannot be drawn: why.
+        """
+        refuse_samples(self)
+
+        def say(drawn: int) -> None:
+            if drawn % _SAID == 0 or drawn == samples:
+                progress(f"drawing {drawn} of {samples} samples")
+
+        return replace(self, posterior=draw_posterior(self._live, samples, seed, say))
+
     @cached_property
     def finding(self) -> Finding:
         """The fit with its comparison, as figures and report show it."""
@@ -158,6 +185,7 @@ class FitResult(Shown, FitRecord):
             "evaluations": self.nfev,
             "residual": comparison.statement,
             "residual_is_noise": comparison.is_noise,
+            "posterior": None if self.posterior is None else self.posterior.to_dict(),
         }
 
     def write(self, folder: str | Path) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, TypeAdapter
 
-from identify.fit import Estimate, FitIteration, Hyper, Spot
+from identify.fit import Estimate, FitIteration, Hyper, SampledParameter, Spot
 from identify.map import Grid
 from identify.measurement import Noise
 from identify.residual import Comparison
@@ -62,6 +62,17 @@ class FreeFieldRecord(Record):
     spots: tuple[Spot, ...]
 
 
+class PosteriorRecord(Record):
+    """Draws from the posterior of map and effects; they stand in posterior.nc."""
+
+    samples: int = Field(description="number of draws")
+    chains: int = Field(description="independent chains among them")
+    seed: int = Field(description="of the random numbers")
+    parameters: Mapping[str, SampledParameter] = Field(
+        description="free parameters by name, in their units"
+    )
+
+
 class FitRecord(FileRecord):
     """fit.json: a fit of j presses with m readings, k free parameters of map and effects."""
 
@@ -102,6 +113,9 @@ class FitRecord(FileRecord):
     field: FreeFieldRecord | None = Field(default=None, description="of a free map")
     at_bound: tuple[str, ...] = Field(
         default=(), description="parameters on a bound of the search, so not found"
+    )
+    posterior: PosteriorRecord | None = Field(
+        default=None, description="draws from the posterior; null if none were asked for"
     )
 
 

@@ -16,7 +16,7 @@ ALLOWED = {
     "models": {"numpy", "pyarrow"},
     "fem": {"numpy", "scipy", "numba", "pypardiso", "pytetwild", "pyvista"},
     "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio", "coal"},
-    "identify": {"models", "fem", "numpy", "scipy"},
+    "identify": {"models", "fem", "numpy", "scipy", "arviz_base", "arviz_stats"},
 }
 FEM_DOORS_OF_SIM = ("sim.body.block_compliance", "sim.body.soft_body")
 ORDER = {

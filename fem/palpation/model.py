@@ -161,7 +161,7 @@ class PalpationModel:
         """The body whose supported surface can move."""
         return self._hold(self.stiffness.poisson_ratio, self.support.held)
 
-    @property
+    @cached_property
     def points_m(self) -> np.ndarray:
         """Sample points of the modulus, (p, 3) m.
 
@@ -169,7 +169,10 @@ class PalpationModel:
         contact points, which only a skin asks for.
         """
         corners = self.mesh.nodes[self.mesh.cells[self.close_cells, :4]]
-        return np.vstack([self.stiffness.points_m, close_points_m(corners), self.contacts.points_m])
+        own = self.stiffness.points_m, close_points_m(corners), self.contacts.points_m
+        points = np.vstack(own)
+        points.setflags(write=False)  # every evaluation of a search asks for them
+        return points
 
     def evaluate(
         self,

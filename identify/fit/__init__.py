@@ -6,6 +6,13 @@ from identify.fit.files import read_fit, write_fit
 from identify.fit.free_compliance import FreeComplianceFit
 from identify.fit.free_map_fit import FreeMapIteration
 from identify.fit.joint_fit import fit_jointly
+from identify.fit.posterior import (
+    Posterior,
+    SampledParameter,
+    draw_posterior,
+    refuse_samples,
+    refuse_without_arviz,
+)
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
 from identify.fit.settings import SPOTS
@@ -21,9 +28,14 @@ __all__ = [
     "FreeComplianceFit",
     "FreeMapIteration",
     "Hyper",
+    "Posterior",
+    "SampledParameter",
     "Spot",
+    "draw_posterior",
     "fit_jointly",
     "fit_map",
     "read_fit",
+    "refuse_samples",
+    "refuse_without_arviz",
     "write_fit",
 ]

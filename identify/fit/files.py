@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.fit.field import Field
 from identify.fit.field_evidence import Hyper
+from identify.fit.posterior import Posterior, SampledParameter
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
 from identify.fit.spots import Spot
@@ -39,6 +40,8 @@ def write_fit(fit: FitResult, path: str | Path) -> None:
             content["history"] = [_step_content(step) for step in value]
         elif field.name == "noise":
             content["noise"] = asdict(value)
+        elif field.name == "posterior":
+            content["posterior"] = None if value is None else value.to_dict()
         else:
             content[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
     content["field"] = None if fit.field is None else _field_content(fit.field)
@@ -85,6 +88,7 @@ def _fit(content: dict) -> FitResult:
         "field": _field(content["field"]) if content.get("field") else None,
         "estimates": {name: Estimate(**entry) for name, entry in content["parameters"].items()},
         "noise": Noise(**content["noise"]),
+        "posterior": _posterior(content["posterior"]) if content.get("posterior") else None,
         "covariance_names": tuple(content["covariance_names"]),
         "history": tuple(FitIteration(**entry) for entry in content["history"]),
         "at_bound": tuple(content.get("at_bound", ())),
@@ -95,6 +99,11 @@ def _fit(content: dict) -> FitResult:
             values[name] = np.array(content[name], dtype=kind)
     del values["parameters"]
     return FitResult(**values)
+
+
+def _posterior(content: dict) -> Posterior:
+    marginal = {name: SampledParameter(**p) for name, p in content["parameters"].items()}
+    return Posterior(**{**content, "parameters": marginal})
 
 
 def _map_content(stiffness: GaussianMap) -> dict:

@@ -109,7 +109,7 @@ def bent_intervals(valley: Valley, names: Sequence[str]) -> np.ndarray:
             continue
         sides = [place for side in (-1.0, 1.0) if (place := _along(valley, position, side))]
         if len(sides) == 2:
-            bent.append((position, _range(u, sides, total, position)))
+            bent.append((position, _range(valley, sides, position)))
     if bent:
         curved = np.array([one for _, one in bent])
         ends = np.column_stack([curved[:, :, 0].min(axis=0), curved[:, :, 1].max(axis=0)])
@@ -142,10 +142,9 @@ def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarra
     return place
 
 
-def _range(
-    u: np.ndarray, sides: list[tuple[float, np.ndarray]], total: np.ndarray, position: int
-) -> np.ndarray:
+def _range(valley: Valley, sides: list[tuple[float, np.ndarray]], position: int) -> np.ndarray:
     """Return the ends (k, 2) of the curved intervals."""
+    u, total, noise = valley.u, valley.total, valley.noise
     (a, before), (b, after) = sides
     t = np.clip(NORMAL_95 * np.cos(_ANGLES), 1.5 * a, 1.5 * b)  # a parabola bears no more
     # Lagrange's parabola through (a, before), (0, u), (b, after)
@@ -154,6 +153,10 @@ def _range(
         + before[:, None] * t * (t - b) / (a * (a - b))
         + after[:, None] * t * (t - a) / (b * (b - a))
     )
+    # The refits know the noise alone; the model's own error moves the others along differently
+    turn = total[:, position] / total[position, position]
+    turn = turn - noise[:, position] / noise[position, position]
+    path = path + np.sqrt(total[position, position]) * turn[:, None] * t
     cross = np.diag(total) - total[:, position] ** 2 / total[position, position]
     spread = path + NORMAL_95 * np.sqrt(np.maximum(cross, 0))[:, None] * np.sin(_ANGLES)
     return np.column_stack([spread.min(axis=1), spread.max(axis=1)])

@@ -11,6 +11,7 @@ from identify.body.discretization_error import MODEL_ERROR, shift_covariance
 from identify.body.state import ChangedMap
 from identify.fit.curvature_bias import expected_residual
 from identify.fit.field import LEVEL, Field
+from identify.fit.posterior import Posterior
 from identify.fit.profile_intervals import straight, valley_intervals
 from identify.fit.search import FitIteration
 from identify.fit.settings import FitSettings
@@ -102,6 +103,7 @@ class FitResult:
     solution : the model behind the fit, None of one that was read from a file
     field : of a free map, whose unknowns stand there and not among `covariance_names`
     at_bound : names of the unknowns on a bound of the search
+    posterior : draws, None where none were asked for
     """
 
     map: GaussianMap
@@ -131,6 +133,7 @@ class FitResult:
     solution: Solution | None = None
     field: Field | None = None
     at_bound: tuple[str, ...] = ()
+    posterior: Posterior | None = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

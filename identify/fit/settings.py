@@ -300,3 +300,33 @@ class SpotSettings:
 
 
 SPOTS = SpotSettings()
+
+
+@dataclass(frozen=True)
+class PosteriorSettings:
+    """Settings of `identify.fit.posterior`.
+
+    Attributes
+    ----------
+    chains : independent ones
+    trials, rounds : weighted draws by which the proposal finds the posterior's mean and covariance,
+        and how often
+    freedom : of the proposal's t distribution, whose tails are wider than the posterior's
+    unfolded, folds_tried : distance from the estimate, in standard deviations, within which the
+        bent coordinates do not fold, and directions in which that is tried
+    slack : of reduced bases, see `identify.body.BodyMechanics.evaluate`
+    largest_r_hat, least_effective : of draws that have settled (Vehtari et al. 2021)
+    """
+
+    chains: int = 4
+    trials: int = 300
+    rounds: int = 2
+    freedom: float = 20.0
+    unfolded: float = 6.0
+    folds_tried: int = 2000
+    slack: float = 10.0
+    largest_r_hat: float = 1.01
+    least_effective: float = 400.0
+
+
+POSTERIOR = PosteriorSettings()

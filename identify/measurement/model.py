@@ -207,12 +207,17 @@ class MeasurementModel:
         """
         if not self.is_linear:
             return self.linearise(u, slack)
-        body = self.mechanics.evaluate(self.map(u), self.state({}), slack)
-        self._refuse_impossible(body.compliance)
+        body = self.body(u, slack)
         residual, by_c = self.table.residuals(body.compliance, self.noise)
         by_map = body.by_map[:, list(self.space.free)] * self.space.slope(u)
         jacobian = -(by_c[:, :, None] * by_map[:, None, :]).reshape(residual.size, len(u))
         return Compressed(residual.ravel(), jacobian, self.table.rms(body.compliance))
+
+    def residual(self, u: np.ndarray, slack: float = 0.0) -> np.ndarray:
+        """Return the residual of `evaluate` alone, where that is cheaper without derivatives."""
+        if not self.is_linear:
+            return self.linearise(u, slack).residual
+        return self.table.residuals(self.body(u, slack).compliance, self.noise)[0].ravel()
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).

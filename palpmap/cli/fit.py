@@ -15,6 +15,12 @@ def _inclusions(text: str) -> str:
     raise typer.BadParameter(f"found '{text}', expected 0, 1, 2, ... or auto")
 
 
+def _samples(text: str | None) -> int | None:
+    if text is None or text.isdecimal():
+        return None if text is None else int(text)
+    raise typer.BadParameter(f"found '{text}', expected a whole number")
+
+
 def fit(
     study: StudyFile,
     inclusions: Annotated[
@@ -28,6 +34,15 @@ def fit(
         ),
     ] = None,
     optimizer: Annotated[Optimizer, typer.Option(help="Method.")] = Optimizer.GAUSS_NEWTON,
+    samples: Annotated[
+        str | None,
+        typer.Option(
+            "--samples",
+            metavar="N",
+            help="Draws from the posterior of map and effects.",
+            show_default="the study's",
+        ),
+    ] = None,
     without_outliers: Annotated[
         bool,
         typer.Option(
@@ -53,6 +68,7 @@ def fit(
         if inclusions == "auto"
         else int(inclusions),
         optimizer=optimizer.value,
+        samples=_samples(samples),
         out=out,
         seed=seed,
         output=Output(quiet=quiet, json=json),

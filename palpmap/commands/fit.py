@@ -1,20 +1,22 @@
 """`palpmap fit`: the stiffness map that explains a study's scan."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from identify.fit import FitIteration
+from identify.fit import FitIteration, refuse_without_arviz, write_fit
 from identify.optimize import OPTIMIZERS
 from models import OUTLYING, Doubt, InputError, scan_findings
 from models import without_outliers as cleaned
 from palpmap import api
 from palpmap.console import Output, is_for_the_user, to_type
 from palpmap.experiment import Experiment, read_study
-from palpmap.progress import FIT
+from palpmap.progress import FIT, FIT_AND_SAMPLE
 from palpmap.report.fit_console import summary
 from palpmap.result.next_step import after_fit
+from palpmap.results import FitResult
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
@@ -37,6 +39,30 @@ def _naming(doubts: Sequence[Doubt]) -> Iterator[None]:
         ) from error
 
 
+def _refuse_samples(experiment: Experiment) -> None:
+    """Raise `InputError` before a fit of which no samples could be drawn."""
+    if experiment.study.map.kind == "free":
+        raise InputError(
+            'key uncertainty.samples: a map of kind = "free" is given with its standard deviation '
+            "at every place, without samples; remove one of the two keys"
+        )
+    refuse_without_arviz()
+
+
+def _sampled(
+    fit: FitResult, samples: int, seed: int, run: Path, say: Callable[[str], None]
+) -> FitResult:
+    """Return the fit with samples, or with the reason against them; Ctrl-C leaves the fit."""
+    write_fit(fit, run / "fit.json")
+    try:
+        fit = fit.sample(samples, seed, say)
+    except InputError as error:
+        return replace(fit, message=f"{fit.message}; {error}")
+    assert fit.posterior is not None
+    fit.posterior.write(run / "posterior.nc")
+    return fit
+
+
 def run_fit(
     *,
     study: Path,
@@ -45,6 +71,7 @@ def run_fit(
     out: Path | None,
     seed: int,
     output: Output,
+    samples: int | None = None,
     without_outliers: bool = False,
 ) -> bool:
     """Fit a study's scan, compare, and leave a run folder with recording and report.
@@ -55,8 +82,9 @@ def run_fit(
     inclusions : number of inclusions, "auto", or None for what the study says
     optimizer : name in `identify.optimize.optimizers.OPTIMIZERS`
     out : run folder, None for a new one
-    seed : recorded; the fit itself draws no random numbers
+    seed : of the samples; the fit itself draws no random numbers
     output : where progress and result go
+    samples : from the posterior, None for as many as the study asks for
     without_outliers : leave out readings and presses that `models.scan_quality` doubts
 
     Returns
@@ -74,13 +102,20 @@ def run_fit(
     if inclusions is not None:
         refuse_own_folder(study, out)
         experiment = experiment.with_inclusions(inclusions)
+    if samples is not None:
+        refuse_own_folder(study, out)
+        experiment = experiment.with_samples(samples)
+    samples = experiment.study.uncertainty.samples
+    if samples:
+        _refuse_samples(experiment)
     settings = {
         "inclusions": experiment.study.map.inclusions,
         "optimizer": optimizer,
+        "samples": samples,
         "left_out": list(left_out),
     }
     doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.kind in DOUBTFUL]
-    with _naming(doubts), output.task(FIT) as task:
+    with _naming(doubts), output.task(FIT_AND_SAMPLE if samples else FIT) as task:
         for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:_SAID])):
             task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder
@@ -99,6 +134,8 @@ def run_fit(
                 progress=task.say,
                 on_iteration=on_iteration,
             )
+            if samples:
+                fit = _sampled(fit, samples, seed, run.path, task.say)
             task.say("comparing and drawing")
             finding = fit_run.finish(fit.finding)
     output.result(

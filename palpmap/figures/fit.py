@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from models import replaced
 from palpmap.figures.curves import draw_convergence, draw_curves, draw_measured
 from palpmap.figures.map import draw_map, draw_uncertainty
+from palpmap.figures.posterior import draw_corner
 from palpmap.figures.residual import draw_along, draw_places, draw_tests
 from palpmap.figures.style import STYLE, png
 from palpmap.result.finding import Finding
@@ -25,6 +26,7 @@ def draw_figures(finding: Finding) -> dict[str, bytes]:
         "measured_modelled": draw_measured,
         "presses": draw_curves,
         "convergence": draw_convergence,
+        "posterior": draw_corner,
     }
     pictures = {}
     with rc_context(STYLE):

@@ -9,6 +9,7 @@ from palpmap.console import plain
 from palpmap.report.draw import console
 from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
+from palpmap.result.posterior_tables import posterior_table, posterior_words
 from palpmap.result.tables import ANSWERS, Table, parameter_table
 
 if TYPE_CHECKING:
@@ -35,7 +36,9 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
         console(spot_table(finding.fit, finding.origin_m)),
         console(sight_table(finding.fit, finding.scan)),
     )  # fmt: skip
-    found = (console(parameters), *free, console(_residual_table(c)))
+    sampled = posterior_words(finding)
+    samples = (console(posterior_table(finding)), *plain(sampled)) if sampled else ()
+    found = (console(parameters), *free, *samples, console(_residual_table(c)))
     return statement, *doubts, *plain(following), *found, *notes
 
 

@@ -11,6 +11,7 @@ from palpmap.report.draw import write_page
 from palpmap.result.field_tables import sight_table, spot_table
 from palpmap.result.finding import Finding
 from palpmap.result.next_step import after_fit
+from palpmap.result.posterior_tables import posterior_table, posterior_words
 from palpmap.result.press_outcomes import FILE, PressesRecord
 from palpmap.result.tables import Cell, Table, number, parameter_table
 
@@ -33,6 +34,8 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         pictures=pictures,
         parameters=parameter_table(finding.parameters, true=finding.true),
         following=after_fit(finding, study) if study.is_file() else (),
+        sampled=posterior_table(finding),
+        samples=posterior_words(finding),
         spots=spot_table(finding.fit, finding.origin_m),
         sight=sight_table(finding.fit, finding.scan),
         tests=_test_table(finding.comparison),

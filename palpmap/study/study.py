@@ -21,6 +21,8 @@ from palpmap.study.units_check import check_units
 SCHEMA = 1
 MOST_INCLUSIONS = 100
 LARGEST_NUMBER = 1e12  # of pascals or metres: diamond has as many pascals
+MOST_SAMPLES = 1_000_000
+LEAST_SAMPLES = 1000  # fewer settle no interval
 INCLUSION_VALUES = ("weight_pa", "x_m", "y_m", "z_m", "radius_m")
 
 
@@ -144,6 +146,19 @@ class Map(Table):
         return self
 
 
+class Uncertainty(Table):
+    """`[uncertainty]`: number of samples that `fit` draws from the posterior of map and effects."""
+
+    samples: int = 0
+
+    @field_validator("samples", mode="before")
+    @classmethod
+    def _none_or_enough(cls, value: Any) -> Any:
+        if type(value) is int and (value == 0 or LEAST_SAMPLES <= value <= MOST_SAMPLES):
+            return value
+        raise ValueError(f"a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}, or 0 for none")
+
+
 class Effect(Table):
     """One entry of `[[effects]]`: an effect that the model has.
 
@@ -185,6 +200,7 @@ class Study(Table):
     probe: Probe = Field(description="the table [probe]")
     noise: Noise = Field(default_factory=Noise)
     map: Map = Field(default_factory=Map)
+    uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     effects: tuple[Effect, ...] = ()
 
     @field_validator("effects")

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
 from identify.fit.map_fit import fit_scan
-from identify.fit.profile_intervals import NORMAL_95, _range
+from identify.fit.profile_intervals import NORMAL_95, Valley, _range
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import Noise
 from models.scan import Scan
@@ -66,13 +66,18 @@ def test_the_bend_widens_the_interval_of_the_weight_upwards(fit):
     assert weight.upper95 > 1.02 * straight
 
 
-def test_a_straight_valley_has_the_usual_intervals():
+@pytest.mark.parametrize("share", [0.0, 0.7])
+def test_a_straight_valley_has_the_usual_intervals(share):
     root = np.array([[2.0, 0.0, 0.0], [0.7, 1.1, 0.0], [-0.4, 0.3, 0.6]])
-    total = root @ root.T
+    noise = root @ root.T
+    # The model's own error moves the estimate in other directions than the noise
+    total = noise + share * np.outer([2.0, -1.0, 0.5], [2.0, -1.0, 0.5])
     u = np.array([1.0, -2.0, 0.5])
-    slope = total[:, 1] / total[1, 1]
     reach = NORMAL_95 * np.sqrt(total[1, 1])
+    slope = noise[:, 1] / noise[1, 1]  # the refits know the noise alone
     sides = [(side * NORMAL_95, u + side * reach * slope) for side in (-1.0, 1.0)]
+    no_bounds = (np.full(3, -np.inf), np.full(3, np.inf))
+    valley = Valley(u, 0.0, total, noise, no_bounds, lambda position, start: (0.0, start), 1)
     half = NORMAL_95 * np.sqrt(np.diag(total))
     expected = np.column_stack([u - half, u + half])
-    assert_allclose(_range(u, sides, total, 1), expected, rtol=1e-3)
+    assert_allclose(_range(valley, sides, 1), expected, rtol=1e-3)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from identify.fit import posterior
 from models.errors import InputError
 from palpmap.__main__ import app
 from palpmap.study import body_model
@@ -41,6 +42,8 @@ def study(tmp_path) -> Path:
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 400}", "a size up to 1e+12 for 'back"),
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 9000}", "text that is not TOML"),
         ("inclusions = 1", "inclusions = 10000000", "a whole number from 0 to 100, or"),
+        ("[body]", "[uncertainty]\nsamples = -5\n[body]", "a whole number from 1000 to 1000000"),
+        ("[body]", "[uncertainty]\nsamples = 'many'\n[body]", "found 'many', expected a whole"),
         ("[body]", "[body]\ncell_size_m = 1e-110", "key body.cell_size_m: found 1e-110 m"),
         ('name = "twelve_presses"', f"name = {'[' * 5000}{']' * 5000}", "nested too deep"),
         ('name = "twelve_presses"', f"{'a.' * 3000}b = 1", "key study.a: unknown key"),
@@ -54,6 +57,22 @@ def test_a_study_beyond_all_reason_is_refused_in_a_sentence(study, old, new, say
     said = refused("check", study)
     assert says in said
     assert len(said) < 1000
+
+
+def test_samples_that_cannot_be_drawn_are_refused_before_the_fit(study, monkeypatch):
+    assert "found '-5', expected a whole number" in refused("fit", study, "--samples", "-5")
+    out = study.parent / "run"
+    assert "from 1000 to 1000000" in refused("fit", study, "--samples", "7", "--out", out)
+    with monkeypatch.context() as without:
+        without.setattr(posterior, "find_spec", lambda name: None)
+        said = refused("fit", study, "--samples", "2000", "--out", out)
+        assert "pip install 'palpmap[posterior]'" in said
+    free = study.read_text().replace("inclusions = 1", 'kind = "free"')
+    free = re.sub(r"\[map\.(initial|fixed)\][^\[]*", "", free)
+    study.write_text(free)
+    said = refused("fit", study, "--samples", "2000", "--out", out)
+    assert 'kind = "free" is given with its standard deviation' in said
+    assert not out.exists()
 
 
 def test_a_path_of_300_letters_is_refused(study):

@@ -111,7 +111,7 @@ def run_fit(
     settings = {
         "inclusions": experiment.study.map.inclusions,
         "optimizer": optimizer,
-        "samples": samples,
+        **({"samples": samples} if samples else {}),
         "left_out": list(left_out),
     }
     doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.kind in DOUBTFUL]

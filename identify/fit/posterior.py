@@ -254,14 +254,17 @@ def _marginal(draws: np.ndarray, laplace: list[float]) -> SampledParameter:
     def of(measure: Any, **how: Any) -> float:
         return np.asarray(measure(draws, chain_axis=0, draw_axis=1, **how)).item()
 
+    lower, upper = np.quantile(draws, _ENDS).tolist()
     return SampledParameter(
-        float(draws.mean()),
-        float(draws.std()),
-        *np.quantile(draws, _ENDS).tolist(),
-        *laplace,
-        of(array_stats.ess),
-        of(array_stats.ess, method="tail", prob=_ENDS),
-        of(array_stats.rhat),
+        mean=float(draws.mean()),
+        std=float(draws.std()),
+        lower95=lower,
+        upper95=upper,
+        straight_lower95=laplace[0],
+        straight_upper95=laplace[1],
+        effective=of(array_stats.ess),
+        effective_tail=of(array_stats.ess, method="tail", prob=_ENDS),
+        r_hat=of(array_stats.rhat),
     )
 
 

@@ -1,5 +1,7 @@
 """Sampled intervals beside those of the covariance and of the valley, and the trust in them."""
 
+import math
+
 from palpmap import units
 from palpmap.result.finding import Finding
 from palpmap.result.tables import Cell, Table, number
@@ -17,11 +19,13 @@ def posterior_table(f: Finding) -> Table:
             (entry.lower95, entry.upper95),
             (p.lower95 + shift, p.upper95 + shift),
         )
+        width = factor * (p.upper95 - p.lower95)
+        digits = max(1 - math.floor(math.log10(max(width, 1e-12))), 0)
         few = min(p.effective, p.effective_tail)
         rows.append(
             (
                 f"{units.plain_name(name)}, {unit}".rstrip(", "),
-                *(" to ".join(f"{factor * end:.4g}" for end in pair) for pair in ends),
+                *(" to ".join(f"{factor * end:.{digits}f}" for end in pair) for pair in ends),
                 Cell(f"{few:.0f}", "" if p.settled else "bad"),
             )
         )

@@ -321,7 +321,7 @@ class PosteriorSettings:
     chains: int = 4
     trials: int = 300
     rounds: int = 2
-    freedom: float = 20.0
+    freedom: float = 8.0
     unfolded: float = 6.0
     folds_tried: int = 2000
     slack: float = 10.0

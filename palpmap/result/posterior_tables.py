@@ -25,7 +25,7 @@ def posterior_table(f: Finding) -> Table:
         rows.append(
             (
                 f"{units.plain_name(name)}, {unit}".rstrip(", "),
-                *(" to ".join(f"{factor * end:.{digits}f}" for end in pair) for pair in ends),
+                *("–".join(f"{factor * end:.{digits}f}" for end in pair) for pair in ends),
                 Cell(f"{few:.0f}", "" if p.settled else "bad"),
             )
         )

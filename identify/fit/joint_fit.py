@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fem import SolverError
 from identify.fit.free_map_fit import refit_free_map
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import Progress, Search
@@ -80,7 +81,13 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
     if s.rounds == 0:
         return _ended(search, model, result.x, result, result.success)
     for number in range(1, s.rounds + s.nearer_rounds * s.guarded + 1):
-        there = search.corrected(model, result.x, carried)
+        try:
+            there = search.corrected(model, result.x, carried)
+        except (InadmissibleError, SolverError):  # a map that the finer mesh does not resolve
+            map_moved = (result.x - u)[: len(model.space.free)]
+            radius = s.nearer * float(np.abs(map_moved).max(initial=0.0))
+            result, at = search.minimum(model, u, radius)
+            continue
         now = search.evaluate(there, result.x)
         if s.guarded and fine_chi2 is None and now.chi2 > at.chi2 + s.raised:
             before = search.evaluate(model, u).chi2

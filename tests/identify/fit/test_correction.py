@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from fem import SolverError
 from identify.fit.joint_fit import fit_jointly
+from identify.fit.search import Search
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
 
@@ -29,3 +31,20 @@ def test_a_fit_that_ended_under_a_stale_correction_is_carried_on(own, found, wei
     again = fit_jointly(stale.model, stale.map)
     assert again.chi2 == pytest.approx(found.chi2, abs=0.1)
     assert again.success is True  # json has no other
+
+
+def test_a_map_that_the_finer_mesh_cannot_resolve_is_approached_by_shorter_steps(
+    monkeypatch, own, found
+):
+    corrected, refused = Search.corrected, []
+
+    def sometimes(self, model, u, carried=True):
+        if not refused:
+            refused.append(u)
+            raise SolverError("the map is finer than the mesh around a tip resolves")
+        return corrected(self, model, u, carried)
+
+    monkeypatch.setattr(Search, "corrected", sometimes)
+    again = fit_jointly(own, TRUE.changed({"background_pa": 4000.0}))
+    assert len(refused) == 1
+    assert again.chi2 == pytest.approx(found.chi2, abs=0.1)

@@ -12,7 +12,7 @@ from fem import Contacts, PalpationModel, RefinedModel, Surface
 from fem.contact import surface_curvature
 from identify.effects.base import Effect, Values
 from identify.measurement.noise import Noise
-from models import Scan, thinned
+from models import LabelVolume, Scan, thinned
 
 Progress = Callable[[str], None]
 """Called with the step under way, in words."""
@@ -101,10 +101,14 @@ def contacts_of(
 
 @dataclass(frozen=True)
 class FieldGuess:
-    """Length (m) and spread of a free map's prior; None is found by evidence."""
+    """Length (m) and spread of a free map's prior; None is found by evidence.
+
+    `regions`, in the body's frame, have a level each.
+    """
 
     length_m: float | None = None
     spread: float | None = None
+    regions: LabelVolume | None = None
 
 
 @dataclass(frozen=True)

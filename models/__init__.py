@@ -3,6 +3,7 @@
 from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
+from models.label_volume import LabelVolume
 from models.press_program import PressProgram, grid_program, read_program, write_program
 from models.replaced import replaced
 from models.scan import Scan
@@ -22,6 +23,7 @@ __all__ = [
     "Catalogue",
     "Doubt",
     "InputError",
+    "LabelVolume",
     "PressProgram",
     "Scan",
     "grid_program",

@@ -121,7 +121,8 @@ class Experiment:
         number = "auto" if kind == "inclusions" else 1
         study_map = self.study.map
         table = Map(kind=kind, inclusions=number) if kind == "inclusions" else Map(
-            kind=kind, length_m=study_map.length_m, spread=study_map.spread
+            kind=kind, length_m=study_map.length_m, spread=study_map.spread,
+            regions=study_map.regions, regions_unit_m=study_map.regions_unit_m,
         )  # fmt: skip
         study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)

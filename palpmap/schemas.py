@@ -7,7 +7,14 @@ from pathlib import Path
 
 from pydantic import Field, JsonValue, TypeAdapter
 
-from identify.fit import Estimate, FitIteration, Hyper, SampledParameter, Spot
+from identify.fit import (
+    Estimate,
+    FitIteration,
+    Hyper,
+    RegionEstimate,
+    SampledParameter,
+    Spot,
+)
 from identify.map import Grid
 from identify.measurement import Noise
 from identify.residual import Comparison
@@ -38,6 +45,9 @@ class FreeMapRecord(Record):
 
     grid: Grid
     log_pa: Row = Field(description="ln of the modulus in Pa, (g,)")
+    regions: Mapping[str, JsonValue] | None = Field(
+        default=None, description="labelled regions, body frame; see `models.LabelVolume.to_dict`"
+    )
 
 
 class FreeFieldRecord(Record):
@@ -60,6 +70,7 @@ class FreeFieldRecord(Record):
     errs: tuple[bool, ...] = Field(description="presses that err by themselves, (j,)")
     lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]
+    regions: tuple[RegionEstimate, ...] = Field(default=(), description="of labelled regions")
 
 
 class PosteriorRecord(Record):

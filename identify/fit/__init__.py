@@ -1,6 +1,6 @@
 """The fit of map and effects to a scan, with intervals."""
 
-from identify.fit.field import Field
+from identify.fit.field import Field, RegionEstimate
 from identify.fit.field_evidence import Hyper
 from identify.fit.files import read_fit, write_fit
 from identify.fit.free_compliance import FreeComplianceFit
@@ -29,6 +29,7 @@ __all__ = [
     "FreeMapIteration",
     "Hyper",
     "Posterior",
+    "RegionEstimate",
     "SampledParameter",
     "Spot",
     "draw_posterior",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,10 +11,25 @@ from identify.fit.field_evidence import Hyper
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.settings import SPOTS
 from identify.fit.spots import Spot, find_spots
+from identify.map import LabelledGrid
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 
 LEVEL = "mean_pa"  # the parameter of a free map that tables show
+
+
+@dataclass(frozen=True)
+class RegionEstimate:
+    """Modulus of a labelled region, its geometric mean, Pa, with its 95 % band.
+
+    `seen` is the share of the prior's variance of that mean that the readings take away.
+    """
+
+    label: int
+    modulus_pa: float
+    lower95_pa: float
+    upper95_pa: float
+    seen: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +55,7 @@ class Field:
     left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
     errs : (j,) bool, presses with errors of their own, weighted down
     lengths_m : least and largest length that was tried
+    regions : of a map with labelled regions
     posterior : for draws and resolution; both only of a fit that was made here
     """
 
@@ -57,6 +74,7 @@ class Field:
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     lengths_m: tuple[float, float] = (0.0, 0.0)
+    regions: tuple[RegionEstimate, ...] = ()
     posterior: FieldPosterior | None = None
 
     @classmethod
@@ -82,16 +100,14 @@ class Field:
         least : variance over the noise's from which on a direction counts as absorbed
         converged : spots of another field are none
         """
-        even = np.full((1, len(posterior.sd)), 1 / len(posterior.sd))
-        variance = float((posterior.prior.product(even) @ even.T).item())
-        variance -= float(np.sum((posterior.seen @ even[0]) ** 2))
+        _, sd, _ = _mean_of(posterior, np.ones(len(posterior.sd), bool))
         directions, gain = posterior.modes
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
             effective=posterior.effective,
             log_mean=log_prior_mean + float(posterior.mean.mean()),
-            log_mean_sd=float(np.sqrt(max(variance, 0.0))),
+            log_mean_sd=sd,
             log_sd=posterior.sd,
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
@@ -100,6 +116,7 @@ class Field:
             left_out=posterior.left_out(fifths(len(press_error))),
             errs=errs,
             lengths_m=lengths_m,
+            regions=tuple(_regions(posterior, log_prior_mean)),
             by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
             posterior=posterior,
@@ -124,6 +141,25 @@ class Field:
         if self.hyper.error > 0:
             return self.by_press_m[:, None] * (press[:, None] == np.arange(press.max() + 1))
         return self.by_press_m[:, None] * self.followed[press]
+
+
+def _mean_of(posterior: FieldPosterior, inside: np.ndarray) -> tuple[float, float, float]:
+    """Mean of a field over some points (g,) bool, its standard deviation, and the share seen."""
+    even = (inside / inside.sum())[None]
+    prior = float((posterior.prior.product(even) @ even.T).item())
+    seen = float(np.sum((posterior.seen @ even[0]) ** 2))
+    mean = float(posterior.mean[inside].mean())
+    return mean, float(np.sqrt(max(prior - seen, 0.0))), seen / prior
+
+
+def _regions(posterior: FieldPosterior, log_prior_mean: float) -> Iterator[RegionEstimate]:
+    grid = posterior.prior.grid
+    if not isinstance(grid, LabelledGrid):
+        return
+    for label in np.unique(grid.labels).tolist():
+        mean, sd, seen = _mean_of(posterior, grid.labels == label)
+        low, middle, high = np.exp(log_prior_mean + mean + 1.96 * sd * np.array([-1, 0, 1]))
+        yield RegionEstimate(label, float(middle), float(low), float(high), seen)
 
 
 def fifths(presses: int) -> np.ndarray:

@@ -100,8 +100,7 @@ def _best_sizes(
     """Return minus the log evidence and the best spread and error for a prior's length."""
     root = data.root
     of_field = root.T @ (unit.product(data.by_field) @ data.by_field.T) @ root
-    ones = root.T @ data.by_field.sum(axis=1)
-    of_level = level**2 * np.outer(ones, ones)
+    of_level = level**2 * root.T @ (unit.grid.level(data.by_field) @ data.by_field.T) @ root
     of_error = root.T @ root
     known = np.eye(len(root)) + of_level + (root.T * data.error_variance(0.0)) @ root
     usual = np.log([settings.usual_spread, settings.usual_error])

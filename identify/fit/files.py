@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from identify.fit.field import Field
+from identify.fit.field import Field, RegionEstimate
 from identify.fit.field_evidence import Hyper
 from identify.fit.posterior import Posterior, SampledParameter
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
 from identify.fit.spots import Spot
-from identify.map import FreeMap, GaussianMap, Grid
+from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid
 from identify.measurement.noise import Noise
-from models import InputError, replaced
+from models import InputError, LabelVolume, replaced
 
 SCHEMA = 1
 
@@ -108,7 +108,11 @@ def _posterior(content: dict) -> Posterior:
 
 def _map_content(stiffness: GaussianMap) -> dict:
     if isinstance(stiffness, FreeMap):
-        return {"grid": asdict(stiffness.grid), "log_pa": stiffness.log_pa.tolist()}
+        grid = stiffness.grid
+        content = {"grid": {f.name: getattr(grid, f.name) for f in fields(Grid)}}
+        if isinstance(grid, LabelledGrid):
+            content["regions"] = grid.regions.to_dict()
+        return content | {"log_pa": stiffness.log_pa.tolist()}
     return dict(zip(stiffness.names, stiffness.values.tolist(), strict=True))
 
 
@@ -116,6 +120,10 @@ def _map(content: dict) -> GaussianMap:
     if "grid" not in content:
         return GaussianMap.from_values(np.array(list(content.values())))
     grid = Grid(**{name: tuple(value) for name, value in content["grid"].items()})
+    if regions := content.get("regions"):
+        grid = LabelledGrid(
+            grid.lower_m, grid.spacing_m, grid.counts, LabelVolume.from_dict(regions)
+        )
     return FreeMap(grid, np.array(content["log_pa"], float))
 
 
@@ -130,7 +138,8 @@ _LIVE = ("posterior",)  # parts of a field that stay in memory
 def _field_content(field: Field) -> dict:
     found = {f.name: getattr(field, f.name) for f in fields(Field) if f.name not in _LIVE}
     found = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found.items()}
-    return found | {"hyper": asdict(field.hyper), "spots": [asdict(s) for s in field.spots]}
+    return found | {"hyper": asdict(field.hyper), "spots": [asdict(s) for s in field.spots],
+                    "regions": [asdict(r) for r in field.regions]}  # fmt: skip
 
 
 def _field(content: dict) -> Field:
@@ -140,6 +149,7 @@ def _field(content: dict) -> Field:
         **content,
         "hyper": Hyper(**{**hyper, "given": tuple(hyper["given"])}),
         "spots": tuple(Spot(**spot) for spot in content["spots"]),
+        "regions": tuple(RegionEstimate(**region) for region in content.get("regions", ())),
     }
     for name in arrays:
         found[name] = np.array(content[name], float)

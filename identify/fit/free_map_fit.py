@@ -33,7 +33,7 @@ from identify.fit.free_compliance_start import free_compliance
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import FitIteration, Progress
 from identify.fit.settings import FREE_COMPLIANCE, FREE_MAP, PRECISE, FreeMapSettings
-from identify.map import FreeMap, GaussianMap, Grid, MaternField
+from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid, MaternField
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
@@ -363,6 +363,8 @@ def fit_free_map(
     box = body.coarse.mesh.box_m
     spacing = float(np.cbrt(np.prod(box[1] - box[0]) / settings.grid_points))
     grid = Grid.over(box, spacing)
+    if guess.regions is not None:
+        grid = LabelledGrid(grid.lower_m, grid.spacing_m, grid.counts, guess.regions.cropped(box))
     cell = float(np.cbrt(6 * np.mean(body.coarse.mesh.cell_volumes)))  # six cells make a cube
     least = max(settings.finest * max(grid.spacing_m), settings.finest_cell * cell)
     longest = settings.longest * float((box[1] - box[0]).max())

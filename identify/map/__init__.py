@@ -3,6 +3,7 @@
 from identify.map.free_map import FreeMap
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.grid import Grid
+from identify.map.labelled_grid import LabelledGrid
 from identify.map.matern import MaternField
 from identify.map.parameters import parameter_space
 
@@ -11,6 +12,7 @@ __all__ = [
     "GaussianMap",
     "Grid",
     "Inclusion",
+    "LabelledGrid",
     "MaternField",
     "parameter_space",
 ]

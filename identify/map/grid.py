@@ -61,6 +61,14 @@ class Grid:
         """Interpolate a field (g,) to points (p, 3) m, (p,)."""
         return np.asarray(self.weights(points_m) @ field)
 
+    def level(self, rows: np.ndarray) -> np.ndarray:
+        """Sum fields (n, g) over all points, given to each point."""
+        return np.broadcast_to(rows.sum(axis=1, keepdims=True), rows.shape)
+
+    def levels_drawn(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Return random levels (count, g) of unit variance, one for all points."""
+        return np.broadcast_to(rng.standard_normal((count, 1)), (count, len(self)))
+
     def weights(self, points_m: np.ndarray) -> sparse.csr_matrix:
         """Matrix (p, g) that interpolates to points (p, 3) m; beyond the grid its edge counts."""
         place = (np.asarray(points_m, float) - self.lower_m) / self.spacing_m

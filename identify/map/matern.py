@@ -2,9 +2,10 @@
 
     cov(r) = spread^2 (1 + s) exp(-s),    s = sqrt(3) r / length
 
-and a level common to all places with a wide prior of its own. Products with the covariance are
-convolutions, made exact on a grid padded to twice its size (circulant embedding, Dietrich and
-Newsam, SIAM J. Sci. Comput. 18, 1997), so that the (g, g) covariance is never formed.
+and a level common to all places, or to each labelled region, with a wide prior of its own. Products
+with the covariance are convolutions, made exact on a grid padded to twice its size (circulant
+embedding, Dietrich and Newsam, SIAM J. Sci. Comput. 18, 1997), so that the (g, g) covariance is
+never formed.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class MaternField:
             moved *= spectrum
             back = fft.irfftn(moved, size, axes=axes)[:, :nx, :ny, :nz]
             found[first : first + _BATCH] = back.reshape(len(part), -1)
-        return found + self.level_spread**2 * rows.sum(axis=1, keepdims=True)
+        return found + self.level_spread**2 * self.grid.level(rows)
 
     def draws(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return random fields (count, g)."""
@@ -71,7 +72,7 @@ class MaternField:
             white = fft.rfftn(rng.standard_normal(size))
             white *= root
             found[i] = fft.irfftn(white, size)[:nx, :ny, :nz].ravel()
-        return found + self.level_spread * rng.standard_normal((count, 1))
+        return found + self.level_spread * self.grid.levels_drawn(rng, count)
 
     @cached_property
     def _embedded(self) -> tuple[tuple[int, ...], np.ndarray]:

@@ -19,7 +19,7 @@ from palpmap.result.doubts import (
 )
 from palpmap.result.evidence import added_names
 from palpmap.result.explain_words import VERDICTS, headline, step_evidence, steps_of, verdict_detail
-from palpmap.result.field_tables import sight_table, spot_table
+from palpmap.result.field_tables import field_tables
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
 from palpmap.result.tables import explained_table, ladder_table, verdict_table
@@ -64,10 +64,7 @@ def explain_summary(
     if unseen := unseen_effects(record):
         further.insert(0, unseen)
     final = explained.final.fit
-    field_tables = () if final.field is None else (
-        console(spot_table(final, problem.experiment.origin_m)),
-        console(sight_table(final, problem.scan)),
-    )  # fmt: skip
+    of_field = map(console, field_tables(final, problem.experiment.origin_m, problem.scan))
     cautions = [*bound_notes(record), *stated_lengths(record), unseen_inclusions(record),
                 *assumed_thickness(explained, problem),
                 *outlier_notes(record)]  # fmt: skip
@@ -77,7 +74,7 @@ def explain_summary(
         console(ladder_table(record.ladder, title="error of each step")),
         *(Text(f"- {text}") for text in said),
         console(explained_table(record)),
-        *field_tables,
+        *of_field,
         console(verdict_table(record.candidates, title="verdict on each effect")),
         *(Text(f"- {text}") for text in further),
         *(Text(text, style="yellow") for text in cautions if text),

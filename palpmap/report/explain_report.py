@@ -10,7 +10,7 @@ from palpmap.report.draw import write_page
 from palpmap.result import doubts
 from palpmap.result import explain_words as words
 from palpmap.result.evidence import added_names, kept
-from palpmap.result.field_tables import sight_table, spot_table
+from palpmap.result.field_tables import field_tables
 from palpmap.result.finding import Finding
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord, NextPressesRecord, ValueRecord
@@ -74,8 +74,7 @@ def write_explain_report(
         unseen=doubts.unseen_effects(record),
         trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),
-        spots=spot_table(explained.final.fit, finding.origin_m),
-        sight=sight_table(explained.final.fit, finding.scan),
+        field_tables=field_tables(explained.final.fit, finding.origin_m, finding.scan),
         parameters=parameter_table(
             record.parameters,
             before=_first_values(finding, explained) if stepped else None,

@@ -7,7 +7,7 @@ from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.console import plain
 from palpmap.report.draw import console
-from palpmap.result.field_tables import sight_table, spot_table
+from palpmap.result.field_tables import field_tables
 from palpmap.result.finding import Finding
 from palpmap.result.posterior_tables import posterior_table, posterior_words
 from palpmap.result.tables import ANSWERS, Table, parameter_table
@@ -32,10 +32,7 @@ def summary(finding: Finding, following: Sequence[str] = ()) -> tuple["Renderabl
     title = f"{finding.name}: found map"
     parameters = parameter_table(finding.parameters, true=finding.true, title=title)
     notes = (Text(f"- {note}") for note in c.notes)
-    free = () if finding.fit.field is None else (
-        console(spot_table(finding.fit, finding.origin_m)),
-        console(sight_table(finding.fit, finding.scan)),
-    )  # fmt: skip
+    free = map(console, field_tables(finding.fit, finding.origin_m, finding.scan))
     sampled = posterior_words(finding)
     samples = (console(posterior_table(finding)), *plain(sampled)) if sampled else ()
     found = (console(parameters), *free, *samples, console(_residual_table(c)))

@@ -8,7 +8,7 @@ import numpy as np
 from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
-from palpmap.result.field_tables import sight_table, spot_table
+from palpmap.result.field_tables import field_tables
 from palpmap.result.finding import Finding
 from palpmap.result.next_step import after_fit
 from palpmap.result.posterior_tables import posterior_table, posterior_words
@@ -36,8 +36,7 @@ def write_report(finding: Finding, pictures: Mapping[str, bytes], path: Path) ->
         following=after_fit(finding, study) if study.is_file() else (),
         sampled=posterior_table(finding),
         samples=posterior_words(finding),
-        spots=spot_table(finding.fit, finding.origin_m),
-        sight=sight_table(finding.fit, finding.scan),
+        field_tables=field_tables(finding.fit, finding.origin_m, finding.scan),
         tests=_test_table(finding.comparison),
         presses=_press_table(finding),
         readings=_reading_table(finding),

@@ -5,19 +5,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.effects import percent
-from identify.fit import FitResult, Spot
+from identify.fit import SPOTS, Field, FitResult, RegionEstimate, Spot
 from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
 
-def spot_table(fit: FitResult, origin_m: np.ndarray) -> Table:
-    """Return the spots of a free map, positions in the scan's frame; a row says so if none.
+def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Table, ...]:
+    """Return the tables of a free map: regions, spots, sight; none of another map.
 
-    Without rows for another map.
+    Positions are in the scan's frame.
     """
-    if fit.field is None:
-        return Table.of(("",), ())
+    field = fit.field
+    if field is None:
+        return ()
+    regions = (_region_table(field.regions),) if field.regions else ()
+    return (*regions, _spot_table(field.spots, fit.success, origin_m), _sight_table(field, scan))
+
+
+def _spot_table(spots: Sequence[Spot], success: bool, origin_m: np.ndarray) -> Table:
+    """Return the spots; a row says so if there are none."""
     head = ("Spot", *map(number, ("x, y, z in mm", "+-", "Diameter", "Modulus, around = 1",
             "95 % interval", "Probability")))  # fmt: skip
     rows = [
@@ -31,11 +38,25 @@ def spot_table(fit: FitResult, origin_m: np.ndarray) -> Table:
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found else "dim"),
         )
-        for s in fit.field.spots
+        for s in spots
     ]  # fmt: skip
     none = "none that differs from its surroundings"
-    rows = rows or [(none if fit.success else "not looked for: the search did not end",)]
+    rows = rows or [(none if success else "not looked for: the search did not end",)]
     return Table.of(head[: len(rows[0])], rows, "spots")
+
+
+def _region_table(regions: Sequence[RegionEstimate]) -> Table:
+    head = ("Region", *map(number, ("Modulus", "95 % interval", "Seen")))
+    rows = [
+        (
+            str(r.label),
+            units.quantity(r.modulus_pa, "Pa"),
+            units.interval(r.lower95_pa, r.upper95_pa, "Pa"),
+            Cell(percent(r.seen), "good" if r.seen >= SPOTS.seen else "dim"),
+        )
+        for r in regions
+    ]
+    return Table.of(head, rows, "regions")
 
 
 def _size(spot: Spot) -> str:
@@ -51,11 +72,8 @@ def _listed(presses: Sequence[int], most: int = 8) -> str:
     return ", ".join(str(p) for p in presses[:most]) + more
 
 
-def sight_table(fit: FitResult, scan: Scan) -> Table:
+def _sight_table(field: Field, scan: Scan) -> Table:
     """Return the reach of a scan and the free map's prior."""
-    field = fit.field
-    if field is None:
-        return Table.of(("", ""), ())
     hyper = field.hyper
 
     def by(name: str) -> str:

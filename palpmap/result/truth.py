@@ -36,6 +36,9 @@ class TrueBodyRecord(Record):
         default=None, description="hidden exponent of the modulus over z"
     )
     poisson_ratio: float | None = Field(default=None, description="hidden Poisson's ratio")
+    regions_pa: Mapping[str, float] | None = Field(
+        default=None, description="Young's modulus of the regions of a label volume, by label"
+    )
 
     @property
     def map(self) -> GaussianMap:
@@ -57,7 +60,7 @@ class TruthRecord(FileRecord):
 
 
 def read_truth(path: Path, *, foreign: bool = False) -> GaussianMap | None:
-    """Read the true map of a virtual laboratory.
+    """Read the true map of a virtual laboratory; None without a file, and of labelled regions.
 
     Parameters
     ----------
@@ -71,12 +74,14 @@ def read_truth(path: Path, *, foreign: bool = False) -> GaussianMap | None:
     if not path.is_file():
         return None
     if not foreign:
-        return TruthRecord.read(path).body.map
+        body = TruthRecord.read(path).body
+        return None if body.regions_pa else body.map
     try:
-        body = json.loads(path.read_text(encoding="utf-8"))["body"]
-        return TrueBodyRecord.model_validate(body).map
+        content = json.loads(path.read_text(encoding="utf-8"))["body"]
+        body = TrueBodyRecord.model_validate(content)
     except (OSError, KeyError, TypeError, ValueError):
         return None
+    return None if body.regions_pa else body.map
 
 
 def matched(found: GaussianMap, truth: GaussianMap) -> dict[str, float]:

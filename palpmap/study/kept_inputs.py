@@ -52,6 +52,11 @@ def keep_inputs(study: Study, scan: Scan, run: Path) -> Study:
         contacts = body.shape == "from-contacts"  # kept beside a scan that may have lost presses
         name = f"contacts{body.file.suffix}" if contacts else body.file.name
         body = copied(body, run / name)
-    kept = study.model_copy(update={"study": about, "body": body})
+    study_map = study.map
+    if study_map.regions is not None:
+        copy = run / study_map.regions.name
+        copy_file(study_map.regions, copy, ", key map.regions")
+        study_map = study_map.model_copy(update={"regions": copy.resolve()})
+    kept = study.model_copy(update={"study": about, "body": body, "map": study_map})
     write_study(kept, run / "study.toml")
     return kept

@@ -4,15 +4,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from fem import PalpationModel
 from identify import Experiment, FieldGuess, MapGuess, Progress, silent
 from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
 from identify.measurement import scan_noise
 from identify.select import StartFit
-from models import Catalogue, Scan, thinned, touching
+from models import (
+    Catalogue,
+    InputError,
+    LabelVolume,
+    Scan,
+    thinned,
+    touching,
+)
 from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
 from palpmap.study.frame import frame_shift_m
+from palpmap.study.label_file import read_label_volume
 from palpmap.study.placement import place_scan
 from palpmap.study.study import Study
 
@@ -57,9 +68,11 @@ def open_study(
     def in_body_frame(values: dict[str, float]) -> dict[str, float]:
         return {name: value - frame_shift_m(name, origin_m) for name, value in values.items()}
 
+    body = build_body_model(study, used)
+    regions = _regions(study, body.coarse, origin_m)
     return Experiment(
         placement.scan,
-        build_body_model(study, used),
+        body,
         scan_noise(
             used, study.noise.displacement_m, study.noise.force_n, study.noise.touch_m or 0.0
         ),
@@ -69,7 +82,7 @@ def open_study(
             in_body_frame(study.map.fixed),
             None
             if study.map.kind == "inclusions"
-            else FieldGuess(study.map.length_m, study.map.spread),
+            else FieldGuess(study.map.length_m, study.map.spread, regions),
             study.map.kind == "auto",
         ),
         tuple((catalogue[entry.name], entry.initial) for entry in study.effects),
@@ -78,6 +91,30 @@ def open_study(
         None if part is measured else (measured, whole.scan),
         say,
     )
+
+
+def _regions(study: Study, model: PalpationModel, origin_m: np.ndarray) -> LabelVolume | None:
+    """Return the label volume of a study in the body's frame.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or does not cover the body.
+    """
+    file = study.map.regions
+    if file is None:
+        return None
+    volume = read_label_volume(file, study.map.regions_unit_m).moved(-np.asarray(origin_m))
+    covered = volume.covers(model.points_m)
+    if not covered.all():
+        low, high = 1e3 * (model.mesh.box_m + origin_m)
+        raise InputError(
+            f"{file}, key map.regions: covers {100 * covered.mean():.0f} % of the body, expected "
+            f"all of it ({low[0]:.0f} to {high[0]:.0f}, {low[1]:.0f} to {high[1]:.0f} and "
+            f"{low[2]:.0f} to {high[2]:.0f} mm in the scan's frame); check origin, orientation and "
+            "map.regions_unit_m"
+        )
+    return volume
 
 
 def catalogue_with(own: Sequence[Effect]) -> Catalogue[Effect]:

@@ -72,13 +72,16 @@ class Map(Table):
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
     positions are in the scan's frame. A "free" map has any shape: the logarithm of the modulus is a
     Gaussian field, whose smoothness is found from the scan or given: `length_m`, the distance over
-    which it changes, and `spread`, the standard deviation of the logarithm. "auto" takes the kind
-    for which the scan gives more evidence.
+    which it changes, and `spread`, the standard deviation of the logarithm. Of a free map each
+    region of a label volume (`regions`, a file in the scan's frame, in units of `regions_unit_m`)
+    has a level of its own. "auto" takes the kind for which the scan gives more evidence.
     """
 
     kind: Literal["inclusions", "free", "auto"] = "inclusions"
     length_m: Positive | None = None
     spread: Annotated[Positive, Field(le=4)] | None = None
+    regions: File | None = None
+    regions_unit_m: Positive | None = None
     inclusions: int | Literal["auto"] = 1
     initial: dict[str, float] = Field(default_factory=dict)
     fixed: dict[str, float] = Field(default_factory=dict)
@@ -113,7 +116,8 @@ class Map(Table):
     @model_validator(mode="after")
     def _kind_has_its_keys(self) -> "Map":
         free = self.kind != "inclusions"
-        of_others = ("inclusions", "initial", "fixed") if free else ("length_m", "spread")
+        field = ("length_m", "spread", "regions", "regions_unit_m")
+        of_others = ("inclusions", "initial", "fixed") if free else field
         for key in of_others:
             if getattr(self, key) != Map.model_fields[key].get_default(call_default_factory=True):
                 says = "which has no inclusions" if free else 'not "free"'
@@ -277,11 +281,16 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     elif body.shape == "from-contacts":
         body = body.model_copy(update={"file": folder / study.study.scan})
     about = study.study.model_copy(update={"scan": folder / study.study.scan})
+    study_map = study.map
+    if study_map.regions is not None:
+        study_map = study_map.model_copy(update={"regions": folder / study_map.regions})
     effects = tuple(
         entry if entry.file is None else entry.model_copy(update={"file": folder / entry.file})
         for entry in study.effects
     )
-    return study.model_copy(update={"study": about, "body": body, "effects": effects})
+    return study.model_copy(
+        update={"study": about, "body": body, "map": study_map, "effects": effects}
+    )
 
 
 def write_study(study: Study, path: str | os.PathLike[str]) -> None:
@@ -301,6 +310,8 @@ def write_study(study: Study, path: str | os.PathLike[str]) -> None:
         tables["body"]["file"] = relative(study.body.file)
         if study.body.shape == "from-contacts" and study.body.file == study.scan:
             del tables["body"]["file"]
+    if study.map.regions is not None:
+        tables["map"]["regions"] = relative(study.map.regions)
     for table, entry in zip(tables.get("effects", ()), study.effects, strict=False):
         if entry.file is not None:
             table["file"] = relative(entry.file)

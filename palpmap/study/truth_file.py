@@ -8,6 +8,10 @@
     z_m = 0.018
     radius_m = 0.009
 
+    [regions]             # optional: moduli of the regions of a label volume
+    file = "labels.vti"
+    moduli_pa = { 1 = 24000, 2 = 3000 }
+
     [law]                 # optional: hyperelastic in place of linear
     kind = "fung"         # neo-hookean, yeoh or fung
     coefficient = 2.0
@@ -29,8 +33,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from palpmap.study.body import NotNegative, Positive, Real, Table, as_tuple
+from models import InputError
+from palpmap.study.body import File, NotNegative, Positive, Real, Table, as_tuple
 from palpmap.study.faults import read_table
+from palpmap.study.label_file import read_label_volume
 from palpmap.study.study import Study
 
 if TYPE_CHECKING:
@@ -68,10 +74,19 @@ class TrueCreep(Table):
         return self
 
 
+class TrueRegions(Table):
+    """`[regions]`: moduli of the regions of a label volume; others have the background's."""
+
+    file: File
+    unit_m: Positive | None = Field(None, description="length of the file's unit, m")
+    moduli_pa: dict[int, Positive] = Field(min_length=1, description="by label, Pa")
+
+
 class TruthFile(Table):
     """A true body."""
 
     background_pa: Positive
+    regions: TrueRegions | None = None
     inclusions: Annotated[tuple[TrueInclusion, ...], BeforeValidator(as_tuple)] = ()
     law: TrueLaw | None = None
     creep: TrueCreep | None = None
@@ -108,7 +123,17 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
         )
         for spot in found.inclusions
     )
+    volume, moduli = None, {}
+    if found.regions is not None:
+        file, moduli = path.resolve().parent / found.regions.file, found.regions.moduli_pa
+        volume = read_label_volume(file, found.regions.unit_m)
+        if absent := sorted(moduli.keys() - set(volume.names)):
+            raise InputError(
+                f"{path}, key regions.moduli_pa: found the label {absent[0]}, expected labels of "
+                f"{file}: {', '.join(map(str, volume.names))}"
+            )
+        volume = volume.moved(-origin)
     laws = {"neo-hookean": lambda _: NeoHookean(), "yeoh": Yeoh, "fung": Fung}
     law = found.law and laws[found.law.kind](found.law.coefficient)
     creep = found.creep and Creep(found.creep.shares, found.creep.times_s)
-    return Truth(TruthMap(found.background_pa, spots), law, creep)
+    return Truth(TruthMap(found.background_pa, spots, volume, moduli), law, creep)

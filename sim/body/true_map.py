@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy.special import erf
 
-from models import InputError
+from models import InputError, LabelVolume
 from sim.motion import BodySurface
 
 TRIES = 200
@@ -74,6 +75,8 @@ class Inclusion:
 class TruthMap:
     """E(p) = background + sum_i weight_i exp(-|p - centre_i|^2 / (2 radius_i^2)), Pa.
 
+    In `regions`, in the body's frame, those with a modulus in `region_pa` have that as background.
+
     Examples
     --------
     >>> truth = TruthMap(6000.0, (Inclusion(12000.0, (0.05, 0.05, 0.03), 0.01),))
@@ -83,6 +86,8 @@ class TruthMap:
 
     background_pa: float = 6000.0
     inclusions: tuple[Inclusion, ...] = (Inclusion(),)
+    regions: LabelVolume | None = None
+    region_pa: Mapping[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.background_pa > 0:
@@ -104,13 +109,19 @@ class TruthMap:
     def __call__(self, points_m: np.ndarray) -> np.ndarray:
         """Young's modulus at points (p, 3) m, (p,) Pa."""
         modulus = np.full(len(points_m), float(self.background_pa))
+        if self.regions is not None:
+            labels = self.regions.at(points_m)
+            for label, own in self.region_pa.items():
+                modulus[labels == label] = own
         for inclusion in self.inclusions:
             modulus += inclusion.added(points_m)
         return modulus
 
     def record(self) -> dict[str, Any]:
         """Return the map as a JSON record."""
+        regions = {str(label): own for label, own in self.region_pa.items()}
         return {
+            **({"regions_pa": regions} if regions else {}),
             "background_pa": self.background_pa,
             "inclusions": [
                 {

@@ -264,7 +264,7 @@ class Limits(Shown):
         """The content of limits.json."""
         from palpmap.result.explain_record import limits_record
 
-        return limits_record(self.limits, self.better, self.problem)
+        return limits_record(self.limits, self.better, self.problem, self.fit.field)
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Return the limits as plain data, as limits.json holds them."""

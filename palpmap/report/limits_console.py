@@ -9,6 +9,7 @@ from palpmap.result.doubts import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences
 from palpmap.result.records import LimitsRecord
 from palpmap.result.tables import ShiftColumn, limit_table
+from palpmap.units import quantity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -31,11 +32,23 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
         _headline(record, len(seen)),
         console(limit_table(seen, shifts, letters, title)),
         "Signal: the rms of the modelled displacements.",
-        "E0, w, z: shift of the map's background, first inclusion's weight and depth by an ignored "
-        f"effect of {100 * DETECTION.bias_share:.0f} % of the signal (in proportion).",
+        _of_the_map(record),
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
         *untestable_sentences(record.limits, "Not seen at any size"),
         *left_out_sentences(record),
+    )
+
+
+def _of_the_map(record: LimitsRecord) -> str:
+    """Return what the columns of the map mean, or the depth down to which a free one is seen."""
+    if record.sight_m is not None:
+        return (
+            f"Depth of sight: {quantity(record.sight_m, 'm')} under the middle press; below, the "
+            "free map is its prior's guess."
+        )
+    return (
+        "E0, w, z: shift of the map's background, first inclusion's weight and depth by an ignored "
+        f"effect of {100 * DETECTION.bias_share:.0f} % of the signal (in proportion)."
     )
 
 

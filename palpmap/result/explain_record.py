@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from identify.design import DETECTION, Assessment, BetterScans, Design, Limit
-from identify.fit import Estimate
+from identify.fit import Estimate, Field
 from identify.select import EffectVerdict, Explanation, Score, Step, WithoutSuspects
 from palpmap.result.finding import parameter_records
 from palpmap.result.next_scan import PLANNED, finer_cells, next_presses_records
@@ -85,8 +85,13 @@ def diagnosis_record(step: Step, problem: Problem) -> DiagnosisRecord:
     )
 
 
-def limits_record(limits: Sequence[Limit], better: BetterScans, problem: Problem) -> LimitsRecord:
-    """Return detection limits and the scans that would show more as the record of limits.json."""
+def limits_record(
+    limits: Sequence[Limit], better: BetterScans, problem: Problem, field: Field | None = None
+) -> LimitsRecord:
+    """Return detection limits and the scans that would show more as the record of limits.json.
+
+    `field` is that of a free map.
+    """
     records = {
         name: BetterScanRecord(
             **dict(_planned(design)),
@@ -101,6 +106,7 @@ def limits_record(limits: Sequence[Limit], better: BetterScans, problem: Problem
             for limit in limits
         ),
         mixed_scan=None if better.mixed is None else _planned(better.mixed.design),
+        sight_m=field and field.sight_m,
         **counted(problem),
     )
 

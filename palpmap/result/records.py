@@ -130,6 +130,9 @@ class LimitsRecord(CountRecord, FileRecord):
 
     limits: tuple[LimitRecord, ...]
     mixed_scan: PlannedScanRecord | None = Field(description="scan with all changes at once")
+    sight_m: float | None = Field(
+        default=None, description="depth of sight of a free map at the middle press, m, or null"
+    )
 
 
 class PressesFitRecord(Record):

@@ -76,3 +76,14 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     report = (run / "report.html").read_text(encoding="utf-8")
     assert "a free map" in report
     assert "depth of sight" in report
+
+
+@pytest.mark.slow
+def test_limits_say_how_deep_a_scan_sees(tmp_path):
+    path = study(tmp_path, 'kind = "free"')
+    found = pm.limits(pm.read_study(path), [pm.CATALOGUE["contact_offset"]])
+    assert found.fit.field is not None
+    assert found.record.sight_m == found.fit.field.sight_m > 0.003
+    said = " ".join(found.summary().split())
+    assert f"Depth of sight: {1e3 * found.record.sight_m:.2f} mm under the middle press" in said
+    assert "E0, w, z" not in said

@@ -22,6 +22,8 @@ from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError, OptimizeResult
 
+_PLAIN_WEIGHT, _PLAIN_RADIUS = 2.0, 1.6  # over the background, and over the tip's radius
+
 
 def fit_jointly(
     model: MeasurementModel,
@@ -69,6 +71,23 @@ def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> FitRe
         return fit_jointly(model, stiffness, **options)
     except InadmissibleError:
         return None
+
+
+def found_again(fit: FitResult) -> FitResult:
+    """Refit from plain inclusions where one ended infinitely hard, and return the better fit.
+
+    A hard grain below the surface is a false minimum for an inclusion of ordinary size.
+    """
+    names = [n for n in fit.at_bound if n.startswith("inclusion_") and n.endswith(".weight_pa")]
+    if not names or not isinstance(fit.map, GaussianMap):
+        return fit
+    tip_m, plain = float(np.median(fit.model.readings.radius_m)), {}
+    for name in names:
+        radius = name.replace("weight_pa", "radius_m")
+        plain[name] = _PLAIN_WEIGHT * fit.map.background_pa
+        plain[radius] = max(_PLAIN_RADIUS * tip_m, fit.values[radius])
+    other = try_fit(fit.model, fit.map.changed(plain))
+    return fit if other is None or other.chi2 > fit.chi2 else other
 
 
 def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResult:

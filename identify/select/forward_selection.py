@@ -20,7 +20,7 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
-from identify.fit.joint_fit import fit_jointly, try_fit
+from identify.fit.joint_fit import fit_jointly, found_again, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
@@ -73,7 +73,7 @@ def forward_selection(
         return step
 
     say("fitting the map")
-    fit = first or fit_jointly(model, stiffness)
+    fit = found_again(first or fit_jointly(model, stiffness))
     # Beside a free map without a law that the presses call for, scores of the body say nothing
     by_presses = policy.first is not None and fit.field is not None
     ladder = [judged(fit, [e for e in catalogue if e.link != "body"] if by_presses else catalogue)]
@@ -102,7 +102,10 @@ def forward_selection(
         winner = candidates[0].fit
         say(f"refitting with {candidates[0].name}")
         fit, lost = policy.prune(
-            fit_jointly(winner.model, winner.map), [a.name for a in accepted[:-1]], say, settings
+            found_again(fit_jointly(winner.model, winner.map)),
+            [a.name for a in accepted[:-1]],
+            say,
+            settings,
         )
         kept = [a for a in accepted if a.name not in lost]
         # Beside an effect since lost, the last one may have beaten candidates that do as well now

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import SolverError
-from identify.fit.joint_fit import fit_jointly
+from identify.fit.joint_fit import fit_jointly, found_again
 from identify.fit.search import Search
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
@@ -48,3 +48,11 @@ def test_a_map_that_the_finer_mesh_cannot_resolve_is_approached_by_shorter_steps
     again = fit_jointly(own, TRUE.changed({"background_pa": 4000.0}))
     assert len(refused) == 1
     assert again.chi2 == pytest.approx(found.chi2, abs=0.1)
+
+
+def test_a_hard_grain_is_left_for_an_inclusion_of_ordinary_size(own, found):
+    grain = {"inclusion_1.weight_pa": own.space.parameters[1].upper, "inclusion_1.radius_m": 2.5e-3}
+    stuck = fit_jointly(own, TRUE.changed(grain), rounds=0, max_evaluations=1)
+    assert stuck.at_bound == ("inclusion_1.weight_pa",)
+    assert found_again(stuck).chi2 == pytest.approx(found.chi2, abs=0.1)
+    assert found_again(found) is found

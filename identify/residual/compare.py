@@ -259,16 +259,18 @@ def _notes(view: ResidualView, tests: dict[str, ResidualTest]) -> tuple[str, ...
         for name, test in tests.items()
         if test.untestable
     ]
+    source = "given"
     if view.w.noise_estimated:
+        source = "estimated"
         notes.append("The noise was estimated from this scan, as the study does not give it.")
     if view.scale > 1:
         notes.append(
             f"From one reading to the next the residual scatters {view.scatter:.2g} times as much "
-            "as the noise given; the questions of pattern are judged with this larger scatter."
+            f"as the noise {source}; the questions of pattern are judged with this larger scatter."
         )
     elif special.chdtr(view.dof, view.chi2) < view.settings.alpha / 2:
         notes.append(
-            f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise given: that "
+            f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise {source}: that "
             "noise seems too large, so small effects may have been missed."
         )
     return tuple(notes)

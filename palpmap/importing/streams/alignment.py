@@ -17,7 +17,14 @@ from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
 from palpmap.importing.streams.press import Window, rough_contact, window_of
 from palpmap.importing.streams.spans import Way, way_into_body
-from palpmap.importing.streams.stream import Stream, in_base, read_force, read_pose, without_jumps
+from palpmap.importing.streams.stream import (
+    Stream,
+    in_base,
+    noise_of,
+    read_force,
+    read_pose,
+    without_jumps,
+)
 from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
@@ -74,14 +81,18 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     pose, offset = pose.later(way.offset_s), offset + way.offset_s
     mean_direction, spans = way.direction, way.spans
     stated = _stated_directions(recording, rig, pose, offset)
-    lag = None
-    for _ in range(MOST_ROUNDS):  # where the contact begins depends on the lag, and it on that
-        windows = [window_of(force, pose, span, mean_direction, stated) for span in spans]
-        windows = [window for window in windows if window is not None]
-        rough_contacts = [_contact_or_none(window) for window in windows]
+    lag, unweighed, words = None, force, []
+    turns = rig.force.frame == "tip" and force.values.shape[1] == 3
+    for k in range(MOST_ROUNDS):  # where the contact begins depends on the lag, and it on that
+        windows, contacts = _touching(force, pose, spans, mean_direction, stated)
+        if turns:
+            words = []
+            force = without_weight(unweighed, pose, windows, contacts, words)
+            if k == 0:  # before, a weight that turns passes for contact
+                windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if rig.pose.clock_offset_s is not None:
             break
-        more = _lag_of(windows, rough_contacts, pose)
+        more = _lag_of(windows, contacts, pose)
         if more is None:
             break
         pose = Stream(
@@ -90,15 +101,13 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         lag = more if lag is None else lag.and_then(more)
         if abs(more.lag_s) < SETTLED_S:
             break
-    unweighed = force
-    if rig.force.frame == "tip" and force.values.shape[1] == 3:
-        force = without_weight(force, pose, windows, rough_contacts, said)
+    said += words
     if rig.pose.clock_offset_s is None:
         said.append(_lag_words(lag, offset))
     if rig.press.direction == TRAVEL:
         touching = [
             window.direction
-            for window, contact in zip(windows, rough_contacts, strict=True)
+            for window, contact in zip(windows, contacts, strict=True)
             if contact is not None
         ]
         stated = _common_direction(touching, said)
@@ -154,6 +163,19 @@ def _stated_directions(
     return direction / np.linalg.norm(direction)
 
 
+def _touching(
+    force: Stream,
+    pose: Stream,
+    spans: Sequence[tuple[float, float]],
+    direction: np.ndarray,
+    stated: np.ndarray | Stream | None,
+) -> tuple[list[Window], list[Contact | None]]:
+    """Motions into the body, and the contact in each."""
+    windows = [window_of(force, pose, span, direction, stated) for span in spans]
+    windows = [window for window in windows if window is not None]
+    return windows, [_contact_or_none(window) for window in windows]
+
+
 def _contact_or_none(window: Window) -> Contact | None:
     try:
         return rough_contact(window)
@@ -177,7 +199,12 @@ def _lag_of(
         force.append((window.force_n - contact.tare_n)[rows])
         pose_time.append(grid)
         travel.append(depth - window.depth_m[contact.touch])
-    return find_lag(force_time, force, pose_time, travel)
+    if not windows:
+        return None
+    mean = np.mean([window.direction for window in windows], axis=0)
+    depth = pose.values[:, :3] @ (mean / np.linalg.norm(mean))
+    noise = float(noise_of(np.diff(depth)[:, None])[0]) / np.sqrt(3)  # by second differences
+    return find_lag(force_time, force, pose_time, travel, noise * np.sqrt(pose.step_s))
 
 
 def _lag_words(lag: Lag | None, offset_s: float) -> str:
@@ -209,7 +236,7 @@ def _common_direction(directions: Sequence[np.ndarray], said: list[str]) -> np.n
     mean = np.mean(directions, axis=0)
     mean /= np.linalg.norm(mean)
     angle = np.degrees(np.arccos(np.clip(np.array(directions) @ mean, -1, 1)))
-    x, y, z = mean
+    x, y, z = np.round(mean, 4) + 0.0  # no -0
     if np.quantile(angle, 0.9) < ONE_DIRECTION_DEG:
         said.append(f"All presses go along ({x:.4f}, {y:.4f}, {z:.4f}), by the tip's travel.")
         return mean

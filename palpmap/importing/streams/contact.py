@@ -160,14 +160,15 @@ def find_touch(
                            options={"xatol": 1e-4 * travel_guess})  # fmt: skip
     columns, weights, _ = law(best.x)
     independent = len(depth) / correlation_length(centred - columns @ weights)
-    # standard deviation: half of where the sum of squares has grown by four times its variance
-    limit = best.fun**2 * (1 + 4 / max(independent - 5, 1))
-    aside = 0.01 * travel_guess * np.arange(1, 41)
-    width = [
-        next((d for d in aside if fitted(best.x + way * d) ** 2 > limit), aside[-1])
-        for way in (1, -1)
-    ]
-    error = max(width) / 2
+    # a sum of squares that grows slowly further away makes the error larger than it is near
+    aside = 0.01 * travel_guess * np.arange(1, 81)
+    grown = [np.array([fitted(best.x + way * d) for d in aside]) ** 2 for way in (1, -1)]
+    error = 0.0
+    for deviations in (2, 4):
+        limit = best.fun**2 * (1 + deviations**2 / max(independent - 5, 1))
+        beyond = [np.flatnonzero(sums > limit) for sums in grown]
+        width = max(aside[k[0]] if len(k) else aside[-1] for k in beyond)
+        error = max(error, width / deviations)
     return float(best.x), float(error), float(best.fun / np.sqrt(len(depth)))
 
 

@@ -1,4 +1,4 @@
-"""The lag between force and pose, to a millisecond or two."""
+"""The lag between force and pose, by maximum likelihood over all presses at once."""
 
 from __future__ import annotations
 
@@ -10,21 +10,30 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from palpmap.importing.streams.clocks import smooth
+from palpmap.importing.streams.contact import correlation_length
+from palpmap.importing.streams.stream import noise_of
 
 GRID_S = 0.01
-MEAN_S = 0.11  # both are averaged alike: a pose's remaining noise makes the force seem to lead
+MEAN_S = 0.08  # force and travel are averaged alike, so that no corner is shifted
 GAP_S = 0.03  # messages missing: the mean around them is not used
 CORNER_SMOOTHED_S = 0.08
-CORNER_S, CORNER = 0.08, 0.7  # a change of speed by this share in twice this time is a corner
-SHARPNESS, LAW_S = (0.7, 0.95), (7.0e-3, 1.0e-3)  # what the force's law adds to the lag's error
-FURTHEST_S, SEARCH_STEP_S = 0.24, 0.004
-TRIMMED_S = 0.06  # of both ends of a contact, where lag and touch mix
+CORNER_S = 0.08  # the speed changes by most of itself within twice this time at a corner
+SHARPNESS, LAW_S = (0.7, 0.95), (7.0e-3, 5.0e-4)  # what the force's law adds to the lag's error
+FURTHEST_S, SEARCH_STEP_S, LONGEST_STEP_S = 0.24, 0.008, 0.05
+TRIMMED_S = 0.03  # of both ends of a contact, where lag and touch mix
 CONTACT_SHARE = 0.07  # of a press's travel: below it the touch itself disturbs
 CORNER_SHARE = 0.1
+POWERS, POWERS_OUT = (1.0, 1.5, 2.0, 3.0), (1.0, 2.0, 3.0)  # of the travel, and of the way out
 RELAXATION_S = (0.1, 0.3, 1.0, 4.0)
-RELAXES = 4.0  # chi-square that eight common weights must take
+RELAXING = (0.02, 0.1)  # weights to start from: an elastic and a viscous body
 OUTLYING = 9.0  # times the usual variance: a press that does not count
-_WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S, 2 * SEARCH_STEP_S)
+MOST_PRESSES = 40  # of a recording, evenly over it
+FOR_A_RATE = 6  # presses
+BESIDE_S = 4.0e-3  # at least so far beside the lag the likelihood is asked for its error
+_WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S / 2, SEARCH_STEP_S)
+_FREE = 1 + len(POWERS_OUT)  # columns that do not relax
+_COLUMNS = _FREE + len(POWERS)
+_THETA = 2 + len(RELAXATION_S)  # lag, its growth over the recording, weights of the relaxation
 
 
 @dataclass(frozen=True)
@@ -38,7 +47,7 @@ class Lag:
     middle_s : of the recording, on the pose's clock
     error_s : standard deviation of the lag
     presses : number of presses that determine it
-    has_corners : whether the tip stops and starts sharply, which fixes the lag within some 2 ms
+    has_corners : whether the tip stops and starts sharply, which fixes the lag to some 2 ms
     """
 
     lag_s: float
@@ -62,57 +71,47 @@ def find_lag(
     force: Sequence[np.ndarray],
     pose_time: Sequence[np.ndarray],
     travel: Sequence[np.ndarray],
+    pose_noise: float,
 ) -> Lag | None:
-    """Estimate the lag between force and travel from all presses; None if no press shows it.
+    """Estimate the lag between force and travel from all presses; None if they do not show it.
 
-    In each press the force is taken to be a smooth function of travel, other while the tip goes
-    out than while it goes in, plus its relaxation at four rates: a body's own viscosity is thus
-    not mistaken for a lag, unless it relaxes faster than in 0.1 s. Where the tip stops sharply and
-    all presses together show no relaxation, it is left out. The lag is where the sum of squares is
-    least; corners of the motion decide it.
+    In each press the force is a smooth function of travel, other while the tip goes out than while
+    it goes in. It relaxes at four rates, with weights that all presses share and that are not
+    negative: a body's own viscosity is thus not mistaken for a lag, unless it relaxes faster than
+    in 0.1 s. Lag, weights and laws are those of the greatest likelihood, with noise in force and
+    travel (effective variance: Orear, Am. J. Phys. 50, 1982); corners of the motion decide the lag.
 
     Parameters
     ----------
     force_time, force : of each press, s and N, contact only
     pose_time, travel : of each press, s and m, from before the touch; even steps
+    pose_noise : standard deviation of the travel's noise, m, times the square root of the time
+        between its messages, s
     """
-    courses = [_course(*one) for one in zip(force_time, force, pose_time, travel, strict=True)]
+    every = max(1, -(-len(force) // MOST_PRESSES))
+    chosen = list(zip(force_time, force, pose_time, travel, strict=True))[::every]
+    courses = [_course(*one, pose_noise) for one in chosen]
     courses = [course for course in courses if course is not None]
-    sharp = [_sharpest(tp, x) for tp, x in zip(pose_time, travel, strict=True)]
-    sharpness = float(np.median(sharp)) if sharp else 0.0
-    # a soft motion does not tell: a lag then does as well as relaxation
-    if courses and sharpness > CORNER and not _relaxes(courses):
-        courses = [replace(course, relaxing=course.relaxing[:, :0]) for course in courses]
-    middles, lags, errors = [], [], []
-    for course in courses:
-        found = _press_lag(course)
-        if found is not None:
-            middles.append(course.middle_s)
-            lags.append(found[0])
-            errors.append(found[1])
-    if not lags:
+    start = _start(courses) if courses else None
+    if start is None:
         return None
-    middle, lag, error = map(np.array, (middles, lags, errors))
-    error = np.hypot(error, 0.3 * np.median(error))
-    kept = np.ones(len(lag), dtype=bool)
-    centre = float(middle.mean())
-    design = np.column_stack([np.ones(len(lag)), middle - centre])
-    line = np.zeros(2)
-    for _ in range(4):
-        columns = design if np.sum(kept) >= 6 else design[:, :1]
-        weighted = columns[kept] / error[kept, None]
-        line[:] = 0
-        line[: columns.shape[1]] = np.linalg.lstsq(weighted, lag[kept] / error[kept], rcond=None)[0]
-        off = lag - design @ line
-        spread = 1.4826 * np.median(np.abs(off[kept])) + 1e-5
-        kept = np.abs(off) < 4 * spread
-    scale = spread / np.sqrt(np.sum(kept))
-    rate_error = spread / np.sqrt(np.sum((middle[kept] - centre) ** 2) + 1e-12)
-    if abs(line[1]) < 5 * rate_error or abs(line[1]) * np.ptp(middle) < 1e-3:
-        line[:] = float(np.average(lag[kept], weights=error[kept] ** -2)), 0.0
-    total = float(np.hypot(scale, np.interp(sharpness, SHARPNESS, LAW_S)))
+    middle = np.array([course.middle_s for course in courses])
+    span = max(float(np.ptp(middle)), 1.0)
+    fit = _Fit(courses, (middle - middle.mean()) / span, *start)
+    error, grown_error = fit.solve()
+    lag, grown = fit.theta[:2]
+    if not np.isfinite(error) or abs(lag) > FURTHEST_S:
+        return None
+    if abs(grown) < max(5 * grown_error, 1e-3):
+        grown = 0.0
+    sharpness = float(np.median([_sharpest(tp, x) for _, _, tp, x in chosen]))
     return Lag(
-        float(line[0]), float(line[1]), centre, total, int(np.sum(kept)), sharpness > SHARPNESS[1]
+        float(lag),
+        float(grown / span),
+        float(middle.mean()),
+        float(np.hypot(error, np.interp(sharpness, SHARPNESS, LAW_S))),
+        len(fit.kept),
+        sharpness > SHARPNESS[1],
     )
 
 
@@ -138,35 +137,91 @@ class _Course:
     middle_s : of the press
     time_s, force_n : (m,) averaged over `MEAN_S`
     grid_s : (p,) even
-    free, relaxing : (p, 7) and (p, r) on the grid, see `_bases`; the latter in N
+    columns : (p, K, 1 + r) functions of travel, and what is left of each at r rates of relaxation
+    slopes : (p, K) their derivatives by the travel's share of its largest
+    force_var, travel_var : noise of the averaged force, N^2, and of the travel's share
     """
 
     middle_s: float
     time_s: np.ndarray
     force_n: np.ndarray
     grid_s: np.ndarray
-    free: np.ndarray
-    relaxing: np.ndarray
+    columns: np.ndarray
+    slopes: np.ndarray
+    force_var: float
+    travel_var: float
 
-    def parted(self, lag_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Relaxing columns (m, r) and force (m,) of a lag, less their part along the free ones."""
-        time = self.time_s - lag_s
-        q, _ = np.linalg.qr(_at(time, self.grid_s, self.free))
-        columns = _at(time, self.grid_s, self.relaxing)
-        return columns - q @ (q.T @ columns), self.force_n - q @ (q.T @ self.force_n)
+    def table(self, weights: np.ndarray) -> np.ndarray:
+        """Relaxed columns (p, K) and, beside them, their slopes as the noise sees them."""
+        gain = np.ones(_COLUMNS)
+        gain[_FREE:] = np.sqrt(weights @ _NOISE_GAIN @ weights)
+        return np.hstack([self.columns @ weights, self.slopes * gain])
 
-    @property
-    def freedom(self) -> int:
-        """Samples less columns."""
-        return len(self.time_s) - self.free.shape[1] - self.relaxing.shape[1]
+    def at(self, lag_s: float, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns and slopes of a table, each (m, K), at a lag."""
+        both = _at(self.time_s - lag_s, self.grid_s, table)
+        return both[:, :_COLUMNS], both[:, _COLUMNS:]
+
+    def least(self, lag_s: float, weights: np.ndarray) -> np.ndarray:
+        """Coefficients (K,) of an ordinary least-squares fit."""
+        columns, _ = self.at(lag_s, self.table(weights))
+        size = np.linalg.norm(columns, axis=0) + 1e-9
+        return np.linalg.lstsq(columns / size, self.force_n, rcond=1e-7)[0] / size
+
+    def squares(self, lags_s: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Return the sums of squares (l,) of ordinary least-squares fits."""
+        table = self.columns @ weights
+        columns = np.array([_at(self.time_s - lag, self.grid_s, table) for lag in lags_s])
+        q = np.linalg.qr(columns / (np.linalg.norm(columns, axis=1, keepdims=True) + 1e-9))[0]
+        return np.sum(
+            (self.force_n - (q @ (q.swapaxes(1, 2) @ self.force_n)[:, :, None])[:, :, 0]) ** 2,
+            axis=1,
+        )
+
+    def residual(self, lag_s: float, weights: np.ndarray, law: np.ndarray) -> np.ndarray:
+        """Residuals (m,) in standard deviations."""
+        columns, slopes = self.at(lag_s, self.table(weights))
+        variance = self.force_var + self.travel_var * (slopes @ law) ** 2
+        return (self.force_n - columns @ law) / np.sqrt(variance)
+
+    def linear(
+        self, lag_s: float, weights: np.ndarray, law: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals (m,), derivatives by lag and weights (m, 1 + r) and by the law (m, K)."""
+        step, table = 2e-3, self.table(weights)
+        columns, slopes = self.at(lag_s, table)
+        later, earlier = self.at(lag_s + step, table), self.at(lag_s - step, table)
+        stiffness = slopes @ law
+        variance = self.force_var + self.travel_var * stiffness**2
+        root = np.sqrt(variance)
+        residual = (self.force_n - columns @ law) / root
+        tilt = residual * self.travel_var * stiffness / variance  # the variance follows the law
+
+        def by(column: np.ndarray, slope: np.ndarray) -> np.ndarray:
+            return -column / root - tilt * slope
+
+        past = _at(
+            self.time_s - lag_s,
+            self.grid_s,
+            self.columns[:, _FREE:, 1:].swapaxes(1, 2) @ law[_FREE:],
+        )
+        gain = (_NOISE_GAIN @ weights)[1:] / (weights @ _NOISE_GAIN @ weights)
+        relaxing = slopes[:, _FREE:] @ law[_FREE:]
+        by_lag = by((later[0] - earlier[0]) @ law, (later[1] - earlier[1]) @ law) / (2 * step)
+        by_weights = [by(p, relaxing * g) for p, g in zip(past.T, gain, strict=True)]
+        by_law = [by(c, s) for c, s in zip(columns.T, slopes.T, strict=True)]
+        return residual, np.column_stack([by_lag, *by_weights]), np.column_stack(by_law)
 
 
 def _course(
-    force_time: np.ndarray, force: np.ndarray, pose_time: np.ndarray, travel: np.ndarray
+    force_time: np.ndarray,
+    force: np.ndarray,
+    pose_time: np.ndarray,
+    travel: np.ndarray,
+    pose_noise: float,
 ) -> _Course | None:
     """Average a press's force; None where too little of it lies between touch and release."""
     travel = moving_mean(pose_time, travel, pose_time, MEAN_S)
-    free, relaxing = _bases(pose_time, travel)
     inside = travel > CONTACT_SHARE * travel.max()
     if not inside.any():
         return None
@@ -178,59 +233,198 @@ def _course(
     )  # fmt: skip
     for k in np.flatnonzero(np.diff(force_time) > GAP_S):
         time = time[(time < force_time[k] - half) | (time > force_time[k + 1] + half)]
-    if len(time) < 4 * (free.shape[1] + relaxing.shape[1]):
+    if len(time) < 4 * _COLUMNS:
         return None
     even = moving_mean(force_time, force, time, MEAN_S)
-    middle = float(force_time.mean())
-    return _Course(middle, time, even, pose_time, free, float(np.ptp(even)) * relaxing)
+    noise = noise_of(np.diff(force)[:, None])[0] ** 2 / 3  # of a sample, by second differences
+    force_var = noise * float(np.median(np.diff(force_time))) / MEAN_S
+    return _Course(
+        float(force_time.mean()),
+        time,
+        even,
+        pose_time,
+        *_functions(pose_time, travel),
+        float(force_var + (1e-5 * np.ptp(even)) ** 2),
+        (pose_noise / travel.max()) ** 2 / MEAN_S,
+    )
 
 
-def _relaxes(courses: Sequence[_Course]) -> bool:
-    """Test for relaxation of the body's force, by one set of weights for all presses.
-
-    Weights of each press alone, as none is negative, make relaxation out of noise, and then a lag.
-    """
-    alone = np.array([_squares(course, _WIDE) for course in courses])
-    start = _WIDE[int(np.median(alone.argmin(axis=1)))]
-    least = alone.min(axis=1) / [course.freedom for course in courses]
-    usual = [k for k, one in enumerate(least) if one < OUTLYING * np.median(least)]
-    elastic, relaxed = [], []
-    for lag in start + SEARCH_STEP_S * np.arange(-4, 5):
-        matrix, vector, square = 0.0, 0.0, 0.0
-        for k in usual:
-            columns, force = courses[k].parted(lag)
-            columns, force = columns / np.sqrt(least[k]), force / np.sqrt(least[k])
-            matrix, vector = matrix + columns.T @ columns, vector + columns.T @ force
-            square += float(force @ force)
-        elastic.append(square)
-        relaxed.append(_least(np.asarray(matrix), np.asarray(vector), square))
-    independent = MEAN_S / GRID_S  # so many of the averaged samples share their noise
-    return (min(elastic) - min(relaxed)) / independent > RELAXES
+def _functions(time: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (p, K, 1 + r) and slopes (p, K) of a course: a constant, the way out, the travel."""
+    x = np.maximum(travel, 0.0) / travel.max()
+    top = int(x.argmax())
+    out = np.zeros(len(x))
+    out[top:] = x.max() - x[top:]
+    columns, slopes = (
+        np.zeros((len(x), _COLUMNS, 1 + len(RELAXATION_S))),
+        np.zeros((len(x), _COLUMNS)),
+    )
+    columns[:, 0, 0] = 1.0
+    for k, power in enumerate(POWERS_OUT, start=1):
+        columns[:, k, 0], slopes[top:, k] = out**power, -power * out[top:] ** (power - 1)
+    step = float(np.median(np.diff(time)))
+    for k, power in enumerate(POWERS, start=_FREE):
+        columns[:, k, 0], slopes[:, k] = x**power, power * x ** (power - 1)
+        columns[:, k, 1:] = _relaxed(x**power, step)
+    return columns, slopes
 
 
-def _squares(course: _Course, lags: np.ndarray) -> np.ndarray:
-    """Least sums of squares of one press at some lags."""
-    sums = []
-    for lag in lags:
-        columns, force = course.parted(lag)
-        sums.append(_least(columns.T @ columns, columns.T @ force, float(force @ force)))
-    return np.array(sums)
+def _relaxed(values: np.ndarray, step_s: float) -> np.ndarray:
+    """Return the remainder of the changes of values (p,) at each rate of relaxation, (p, r)."""
+    change = np.diff(values, prepend=values[0])
+    decays = np.exp(-step_s / np.array(RELAXATION_S))
+    return np.column_stack([lfilter([1.0], [1.0, -decay], change) for decay in decays])
 
 
-def _press_lag(course: _Course) -> tuple[float, float] | None:
-    """Lag of one press and its standard deviation, s; None where it is at the search's edge."""
-    k = int(_squares(course, _WIDE).argmin())
+def _noise_gain() -> np.ndarray:
+    """Covariance (1 + r, 1 + r) of averaged white noise and what is left of it after relaxation."""
+    step = 1e-3
+    kernel = np.zeros(round((MEAN_S + 4 * max(RELAXATION_S)) / step))
+    kernel[1 : 1 + round(MEAN_S / step)] = 1.0
+    kernels = np.column_stack([kernel, _relaxed(kernel, step)])
+    return kernels.T @ kernels / kernel.sum()
+
+
+_NOISE_GAIN = _noise_gain()
+
+
+def _start(courses: Sequence[_Course]) -> tuple[float, float] | None:
+    """Lag and weight of relaxation to start from, by least squares; None at the search's edge."""
+    weights = [np.append(1.0, np.full(len(RELAXATION_S), weight)) for weight in RELAXING]
+    sums = np.array(
+        [np.column_stack([course.squares(_WIDE, w) for w in weights]) for course in courses]
+    )
+    sums /= sums.min(axis=(1, 2), keepdims=True) + 1e-30
+    total = np.minimum(sums, OUTLYING).sum(axis=0)
+    k, weight = np.unravel_index(total.argmin(), total.shape)
     if not 1 <= k < len(_WIDE) - 1:
         return None
-    lags = _WIDE[k] + SEARCH_STEP_S * np.arange(-3, 4)
-    near = _squares(course, lags)
-    k = int(np.clip(near.argmin(), 2, 4))
-    curve = np.polyfit(lags[k - 2 : k + 3], near[k - 2 : k + 3], 2)
-    if curve[0] <= 0:
-        return None
-    best = float(np.clip(-curve[1] / (2 * curve[0]), lags[k - 1], lags[k + 1]))
-    variance = near[k] / course.freedom
-    return best, float(np.sqrt(variance / curve[0] * MEAN_S / GRID_S))
+    return float(_WIDE[k]), RELAXING[weight]
+
+
+class _Fit:
+    """Lag, its growth and the weights of relaxation of all presses, with a law of each press.
+
+    The residuals are linearised; each press's law is eliminated from the normal equations.
+
+    Attributes
+    ----------
+    theta : (2 + r,) lag in s, its growth over the recording in s, weights
+    laws : of each press, (K,)
+    kept : numbers of the presses that count
+    """
+
+    def __init__(self, courses: Sequence[_Course], at: np.ndarray, lag: float, weight: float):
+        self.courses, self.at = courses, at
+        self.theta = np.concatenate([[lag, 0.0], np.full(len(RELAXATION_S), weight)])
+        self.kept = list(range(len(courses)))
+        self.scale = np.ones(len(courses))
+        self.laws = [c.least(*self._of(k, self.theta)) for k, c in enumerate(courses)]
+
+    def solve(self) -> tuple[float, float]:
+        """Fit, leave out presses that do not follow; return the errors of lag and growth, s."""
+        for _ in range(3):
+            self._descend()
+            sums = np.zeros(len(self.courses))
+            for k, course in enumerate(self.courses):
+                if k not in self.kept:
+                    self.laws[k] = course.least(*self._of(k, self.theta))
+                sums[k] = np.mean(course.residual(*self._of(k, self.theta), self.laws[k]) ** 2)
+            self.scale = 1 / np.maximum(sums, 0.3 * np.median(sums))
+            kept = np.flatnonzero(sums < OUTLYING * np.median(sums)).tolist()
+            if kept == self.kept:
+                break
+            self.kept = kept
+        return self._errors()
+
+    def _of(self, k: int, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(theta[0] + theta[1] * self.at[k]), np.append(1.0, theta[2:])
+
+    def _sum(self, theta: np.ndarray, laws: Sequence[np.ndarray]) -> float:
+        return sum(
+            self.scale[k]
+            * float(np.sum(self.courses[k].residual(*self._of(k, theta), laws[k]) ** 2))
+            for k in self.kept
+        )
+
+    def _parted(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Residual and Jacobian (m, 2 + r) less their part along the law, and the law's steps."""
+        residual, shared, law = self.courses[k].linear(*self._of(k, self.theta), self.laws[k])
+        grows = self.at[k] if len(self.kept) >= FOR_A_RATE else 0.0
+        shared = np.column_stack([shared[:, 0], grows * shared[:, 0], shared[:, 1:]])
+        steps = -np.linalg.pinv(law / (size := np.linalg.norm(law, axis=0) + 1e-12), rcond=1e-7)
+        steps /= size[:, None]
+        return (
+            residual + law @ (steps @ residual),
+            shared + law @ (steps @ shared),
+            steps @ residual,
+            steps @ shared,
+        )
+
+    def _descend(self, lag_too: bool = True) -> None:
+        now = self._sum(self.theta, self.laws)
+        for _ in range(25):
+            parts = {k: self._parted(k) for k in self.kept}
+            matrix, gradient = np.zeros((_THETA, _THETA)), np.zeros(_THETA)
+            for k, part in parts.items():
+                matrix += self.scale[k] * part[1].T @ part[1]
+                gradient += self.scale[k] * part[1].T @ part[0]
+            if not lag_too:
+                matrix[0], matrix[:, 0], matrix[0, 0], gradient[0] = 0.0, 0.0, 1.0, 0.0
+            step = _bounded_step(matrix, gradient, self.theta)
+            step /= max(1.0, abs(step[0]) / LONGEST_STEP_S)
+            for share in (1.0, 0.4, 0.15, 0.05, 0.02):
+                theta, laws = self.theta + share * step, list(self.laws)
+                for k, (_, _, alone, with_step) in parts.items():
+                    laws[k] = laws[k] + share * (alone + with_step @ step)
+                after = self._sum(theta, laws)
+                if after < now:
+                    break
+            else:
+                return
+            settled = now - after < 1e-3 and abs(share * step[0]) < 1e-4
+            self.theta, self.laws, now = theta, laws, after
+            if settled:
+                return
+
+    def _errors(self) -> tuple[float, float]:
+        """Return the standard deviations of lag and growth, by the sum of squares beside the lag.
+
+        The normal equations do not give it: the noise of the tip's speed is in their Jacobian.
+        """
+        parts = [self._parted(k) for k in self.kept]
+        lasting = float(np.median([correlation_length(part[0]) for part in parts]))
+        matrix = sum(
+            self.scale[k] * part[1].T @ part[1] for k, part in zip(self.kept, parts, strict=True)
+        )
+        alone = np.sqrt(lasting / (np.diag(np.asarray(matrix))[:2] + 1e-30))
+        aside = max(4 * alone[0], BESIDE_S)
+        for _ in range(3):
+            theta, laws, least = self.theta, self.laws, self._sum(self.theta, self.laws)
+            grown, beside = [], []
+            for way in (-aside, aside):
+                self.theta, self.laws = theta + way * np.eye(_THETA)[0], list(laws)
+                self._descend(lag_too=False)
+                grown.append(self._sum(self.theta, self.laws) - least)
+                beside.append((self.theta, self.laws))
+            if min(grown) > 0:
+                break
+            self.theta, self.laws = beside[int(np.argmin(grown))]  # a better fit: go on from there
+            self._descend()
+        self.theta, self.laws = theta, laws
+        error = aside * np.sqrt(lasting / min(grown)) if min(grown) > 0 else np.inf
+        return float(error), float(alone[1] * max(error / alone[0], 1.0))
+
+
+def _bounded_step(matrix: np.ndarray, gradient: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Newton step (2 + r,) after which no weight of relaxation is negative."""
+    scale = np.sqrt(np.diag(matrix)) + 1e-12
+    normal = matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+    root = np.linalg.cholesky(normal).T
+    wanted = np.linalg.solve(root.T, normal @ (theta * scale) - gradient / scale)
+    found = nnls(np.column_stack([root, -root[:, :2]]), wanted)[0]
+    found[:2] -= found[_THETA:]
+    return found[:_THETA] / scale - theta
 
 
 def moving_mean(time: np.ndarray, values: np.ndarray, at: np.ndarray, width_s: float) -> np.ndarray:
@@ -251,43 +445,8 @@ def moving_mean(time: np.ndarray, values: np.ndarray, at: np.ndarray, width_s: f
     return (integral(high) - integral(low)) / (high - low)
 
 
-def _bases(time: np.ndarray, travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Functions of travel, (p, 7), and of its past, (p, r), that a press's force is made of.
-
-    The latter relax; a body gives them only positive weights. Negative ones would make a lag.
-    """
-    x = np.maximum(travel, 0.0) / travel.max()
-    top = int(x.argmax())
-    going_out = np.zeros(len(x))
-    going_out[top:] = x.max() - x[top:]
-    free = [np.ones(len(x)), x, x**2, x**3, going_out, going_out**2, going_out**3]
-    step = float(np.median(np.diff(time)))
-    relaxing = [
-        lfilter([1.0], [1.0, -np.exp(-step / tau)], np.diff(power, prepend=power[0]))
-        for tau in RELAXATION_S
-        for power in (x, x**2)
-    ]
-    return np.column_stack(free), np.column_stack(relaxing)
-
-
 def _at(time: np.ndarray, grid: np.ndarray, basis: np.ndarray) -> np.ndarray:
     at = np.clip((time - grid[0]) / (grid[1] - grid[0]), 0, len(basis) - 1.000001)
     k = at.astype(int)
     part = (at - k)[:, None]
     return basis[k] * (1 - part) + basis[k + 1] * part
-
-
-def _least(matrix: np.ndarray, vector: np.ndarray, square: float) -> float:
-    """Least sum of squares with weights of at least zero, by the normal equations.
-
-    Parameters
-    ----------
-    matrix, vector : (r, r), (r,)
-    square : sum of squares with no weight
-    """
-    if not vector.size:
-        return square
-    scale = np.sqrt(np.diag(matrix)) + 1e-12
-    factor = np.linalg.cholesky(matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
-    y = np.linalg.solve(factor, vector / scale)
-    return float(square - y @ y + nnls(factor.T, y)[1] ** 2)

@@ -39,10 +39,12 @@ def streams(scan: Scan, hz: float = 250.0) -> tuple[np.ndarray, np.ndarray, np.n
         t = t - 2 * t[0] + t[1]  # the first reading is one step after the touch
         speed_in = scan.displacement_m[rows][0] / t[0]
         speed_out = speed_in * 1.5
-        t = np.concatenate([[-FREE_S, 0.0], t[:-1], [t[-1], t[-1] + FREE_S]])
-        d = np.concatenate([[-FREE_S * speed_in, 0.0], scan.displacement_m[rows][:-1],
+        deepest_free = max(scan.displacement_m[rows][-1], 0.0)  # a viscous body stays behind
+        away = t[-1] + deepest_free / speed_out + 1e-3
+        t = np.concatenate([[-FREE_S, 0.0], t, [away, away + FREE_S]])
+        d = np.concatenate([[-FREE_S * speed_in, 0.0], scan.displacement_m[rows],
                             [0.0, -FREE_S * speed_out]])  # fmt: skip
-        f = np.concatenate([[0.0, 0.0], scan.force_n[rows][:-1], [0.0, 0.0]])
+        f = np.concatenate([[0.0, 0.0], scan.force_n[rows][:-1], np.zeros(3)])
         fine = np.arange(t[0], t[-1], 1 / hz)
         times.append(start + fine - t[0])
         depths.append(np.interp(fine, t, d))

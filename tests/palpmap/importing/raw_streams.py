@@ -44,6 +44,9 @@ class RawStream:
     force_noise: float
     dips: int = 0
     soft: bool = False  # speeds without corners
+    inside_m: np.ndarray = field(default_factory=lambda: np.zeros(0))  # true travel, each STEP
+    normal_n: np.ndarray = field(default_factory=lambda: np.zeros(0))  # true force, each STEP
+    pose_noise: float = 0.0
     notes: list[str] = field(default_factory=list)
 
     def to_force_clock(self, time: float) -> float:
@@ -196,6 +199,7 @@ def draw(seed: int) -> RawStream:
         press.force = float(normal[during].max())
     stream = _sampled(rng, seed, time, measured, path, rotation, presses, dips)
     stream.soft = smooth_motion
+    stream.inside_m, stream.normal_n = inside, normal
     return stream
 
 
@@ -263,7 +267,8 @@ def _sampled(rng, seed, time, measured, path, rotation, presses, dips) -> RawStr
             if press.touch_s - 0.1 < at < press.end_s + 0.1:
                 press.spoilt = press.spoilt or "re-tare"
     position = np.column_stack([np.interp(tp, time, c) for c in path.T])
-    position += rng.uniform(3e-6, 2.5e-5) * rng.standard_normal(position.shape)
+    stream.pose_noise = rng.uniform(3e-6, 2.5e-5)
+    position += stream.pose_noise * rng.standard_normal(position.shape)
     nearest = np.clip(np.round(tp / STEP).astype(int), 0, len(time) - 1)
     quaternion = rotation[nearest].as_quat()
     quaternion *= rng.choice([-1, 1])

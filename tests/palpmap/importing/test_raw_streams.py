@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.streams.cutting import cut_stream
-from palpmap.importing.streams.lag import Lag, _course, _relaxes
+from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
 from palpmap.importing.streams.stream import Stream
 from tests.palpmap.importing.raw_streams import RIG, draw, faults
@@ -69,17 +69,19 @@ def test_of_500_streams_the_presses_are_found_and_their_readings_right():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2])
-def test_a_body_relaxes_if_all_presses_together_say_so(share):
+def test_viscosity_is_not_mistaken_for_a_lag(share):
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 3.0, 0.01)
     travel = 5e-3 * np.clip(np.minimum(time - 0.3, 1.5 * (2.7 - time)), 0.0, 1.0)
     fading = lfilter([1.0], [1.0, -np.exp(-0.01 / 0.4)], np.diff(travel, prepend=0.0))
     force = 60 * ((1 - share) * travel + share * fading)
-    courses = [
-        _course(time, force + 0.01 * rng.standard_normal(len(time)), time, travel)
-        for _ in range(30)
-    ]
-    assert _relaxes([course for course in courses if course is not None]) == (share > 0)
+    count, noise = 30, 1e-5
+    forces = [force + 0.003 * rng.standard_normal(len(time)) for _ in range(count)]
+    travels = [travel + noise * rng.standard_normal(len(time)) for _ in range(count)]
+    lag = find_lag([time + 0.02] * count, forces, [time] * count, travels, noise * np.sqrt(0.01))
+    assert lag is not None
+    assert lag.has_corners
+    assert lag.lag_s == pytest.approx(0.02, abs=0.0015)
 
 
 def test_a_smoothed_path_loses_noise_and_keeps_its_corners():

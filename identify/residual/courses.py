@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
+from identify.effects.units import force, length
 from identify.residual.directions import PHASES, since_touch
 from identify.residual.hypothesis_tests import project_out
 from identify.residual.projected import ResidualView
@@ -57,8 +58,8 @@ _ALONG = {
     "press": "the single press, without a course in time or place",
 }
 _QUANTITIES = {
-    "travel": ("a length", lambda size: f"{1e6 * size:.2g} µm"),
-    "force": ("a force", lambda size: f"{1e3 * size:.2g} mN"),
+    "travel": ("a length", length),
+    "force": ("a force", force),
     "share": ("a share of the travel", lambda size: f"{100 * size:.2g} %"),
 }
 

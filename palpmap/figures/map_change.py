@@ -149,7 +149,7 @@ def draw_presses(explained: Explanation) -> Figure:
     worst = max(range(len(compliance)), key=lambda j: first.comparison.presses[j].misfit)
     chosen: dict[int, str] = {}
     for j, words in (
-        (worst, "largest misfit before"),
+        (worst, "largest misfit" if first is last else "largest misfit before"),
         (int(np.argmin(compliance)), "stiffest place"),
         (int(np.argmax(compliance)), "softest place"),
     ):
@@ -171,8 +171,9 @@ def _press(axes: Axes, first: Step, last: Step, press: int) -> None:
     force = model.readings.force_n
     phase = model.readings.phase[rows]
     draw_readings(axes, model.displacement_m[rows], force[rows], phase)
+    lines = [(last, ORANGE, 1.6, "model")]
     if first is not last:
-        axes.plot(
-            1e3 * first.fit.at.predicted_m[rows], force[rows], color=GREY, lw=1.4, label="before"
-        )
-    axes.plot(1e3 * last.fit.at.predicted_m[rows], force[rows], color=ORANGE, lw=1.6, label="after")
+        lines = [(first, GREY, 1.4, "model before"), (last, ORANGE, 1.6, "model after")]
+    for step, color, width, label in lines:
+        predicted = step.fit.at.predicted_m[rows]
+        axes.plot(1e3 * predicted, force[rows], color=color, lw=width, label=label)

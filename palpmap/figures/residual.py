@@ -130,7 +130,7 @@ def _answers(axes: Axes, c: Comparison) -> None:
     axes.barh(range(len(tests)), values, color=colors, height=0.62)
     for row, test in enumerate(tests):
         if test.untestable:
-            axes.text(0.1, row, "cannot be tested", va="center", color=GREY, fontsize=9)
+            axes.text(2.15, row, "cannot be tested", va="center", color=GREY, fontsize=9)
         else:
             axes.plot(values[row], row, "o", ms=8, color=colors[row], clip_on=False, zorder=3)
     axes.axvline(-np.log10(c.alpha), color="#333a45", lw=1, ls="--")

@@ -384,7 +384,7 @@ def test_the_legend_of_the_presses_lies_below_them_and_names_each_mark_once(told
     (legend,) = figure.legends
     names = [text.get_text() for text in legend.get_texts()]
     assert len(set(names)) == len(names)
-    assert {"measured, load", "before", "after"} <= set(names)
+    assert {"measured, load", "model before", "model after"} <= set(names)
     panels = [axes.get_window_extent() for axes in figure.axes]
     assert not any(legend.get_window_extent().overlaps(panel) for panel in panels)
 

@@ -26,6 +26,7 @@ _PALETTE = (
     (170, 180, 190),
 )
 _LABELLED = 3  # largest residuals that are named on the map
+_APART = 0.4  # of the scan's width: names closer to each other overlap
 
 
 def style_parameters(file: RecordingFile, names: list[str], true_names: list[str]) -> None:
@@ -63,7 +64,7 @@ def log_residuals(
     residual_um: NDArray[np.float64],
     limit_um: float,
 ) -> None:
-    """Paint each press's residual at its contact point, and name the largest.
+    """Paint each press's residual at its contact point, and name the largest that lie apart.
 
     Parameters
     ----------
@@ -71,7 +72,6 @@ def log_residuals(
     press_ids, points_m, residual_um : (j,), (j, 3) in m, body frame, and (j,)
     limit_um : residual at the ends of the colour scale
     """
-    largest = set(np.argsort(-np.abs(residual_um))[:_LABELLED].tolist())
     log(
         f"{parts.RESIDUAL_MAP}/points",
         rr.Points3D(
@@ -80,7 +80,13 @@ def log_residuals(
             colors=residual_colors(residual_um, limit_um),
         ),
     )
-    named = sorted(largest)
+    apart = _APART * float(np.ptp(points_m, axis=0).max())
+    named: list[int] = []
+    for i in np.argsort(-np.abs(residual_um)).tolist():
+        if len(named) < _LABELLED and all(
+            np.linalg.norm(points_m[i] - points_m[j]) > apart for j in named
+        ):
+            named.append(i)
     log(
         f"{parts.RESIDUAL_MAP}/largest",
         rr.Points3D(

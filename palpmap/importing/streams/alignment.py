@@ -20,7 +20,7 @@ from palpmap.importing.streams.spans import Way, way_into_body
 from palpmap.importing.streams.stream import (
     Stream,
     in_base,
-    noise_of,
+    noise_of_moving,
     read_force,
     read_pose,
     without_jumps,
@@ -29,6 +29,7 @@ from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
 MOST_ROUNDS, SETTLED_S = 4, 3.0e-3
+WITHIN_2_MS = 1.2e-3  # standard deviation of the lag, s
 UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 
@@ -40,7 +41,8 @@ class Aligned:
     ----------
     sensor, unweighed, force : force in the sensor's axes; in the scan's frame; without the tool's
         weight and the sensor's bias, where the tip's turning shows them
-    pose : of the tip's end
+    pose : of the tip's end, smoothed
+    pose_noise_m : standard deviation of one reading of its position, the noisiest axis
     direction : (3,) mean direction of pressing
     spans : begin and end of each motion into the body and out again, s
     stated : direction of each press, see `palpmap.importing.streams.press.window_of`
@@ -52,6 +54,7 @@ class Aligned:
     unweighed: Stream
     force: Stream
     pose: Stream
+    pose_noise_m: float
     direction: np.ndarray
     spans: list[tuple[float, float]]
     stated: np.ndarray | Stream | None
@@ -92,7 +95,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
                 windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if rig.pose.clock_offset_s is not None:
             break
-        more = _lag_of(windows, contacts, pose)
+        more = _lag_of(windows, contacts, pose, mean_direction)
         if more is None:
             break
         pose = Stream(
@@ -111,8 +114,11 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
             if contact is not None
         ]
         stated = _common_direction(touching, said)
-    pose = smooth_path(pose)
-    return Aligned(sensor, unweighed, force, pose, mean_direction, spans, stated, lag, offset)
+    noise = float(noise_of_moving(pose.values[:, :3]).max())
+    path = smooth_path(pose)
+    return Aligned(
+        sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, offset
+    )
 
 
 def force_with_depth(recording: Recording, rig: Rig) -> float:
@@ -184,7 +190,10 @@ def _contact_or_none(window: Window) -> Contact | None:
 
 
 def _lag_of(
-    windows: Sequence[Window], contacts: Sequence[Contact | None], pose: Stream
+    windows: Sequence[Window],
+    contacts: Sequence[Contact | None],
+    pose: Stream,
+    direction: np.ndarray,
 ) -> Lag | None:
     force_time, force, pose_time, travel = [], [], [], []
     for window, contact in zip(windows, contacts, strict=True):
@@ -199,12 +208,9 @@ def _lag_of(
         force.append((window.force_n - contact.tare_n)[rows])
         pose_time.append(grid)
         travel.append(depth - window.depth_m[contact.touch])
-    if not windows:
-        return None
-    mean = np.mean([window.direction for window in windows], axis=0)
-    depth = pose.values[:, :3] @ (mean / np.linalg.norm(mean))
-    noise = float(noise_of(np.diff(depth)[:, None])[0]) / np.sqrt(3)  # by second differences
-    return find_lag(force_time, force, pose_time, travel, noise * np.sqrt(pose.step_s))
+    along = pose.values[:, :3] @ direction[:, None]
+    pose_noise = float(noise_of_moving(along)[0] * np.sqrt(pose.step_s))
+    return find_lag(force_time, force, pose_time, travel, pose_noise)
 
 
 def _lag_words(lag: Lag | None, offset_s: float) -> str:
@@ -221,9 +227,11 @@ def _lag_words(lag: Lag | None, offset_s: float) -> str:
     )
     if not lag.has_corners:
         words += (
-            " The tip starts and stops softly, so that lag and viscosity look alike: state "
-            "pose.clock_offset_s if you know it."
+            " The tip starts and stops softly, so that lag and viscosity look alike and the lag is "
+            "not known to 2 ms: let the tip stop sharply, or state pose.clock_offset_s."
         )
+    elif lag.error_s > WITHIN_2_MS:
+        words += " That is not to 2 ms: press faster, deeper or more often to know it better."
     if lag.rate:
         words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
     return words

@@ -34,15 +34,13 @@ class Cut:
     ----------
     presses : in the order of time
     left_out : time in s of each omitted press, and the reason
-    lag : of the force behind the pose, in s with rough offset; None where it cannot be seen
-    offset_s : rough offset of the clocks
+    streams : force and pose on one clock
     said : what was found and assumed
     """
 
     presses: tuple[CutPress, ...]
     left_out: tuple[tuple[float, str], ...]
-    lag: Lag | None
-    offset_s: float
+    streams: Aligned
     said: tuple[str, ...]
 
     @property
@@ -83,9 +81,8 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     """
     said: list[str] = []
     streams = aligned(recording, rig, said)
-    lag = streams.lag
     presses, left_out, free = _cut_all(streams, rig)
-    presses = _unrecovered([_widened(press, lag) for press in presses], streams.pose, said)
+    presses = _unrecovered([_widened(press, streams.lag) for press in presses], streams.pose, said)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -103,7 +100,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
         f"worst press to {error.max():.2g} mm); travel counts from there."
     )
     said.insert(0, f"{len(presses)} presses were cut, {len(left_out)} were left out.")
-    return Cut(tuple(presses), tuple(left_out), lag, streams.offset_s, tuple(said))
+    return Cut(tuple(presses), tuple(left_out), streams, tuple(said))
 
 
 def _cut_all(streams: Aligned, rig: Rig) -> tuple[list[CutPress], list[tuple[float, str]], int]:

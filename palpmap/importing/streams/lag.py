@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from palpmap.importing.streams.clocks import smooth
 from palpmap.importing.streams.contact import correlation_length
-from palpmap.importing.streams.stream import noise_of
+from palpmap.importing.streams.stream import noise_of_moving
 
 GRID_S = 0.01
 MEAN_S = 0.08  # force and travel are averaged alike, so that no corner is shifted
@@ -97,7 +97,7 @@ def find_lag(
         return None
     middle = np.array([course.middle_s for course in courses])
     span = max(float(np.ptp(middle)), 1.0)
-    fit = _Fit(courses, (middle - middle.mean()) / span, *start)
+    fit = _Fit(courses, (middle - middle.mean()).round(3) / span, *start)
     error, grown_error = fit.solve()
     lag, grown = fit.theta[:2]
     if not np.isfinite(error) or abs(lag) > FURTHEST_S:
@@ -236,8 +236,9 @@ def _course(
     if len(time) < 4 * _COLUMNS:
         return None
     even = moving_mean(force_time, force, time, MEAN_S)
-    noise = noise_of(np.diff(force)[:, None])[0] ** 2 / 3  # of a sample, by second differences
-    force_var = noise * float(np.median(np.diff(force_time))) / MEAN_S
+    force_var = (
+        noise_of_moving(force[:, None])[0] ** 2 * float(np.median(np.diff(force_time))) / MEAN_S
+    )
     return _Course(
         float(force_time.mean()),
         time,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpmap.importing.streams.stream import Stream, noise_of
+from palpmap.importing.streams.stream import Stream, noise_of_moving
 
 WIDTHS_S = (0.04, 0.06, 0.09, 0.13, 0.2, 0.3)
 AGREE = 2.5  # standard deviations: so close a wider fit must stay to all narrower ones
@@ -20,7 +20,7 @@ def smooth_path(pose: Stream) -> Stream:
     """
     time = np.arange(pose.time_s[0], pose.time_s[-1], pose.step_s)
     values = pose.at(time)
-    sigma = noise_of(np.diff(pose.values[:, :3], axis=0)) / np.sqrt(3)
+    sigma = noise_of_moving(pose.values[:, :3])
     for axis in range(3):
         values[:, axis] = _smoothed(values[:, axis], pose.step_s, float(sigma[axis]))
     return Stream(time, values, pose.gaps)

@@ -10,15 +10,14 @@ from models import InputError
 from palpmap.importing.mapping.columns import matrices
 from palpmap.importing.mapping.rig import Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.alignment import aligned
 from palpmap.importing.streams.cutting import Cut, cut_stream
 from palpmap.importing.streams.lag import Lag
 from palpmap.importing.streams.stream import noise_of
+from palpmap.importing.streams.weight import turns
 
 FREE_S = 0.4  # before the touch and after the release
 APART_S = 0.05  # from both
 FEWEST = 5  # samples on a side
-LEAST_TURN_DEG = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def check_rig(recording: Recording, rig: Rig) -> RigCheck:
             "of force and pose, approaches and retreats included"
         )
     cut = cut_stream(recording, rig)
-    streams = aligned(recording, rig, [])
+    streams = cut.streams
     raw, clean, pose = streams.unweighed, streams.force, streams.pose
     rows, press_of, side = _free_stretches(raw.time_s, cut)
     both = [k for k in range(len(cut.presses)) if np.sum(press_of == k) == 2]
@@ -94,7 +93,7 @@ def check_rig(recording: Recording, rig: Rig) -> RigCheck:
     time = np.array([raw.time_s[r].mean() for r in rows])
     slope, error = _slope(time[side == 0], free[side == 0])
     level = free - slope * (time - time.mean())
-    turned = pose.values.shape[1] == 7 and _turns(matrices(pose.at(time)[:, 3:]))
+    turned = pose.values.shape[1] == 7 and turns(matrices(pose.at(time)[:, 3:]))
     return RigCheck(
         time_s=np.array([cut.presses[k].touch_s for k in both]),
         before_n=of(with_weight, 0),
@@ -105,9 +104,9 @@ def check_rig(recording: Recording, rig: Rig) -> RigCheck:
         gravity_n=float(np.std(level[side == 0])) if turned else None,
         hysteresis_n=float(np.median(of(free, 1) - of(free, 0))),
         noise_n=float(np.median([noise_of(raw.values[r]).max() for r in rows])),
-        noise_m=float(noise_of(pose.values[:, :3]).max()),
-        lag=cut.lag,
-        offset_s=cut.offset_s,
+        noise_m=streams.pose_noise_m,
+        lag=streams.lag,
+        offset_s=streams.offset_s,
         force_n=float(np.median([press.force_n.max() for press in cut.presses])),
         said=cut.said,
     )
@@ -135,8 +134,3 @@ def _slope(time: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     slope = float(centred @ values) / square
     rest = values - values.mean() - slope * centred
     return slope, float(np.sqrt(rest @ rest / max(len(time) - 2, 1) / square))
-
-
-def _turns(turn: np.ndarray) -> bool:
-    cosine = (np.einsum("mij,ij->m", turn, turn[0]) - 1) / 2
-    return bool(np.degrees(np.arccos(np.clip(cosine.min(), -1, 1))) > LEAST_TURN_DEG)

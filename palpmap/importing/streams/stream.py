@@ -175,6 +175,11 @@ def noise_of(values: np.ndarray) -> np.ndarray:
     return 1.4826 * np.median(np.abs(np.diff(values, axis=0)), axis=0) / np.sqrt(2)
 
 
+def noise_of_moving(values: np.ndarray) -> np.ndarray:
+    """Return the same, (k,), where the values change steadily: by second differences."""
+    return noise_of(np.diff(values, axis=0)) / np.sqrt(3)
+
+
 def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
     """Take out re-tares: jumps from one message to the next that stay.
 

@@ -38,8 +38,7 @@ def without_weight(
     windows, contacts : the motions of the stream; samples inside a contact are not free
     """
     turn = matrices(pose.at(force.time_s)[:, 3:])
-    cosine = (np.einsum("mij,ij->m", turn, turn[len(turn) // 2]) - 1) / 2
-    if np.degrees(np.arccos(np.clip(np.quantile(cosine, 0.05), -1, 1))) < LEAST_TURN_DEG:
+    if not turns(turn):
         said.append("The tip hardly turns: its weight is part of the tare of each press.")
         return force
     free = np.ones(len(turn), dtype=bool)
@@ -61,3 +60,9 @@ def without_weight(
         "different orientations; its weight and the sensor's bias were subtracted."
     )
     return replace(force, values=force.values - weight - turn @ bias)
+
+
+def turns(turn: np.ndarray) -> bool:
+    """Return whether rotations (m, 3, 3) differ enough to show a weight that turns with the tip."""
+    cosine = (np.einsum("mij,ij->m", turn, turn[len(turn) // 2]) - 1) / 2
+    return bool(np.degrees(np.arccos(np.clip(np.quantile(cosine, 0.05), -1, 1))) > LEAST_TURN_DEG)

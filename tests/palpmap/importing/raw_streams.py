@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from palpmap.importing.readers.recording import Recording, Table
 
 STEP = 5e-4
+TAUS = np.geomspace(0.1, 20, 7)  # a body that relaxes faster cannot be told from a lag
 
 
 @dataclass
@@ -213,15 +214,14 @@ def _normal_force(rng, inside, presses, time, law, stiffness, travel, relaxing, 
     else:
         elastic = stiffness * x * (1 + 0.6 * (x / travel) ** 2)
     force = (1 - relaxing) * elastic
-    taus = np.geomspace(0.1, 20, 7)  # a faster one cannot be told from a lag
     places = np.unique([press.point for press in presses], axis=0)
     for place in places:  # each place rests until it is pressed
         here = [press for press in presses if np.array_equal(press.point, place)]
         rows = (time >= here[0].touch_s - 0.01) & (time <= here[-1].end_s + 0.01)
         rate = np.diff(elastic[rows], prepend=0.0)
-        for tau in taus:
+        for tau in TAUS:
             past = lfilter([1.0], [1.0, -np.exp(-STEP / tau)], rate)
-            force[rows] += relaxing / len(taus) * past
+            force[rows] += relaxing / len(TAUS) * past
     soft = np.ones(len(x))
     for press in presses:
         out = (time >= press.hold[1]) & (time <= press.end_s + 0.5)
@@ -287,6 +287,50 @@ def _sampled(rng, seed, time, measured, path, rotation, presses, dips) -> RawStr
     stream.pose_time, stream.position, stream.quaternion_xyzw = stamp_p, position, quaternion
     stream.force_noise = noise
     return stream
+
+
+def lag_bound(stream: RawStream) -> float:
+    """Least standard deviation in s of any unbiased estimate of the lag (Cramer-Rao).
+
+    Unknown are a law of each press, up to the fourth power of the travel and of the way out, and
+    the weights of the seven rates of relaxation, the same for all presses. As the touch is unknown
+    too, readings at less than 7 % of the travel, and within 30 ms of that, say nothing. The noise
+    is that of the force, and that of the pose times the stiffness, each by its rate of messages.
+    """
+    per_force, per_pose = (
+        float(np.median(np.diff(np.sort(time)))) for time in (stream.force_time, stream.pose_time)
+    )
+    total = np.zeros((1 + len(TAUS), 1 + len(TAUS)))
+    for press in stream.presses:
+        if press.spoilt:
+            continue
+        first, hold, out = (int(t / STEP) for t in (press.touch_s, press.hold[0], press.hold[1]))
+        rows = slice(first, int(press.end_s / STEP))
+        x, force = stream.inside_m[rows] / press.travel, stream.normal_n[rows]
+        law = np.polyfit(x[: hold - first], force[: hold - first], 4)
+        stiffness = np.polyval(np.polyder(law), x) / press.travel
+        density = (
+            stream.force_noise**2 * per_force + (stiffness * stream.pose_noise) ** 2 * per_pose
+        )
+        deep = np.flatnonzero(x > 0.07)
+        used = np.zeros(len(x), dtype=bool)
+        used[deep[0] + int(0.03 / STEP) : deep[-1] - int(0.03 / STEP)] = True
+        weight = (np.sqrt(STEP / density) * used)[:, None]
+        back = np.zeros(len(x))
+        back[out - first :] = np.maximum(x[: out - first].max() - x[out - first :], 0.0)
+        free = np.column_stack(
+            [np.ones(len(x)), *(x**p for p in (1, 1.5, 2, 3, 4)), *(back**p for p in (1, 2, 3, 4))]
+        )
+        rate = np.diff(np.polyval(law, x), prepend=0.0)
+        past = [lfilter([1.0], [1.0, -np.exp(-STEP / tau)], rate) for tau in TAUS]
+        shared = np.column_stack([np.gradient(force, STEP), *past]) * weight
+        q, _ = np.linalg.qr(free * weight)
+        shared -= q @ (q.T @ shared)
+        total += shared.T @ shared
+    scale = np.sqrt(np.diag(total))
+    return float(
+        np.sqrt(np.linalg.pinv(total / np.outer(scale, scale), rcond=1e-12)[0, 0]) / scale[0]
+    )
 
 
 def faults(stream: RawStream, cut) -> tuple[list[str], list[str]]:

@@ -34,6 +34,7 @@ def plain(tmp_path_factory):
 def test_noise_and_lag_are_those_of_the_stream(plain):
     stream, found = plain
     assert found["noise_n"] == pytest.approx(stream.force_noise, rel=0.3)
+    assert found["noise_m"] == pytest.approx(stream.pose_noise, rel=0.3)
     assert abs(found["lag_s"] - stream.offset_s) < 3 * found["lag_error_s"]
     assert abs(found["hysteresis_n"]) < 5 * stream.force_noise
 

@@ -91,7 +91,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         if turns:
             words = []
             force = without_weight(unweighed, pose, windows, contacts, words)
-            if k == 0:  # before, a weight that turns passes for contact
+            if k == 0:  # until then a weight that turns looks like contact
                 windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if rig.pose.clock_offset_s is not None:
             break

@@ -137,7 +137,7 @@ class _Course:
     middle_s : of the press
     time_s, force_n : (m,) averaged over `MEAN_S`
     grid_s : (p,) even
-    columns : (p, K, 1 + r) functions of travel, and what is left of each at r rates of relaxation
+    columns : (p, K, 1 + r) functions of travel, and the remainder of each at r rates of relaxation
     slopes : (p, K) their derivatives by the travel's share of its largest
     force_var, travel_var : noise of the averaged force, N^2, and of the travel's share
     """
@@ -278,7 +278,7 @@ def _relaxed(values: np.ndarray, step_s: float) -> np.ndarray:
 
 
 def _noise_gain() -> np.ndarray:
-    """Covariance (1 + r, 1 + r) of averaged white noise and what is left of it after relaxation."""
+    """Covariance (1 + r, 1 + r) of averaged white noise and its remainders after relaxation."""
     step = 1e-3
     kernel = np.zeros(round((MEAN_S + 4 * max(RELAXATION_S)) / step))
     kernel[1 : 1 + round(MEAN_S / step)] = 1.0

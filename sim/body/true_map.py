@@ -86,8 +86,8 @@ class TruthMap:
 
     background_pa: float = 6000.0
     inclusions: tuple[Inclusion, ...] = (Inclusion(),)
-    regions: LabelVolume | None = None
-    region_pa: Mapping[int, float] = field(default_factory=dict)
+    regions: LabelVolume | None = field(default=None, hash=False)
+    region_pa: Mapping[int, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not self.background_pa > 0:

@@ -61,7 +61,7 @@ def _table(found: "CheckRecord") -> "Table":
         ", ".join(
             f"{what} {'unknown' if value is None else f'{value * scale:g} {unit}'}"
             for what, value, scale, unit in (
-                ("displacement", noise.displacement_m, 1e6, "um"),
+                ("displacement", noise.displacement_m, 1e6, "µm"),
                 ("force", noise.force_n, 1e3, "mN"),
             )
         ),

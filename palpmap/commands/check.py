@@ -149,7 +149,8 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
         )
     if not scan.has_time:
         notes.append("No times: creep, drift and other effects in time cannot be seen.")
-    unknown = [name for name, value in study.noise.model_dump().items() if value is None]
+    readings = study.noise.model_dump(include={"displacement_m", "force_n"})
+    unknown = [name for name, value in readings.items() if value is None]
     if unknown:
         notes.append(f"Noise not given for {' and '.join(unknown)}: it will be estimated.")
     notes += _noise_notes(study, scan)

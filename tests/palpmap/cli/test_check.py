@@ -35,7 +35,7 @@ def test_a_good_study_is_summed_up_for_a_person():
         "0 ignored",
         "-0.01258 to 0.3166 N",
         "5.705 mm",
-        "displacement 20 um, force 5 mN",
+        "displacement 20 µm, force 5 mN",
         "can be used",
     ):
         assert text in result.stdout

@@ -20,12 +20,19 @@ class ReducedBases:
 
     A solution joins the basis that came nearest to it, or begins one of its own. Springs and skins
     have bases of their own.
+
+    Parameters
+    ----------
+    full : the model
+    bases, most_bytes : largest number of bases, and memory of the energies of one
     """
 
-    def __init__(self, full: PalpationModel) -> None:
-        self._full = full
+    def __init__(
+        self, full: PalpationModel, bases: int = _BASES, most_bytes: float = _BYTES
+    ) -> None:
+        self.full, self._kept = full, bases
         by_pair = 4.0 * len(full.contacts) * len(full.points_m)
-        self._most = min(int((np.sqrt(1 + 8 * _BYTES / by_pair) - 1) / 2), MOST)
+        self._most = min(int((np.sqrt(1 + 8 * most_bytes / by_pair) - 1) / 2), MOST)
         self._bases: list[tuple[tuple[bool, bool], ReducedModel]] = []  # the last that served last
         self._nearest: tuple[float, ReducedModel] | None = None
 
@@ -43,8 +50,8 @@ class ReducedBases:
         tolerance : of the bound of their relative error
         """
         self._nearest = None
-        material = self._full.material(modulus_pa, skin=skin)
-        kind = law_of(material, self._full.held(material, support_compliance)[1]).kind
+        material = self.full.material(modulus_pa, skin=skin)
+        kind = law_of(material, self.full.held(material, support_compliance)[1]).kind
         for entry in reversed(self._bases):
             if entry[0] != kind:
                 continue
@@ -75,10 +82,10 @@ class ReducedBases:
             self._nearest[1].add(response)
             return
         own = [entry for entry in self._bases if entry[0] == kind]
-        if len(own) == (1 if any(kind) else _BASES):
+        if len(own) == (1 if any(kind) else self._kept):
             idle = [entry for entry in own if not entry[1].served]
             self._bases.remove((idle or own)[0])
-        basis = ReducedModel(self._full, self._most)
+        basis = ReducedModel(self.full, self._most)
         if plain is not None:
             basis.add(plain)
         basis.add(response)

@@ -38,6 +38,8 @@ _KEPT_RATIOS = 32  # compliances of other models, of the last maps
 _KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
 _KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
 _KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
+_KEPT_SIDES = 6  # bases of such models, and of blocks elsewhere
+_SIDE_BYTES = 32e6  # of the energies of one
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
 
@@ -73,6 +75,7 @@ class BodyMechanics:
     _fine: dict[tuple, CarriedFine] = field(default_factory=dict)
     _elsewhere: list[tuple] = field(default_factory=list)  # corrections of the body elsewhere
     _bases: list[ReducedBases] = field(default_factory=list)  # one, once a search needs it
+    _sides: dict[Any, ReducedBases] = field(default_factory=dict)  # of other models, by name
 
     @classmethod
     def of(
@@ -158,6 +161,7 @@ class BodyMechanics:
             _state=state,
             _response=response,
             _scale=factor,
+            _slack=slack,
         )
 
     def corrected(
@@ -275,6 +279,7 @@ class BodyMechanics:
     def forget_others(self) -> None:
         """Free the models of other Poisson's ratios and of other places."""
         self._others.clear()
+        self._sides.clear()
         self._linear.clear()
         self._shifted.clear()
 
@@ -331,7 +336,7 @@ class BodyMechanics:
         if slack >= self.settings.plain_slack and _solved_state(state) != plain:
             base = self._found(stiffness, plain, slack).compliance
             return self._log_ratio(which, model, stiffness, plain, base, slack)
-        key = (which, stiffness, _solved_state(state))
+        key = (which, stiffness, _solved_state(state), max(slack, 1.0))
         if key in self._ratios:
             return self._ratios[key]
         changed = ChangedMap(stiffness, state)
@@ -343,14 +348,18 @@ class BodyMechanics:
                 if near is not None:
                     _keep(self._linear, name, linear, _KEPT_LINEAR)
                     return near
-        other = self._solve(model(), stiffness, state)
+        if slack > 1 and self._is_reducible(stiffness, state):
+            if which not in self._sides:
+                _keep(self._sides, which, ReducedBases(model(), 1, _SIDE_BYTES), _KEPT_SIDES)
+            other = self._reduced(self._sides[which], stiffness, state, tolerance)
+        else:
+            other = self._solve(model(), stiffness, state)
+            linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
+            _keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
         ratio = other.compliance / base
         if not (np.isfinite(ratio).all() and ratio.min() > 0):
             raise InadmissibleError("the map is finer than the mesh of the body resolves")
-        if slack <= 1:
-            _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
-        linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
-        _keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
+        _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
         return np.log(ratio)
 
     def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
@@ -369,11 +378,21 @@ class BodyMechanics:
             return self._solved(stiffness, state)
         if not self._bases:
             self._bases.append(ReducedBases(self.coarse))
-        (bases,) = self._bases
-        modulus = positive_modulus(ChangedMap(stiffness, state), self.coarse.points_m)
-        near = bases.evaluate(modulus, slack * self.settings.reduced_error, *_law(state))
+        tolerance = slack * self.settings.reduced_error
+        return self._reduced(self._bases[0], stiffness, state, tolerance)
+
+    def _reduced(
+        self, bases: ReducedBases, stiffness: GaussianMap, state: BodyState, tolerance: float
+    ) -> Response | ReducedResponse:
+        """Return the solution of a model in its bases, or the full one, which joins them."""
+        modulus = positive_modulus(ChangedMap(stiffness, state), bases.full.points_m)
+        near = bases.evaluate(modulus, tolerance, *_law(state))
         if near is not None:
             return near
+        if bases.full is not self.coarse:
+            response = self._solve(bases.full, stiffness, state)
+            bases.add(response)
+            return response
         response = self._solved(stiffness, state)
         bases.add(response, self._solutions.get((stiffness, _plain(state))))
         return response

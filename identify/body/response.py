@@ -42,6 +42,7 @@ class BodyResponse:
     _state: BodyState
     _response: Response | ReducedResponse
     _scale: np.ndarray  # (j,) factor on the finite elements' own compliance
+    _slack: float  # of the search that asked, see `BodyMechanics.evaluate`
 
     @cached_property
     def by_map(self) -> np.ndarray:
@@ -157,7 +158,9 @@ class BodyResponse:
         state, plain = self._state, self._response.compliance
         # From the stated place, enough for a score, one model a side suffices
         there, here = (
-            self._mechanics.log_shift_factor(self._map, state, s, plain, not any(state.shift_m))
+            self._mechanics.log_shift_factor(
+                self._map, state, s, plain, not any(state.shift_m), self._slack
+            )
             for s in (shift_m, state.shift_m)
         )
         return there - here
@@ -167,8 +170,8 @@ class BodyResponse:
         nu, plain = self._state.poisson_ratio, self._response.compliance
         step = self._mechanics.settings.poisson_step
         factor = self._mechanics.poisson_factor
-        other = factor(self._map, self._state, nu - step, plain)
-        here = factor(self._map, self._state, nu, plain)
+        other = factor(self._map, self._state, nu - step, plain, self._slack)
+        here = factor(self._map, self._state, nu, plain, self._slack)
         return self.compliance * (1 - other / here) / step
 
 

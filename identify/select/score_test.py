@@ -212,6 +212,8 @@ def score_effect(
     t = np.einsum("gmq,m->gq", basis, residual)
     signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
     best = int(np.argmax(signed))
+    shape, columns, left = pattern.shapes[best], pattern.columns[best].copy(), left[best].copy()
+    del pattern  # hundreds of MB for thousands of shapes
     null = score_null(
         sign * basis if one_sided else basis,
         one_sided,
@@ -219,15 +221,15 @@ def score_effect(
         float(signed[best]),
         settings,
     )
-    sizes, *_ = np.linalg.lstsq(left[best], residual, rcond=1e-10)
-    errors = np.sqrt(np.diag(np.linalg.pinv(left[best].T @ left[best])))
+    sizes, *_ = np.linalg.lstsq(left, residual, rcond=1e-10)
+    errors = np.sqrt(np.diag(np.linalg.pinv(left.T @ left)))
     if one_sided and signed[best] < 0:
         sizes = np.zeros_like(sizes)
-    values = dict(pattern.shapes[best])
+    values = dict(shape)
     for amplitude, size in zip(effect.amplitudes, sizes, strict=True):
         assert amplitude.null is not None
         values[amplitude.name] = amplitude.null + float(size) * amplitude.typical
-    moved = (pattern.columns[best] @ sizes) * fit.at.sigma_m
+    moved = (columns @ sizes) * fit.at.sigma_m
     statistic = max(float(signed[best]), 0.0) ** 2 if one_sided else float(signed[best])
     return Score(
         name=effect.name,
@@ -237,7 +239,7 @@ def score_effect(
         sizes=sizes,
         errors=errors,
         visible=float(visible[best]),
-        beyond=basis[best],
+        beyond=basis[best].copy(),
         rms_m=float(np.sqrt(np.mean(moved**2))),
         family=effect.family,
     )

@@ -29,7 +29,7 @@ def posterior_table(f: Finding) -> Table:
                 Cell(f"{few:.0f}", "" if p.settled else "bad"),
             )
         )
-    head = ("Parameter", *map(number, ("Covariance", "Valley", "Sampled", "Worth")))
+    head = ("Parameter", *map(number, ("Covariance", "Valley", "Sampled", "Effective")))
     return Table.of(head, rows, "95 % intervals by three methods" if rows else "")
 
 

@@ -165,6 +165,31 @@ def test_with_slack_the_error_is_larger_and_still_bounded(mechanics):
         assert np.abs(near / full.compliance - 1).max() > 1e-7
 
 
+@pytest.mark.parametrize(
+    "change", [{"poisson_ratio": 0.46}, {"shift_m": (8e-4, -5e-4)}], ids=["poisson", "elsewhere"]
+)
+def test_a_search_takes_bases_of_other_models_far_beyond_their_linear_ratios(
+    mechanics, monkeypatch, change
+):
+    state, slack = mechanics.state().changed(**change), 10.0
+    for seed in range(1, 9):
+        mechanics.evaluate(moved(0.3, seed), state, slack=slack)
+    solved = [counted(monkeypatch, bases.full) for bases in mechanics._sides.values()]
+    assert len(solved) == (2 if "poisson_ratio" in change else 4)
+    tolerance = slack * (mechanics.settings.ratio_error + mechanics.settings.reduced_error)
+    for stiffness in (moved(0.1, 9), moved(0.1, 10)):
+        near = mechanics.evaluate(stiffness, state, slack=slack)
+        slope = near.change(mechanics.state())[0]
+        assert not any(solved)
+        exact = replace(mechanics, _ratios={}, _linear={}, _solutions={}, _sides={})
+        full = exact.evaluate(stiffness, state)
+        assert near.compliance == pytest.approx(full.compliance, rel=tolerance, abs=0)
+        step = full.change(mechanics.state())[0]
+        assert slope == pytest.approx(step, abs=0.02 * np.abs(step).max())
+        for each in solved:
+            each.clear()  # the full evaluation's
+
+
 def test_with_much_slack_skins_take_the_ratio_of_the_plain_body(mechanics, monkeypatch):
     state = mechanics.state().changed(poisson_ratio=0.46)
     mechanics.evaluate(MAP, state, slack=30.0)

@@ -117,6 +117,39 @@ def field_of(r, z, nu, v, v_z, v_r, psi_r, v_zz, v_rz):
 
 
 @numba.njit(cache=True, error_model="numpy")
+def outward(r: float, z: float, a: float, nu: float):
+    r"""u_z, u_r and the gradients of `field` under the tangential traction r p(r), outwards.
+
+    With p of the flat punch, unit length and E = 1: r p = dS/dr with S = -(a^2/3) times Hertz's
+    pressure, so that with V of that pressure, times -a^2/3,
+
+        u_r = k [2 (1 - nu) V_r + z V_rz],    u_z = k [z V_zz - (1 - 2 nu) V_z]
+
+    (Johnson, eq. 3.4, with F_1 = dX/dx, G_1 = dX/dy and X_zz = V).
+    """
+    k = -(1 + nu) / (2 * np.pi) * a * a / 3
+    c = 1 - 2 * nu
+    v_z, v_r, _, v_zz, v_rz = slopes(r, z, a, HERTZ)
+    zeta = complex(z, a)
+    root = _distance(r, z, a)
+    inverse, other = _inverse(root), _inverse(root + zeta)
+    edge = complex(0.0, a) * inverse * inverse * inverse
+    s = 3.0 / a**3
+    v_zzz = s * (inverse + zeta * edge).imag
+    v_rzz = s * r * (inverse * other + edge).imag
+    v_rr = -v_zz - v_r
+    return (
+        k * (z * v_zz - c * v_z),
+        k * r * (2 * (1 - nu) * v_r + z * v_rz),
+        k * (2 * nu * v_zz + z * v_zzz),
+        k * (z * v_rzz - c * r * v_rz),
+        k * ((3 - 2 * nu) * r * v_rz + z * v_rzz),
+        k * (2 * (1 - nu) * v_rr - z * (v_zzz + v_rz)),
+        k * (2 * (1 - nu) * v_r + z * v_rz),
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
 def displacement(r: float, z: float, a: float, nu: float, profile: int):
     """u_z and u_r at one point, unit force and E = 1; finite on the rim too."""
     return field(r, z, a, nu, profile)[:2]

@@ -22,24 +22,25 @@ _STRAINS = 6 * FUNCTIONS
 def functions(points, shape, radius, nu, profile):
     """Values of the functions at points (p, 3): (p, m, 3)."""
     values = np.empty((len(points), FUNCTIONS, 3))
+    bend = shape[3] + shape[5] if profile == half_space.FLAT else 0.0
     for p in range(len(points)):
         x, y = points[p, 0], points[p, 1]
         depth = depth_below(shape, x, y, points[p, 2], radius)
-        u_x, u_y, u_z = _field(x, y, depth, radius, nu, profile)
+        h_x, h_y = slope(shape, x, y)
+        foot_x, foot_y = x + depth * h_x, y + depth * h_y
+        r = np.sqrt(foot_x * foot_x + foot_y * foot_y)
+        w, u_r = half_space.displacement(r, depth, radius, nu, profile)
+        if bend != 0:
+            along = half_space.outward(r, depth, radius, nu)
+            w, u_r = w + bend * along[0], u_r + bend * along[1]
+        scale = u_r / r if r > 0 else 0.0
+        u, v = scale * foot_x, scale * foot_y
         for m in range(FUNCTIONS):
             factor = 1.0 if m == 0 else (x, y, depth)[m - 1] / radius
-            values[p, m, 0] = factor * u_x
-            values[p, m, 1] = factor * u_y
-            values[p, m, 2] = factor * u_z
+            values[p, m, 0] = factor * (u - h_x * w)
+            values[p, m, 1] = factor * (v - h_y * w)
+            values[p, m, 2] = factor * (w + h_x * u + h_y * v)
     return values
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _field(x, y, z, radius, nu, profile):
-    r = np.sqrt(x * x + y * y)
-    u_z, u_r = half_space.displacement(r, z, radius, nu, profile)
-    scale = u_r / r if r > 0 else 0.0
-    return scale * x, scale * y, u_z
 
 
 @numba.njit(cache=True)
@@ -86,53 +87,81 @@ def add_batch(batch, count, strain, products, shape, radius, nu, profile, lam, m
 
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _strains(eps, count, place, shape, radius, nu, profile):
-    """Strains of the functions at points, (6 m, k): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each.
-
-    The points' z becomes their depth below the paraboloid.
-    """
-    radial, potential, field = np.empty(BATCH), np.empty((6, BATCH)), np.empty((11, BATCH))
+    """Strains of the functions at points, (6 m, k): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each."""
+    radial, potential = np.empty(BATCH), np.empty((6, BATCH))
+    foot, field = np.empty((3, BATCH)), np.empty((12, BATCH))
+    bend = shape[3] + shape[5] if profile == half_space.FLAT else 0.0
     for k in range(count):
         x, y = place[0, k], place[1, k]
-        place[2, k] = depth_below(shape, x, y, place[2, k], radius)
-        radial[k] = np.sqrt(x * x + y * y)
+        z = depth_below(shape, x, y, place[2, k], radius)
+        h_x, h_y = slope(shape, x, y)
+        foot[0, k], foot[1, k], foot[2, k] = x + z * h_x, y + z * h_y, z
+        radial[k] = np.sqrt(foot[0, k] ** 2 + foot[1, k] ** 2)
     for k in range(count):  # apart, as it slows the others down
-        potential[0, k] = half_space.potential(radial[k], place[2, k], radius, profile)
+        potential[0, k] = half_space.potential(radial[k], foot[2, k], radius, profile)
     for k in range(count):
-        slopes = half_space.slopes(radial[k], place[2, k], radius, profile)
+        slopes = half_space.slopes(radial[k], foot[2, k], radius, profile)
         for i in range(5):
             potential[i + 1, k] = slopes[i]
     for k in range(count):
-        x, y, z, r = place[0, k], place[1, k], place[2, k], radial[k]
+        x, y, z, r = foot[0, k], foot[1, k], foot[2, k], radial[k]
         u_z, u_r, zz, zr, rz, rr, tt = half_space.field_of(
             r, z, nu, potential[0, k], potential[1, k], potential[2, k], potential[3, k],
             potential[4, k], potential[5, k],
         )  # fmt: skip
+        if bend != 0:
+            along = half_space.outward(r, z, radius, nu)
+            u_z, u_r, zz, zr = (
+                u_z + bend * along[0], u_r + bend * along[1],
+                zz + bend * along[2], zr + bend * along[3],
+            )  # fmt: skip
+            rz, rr, tt = rz + bend * along[4], rr + bend * along[5], tt + bend * along[6]
         cx, cy = (x / r, y / r) if r > 0 else (1.0, 0.0)
-        field[0, k], field[1, k], field[2, k] = u_r * cx, u_r * cy, u_z
-        field[3, k] = rr * cx * cx + tt * cy * cy
-        field[4, k] = rr * cy * cy + tt * cx * cx
-        field[5, k], field[6, k] = zz, (rr - tt) * cx * cy
-        field[7, k], field[8, k] = zr * cx, zr * cy
-        field[9, k], field[10, k] = rz * cx, rz * cy
+        # The field and its derivatives in the frame of the surface below
+        u, v = u_r * cx, u_r * cy
+        xx, yy, xy = rr * cx * cx + tt * cy * cy, rr * cy * cy + tt * cx * cx, (rr - tt) * cx * cy
+        xz, yz, zx, zy = rz * cx, rz * cy, zr * cx, zr * cy
+        # Derivatives by the body's x, y, z: those of the foot are (p, q), (q, s) across, h along
+        h_x, h_y = slope(shape, place[0, k], place[1, k])
+        h_xx, h_xy, h_yy = 2 * shape[3], shape[4], 2 * shape[5]
+        p, q, s = 1 - h_x * h_x + z * h_xx, z * h_xy - h_x * h_y, 1 - h_y * h_y + z * h_yy
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = (
+            xx * p + xy * q - xz * h_x, xx * q + xy * s - xz * h_y, xx * h_x + xy * h_y + xz,
+            xy * p + yy * q - yz * h_x, xy * q + yy * s - yz * h_y, xy * h_x + yy * h_y + yz,
+            zx * p + zy * q - zz * h_x, zx * q + zy * s - zz * h_y, zx * h_x + zy * h_y + zz,
+        )  # fmt: skip
+        # Turned with the surface
+        field[0, k], field[1, k], field[2, k] = (
+            u - h_x * u_z,
+            v - h_y * u_z,
+            u_z + h_x * u + h_y * v,
+        )
+        field[3, k] = xx - h_x * zx - h_xx * u_z
+        field[4, k] = xy - h_x * zy - h_xy * u_z
+        field[5, k] = xz - h_x * zz
+        field[6, k] = yx - h_y * zx - h_xy * u_z
+        field[7, k] = yy - h_y * zy - h_yy * u_z
+        field[8, k] = yz - h_y * zz
+        field[9, k] = zx + h_x * xx + h_y * yx + h_xx * u + h_xy * v
+        field[10, k] = zy + h_x * xy + h_y * yy + h_xy * u + h_yy * v
+        field[11, k] = zz + h_x * xz + h_y * yz
     for m in range(FUNCTIONS):
-        f_x = 1 / radius if m == 1 else 0.0
-        f_y = 1 / radius if m == 2 else 0.0
-        f_z = 1 / radius if m == 3 else 0.0
         for k in range(count):
-            f = 1.0 if m == 0 else place[m - 1, k] / radius
-            u_x, u_y, u_z = field[0, k], field[1, k], field[2, k]
-            h_x, h_y = slope(shape, place[0, k], place[1, k])
-            # Derivatives by x and y at constant depth below the paraboloid, and by that depth
-            xz, yz = f * field[9, k] + f_z * u_x, f * field[10, k] + f_z * u_y
-            zz = f * field[5, k] + f_z * u_z
-            eps[6 * m, k] = f * field[3, k] + f_x * u_x - h_x * xz
-            eps[6 * m + 1, k] = f * field[4, k] + f_y * u_y - h_y * yz
-            eps[6 * m + 2, k] = zz
-            eps[6 * m + 3, k] = f * field[6, k] + 0.5 * (
-                f_y * u_x + f_x * u_y - h_y * xz - h_x * yz
-            )
-            eps[6 * m + 4, k] = 0.5 * (f * field[7, k] + f_x * u_z - h_x * zz + xz)
-            eps[6 * m + 5, k] = 0.5 * (f * field[8, k] + f_y * u_z - h_y * zz + yz)
+            f, f_x, f_y, f_z = 1.0, 0.0, 0.0, 0.0
+            if m == 1:
+                f, f_x = place[0, k] / radius, 1 / radius
+            elif m == 2:
+                f, f_y = place[1, k] / radius, 1 / radius
+            elif m == 3:
+                h_x, h_y = slope(shape, place[0, k], place[1, k])
+                f, f_x, f_y, f_z = foot[2, k] / radius, -h_x / radius, -h_y / radius, 1 / radius
+            u, v, w = field[0, k], field[1, k], field[2, k]
+            eps[6 * m, k] = f * field[3, k] + f_x * u
+            eps[6 * m + 1, k] = f * field[7, k] + f_y * v
+            eps[6 * m + 2, k] = f * field[11, k] + f_z * w
+            eps[6 * m + 3, k] = 0.5 * (f * (field[4, k] + field[6, k]) + f_y * u + f_x * v)
+            eps[6 * m + 4, k] = 0.5 * (f * (field[5, k] + field[9, k]) + f_z * u + f_x * w)
+            eps[6 * m + 5, k] = 0.5 * (f * (field[8, k] + field[10, k]) + f_z * v + f_y * w)
 
 
 @numba.njit(cache=True, fastmath=True)

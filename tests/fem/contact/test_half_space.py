@@ -160,3 +160,40 @@ def test_the_displacement_is_continuous_at_the_rim(profile, a):
     for r, z in ((a * (1 + 1e-10), 0.0), (a * (1 - 1e-10), 0.0), (a, a * 1e-10)):
         near = half_space.displacement(r, z, a, NU, profile)
         np.testing.assert_allclose(at, near, rtol=1e-4)
+
+
+def outward(x: np.ndarray) -> np.ndarray:
+    r = np.hypot(x[0], x[1])
+    u_z, u_r = half_space.outward(r, x[2], A, NU)[:2]
+    return np.array([u_r * x[0] / r, u_r * x[1] / r, u_z])
+
+
+def outward_gradient(x: np.ndarray, step: float = 1e-5) -> np.ndarray:
+    steps = step * np.eye(3)
+    return np.array([outward(x + h) - outward(x - h) for h in steps]).T / (2 * step)
+
+
+def outward_stress(x: np.ndarray) -> np.ndarray:
+    gradient = outward_gradient(x)
+    strain = (gradient + gradient.T) / 2
+    return (strain + NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3)) / (1 + NU)
+
+
+@pytest.mark.parametrize("place", [(0.4, 0.3), (0.9, 0.2), (1.7, 0.8)])
+def test_the_outward_traction_is_the_flat_pressure_times_the_distance(place):
+    r, z = A * np.array(place)
+    x = np.array([r, 0.0, z])
+    gradient = outward_gradient(x)
+    np.testing.assert_allclose(
+        half_space.outward(r, z, A, NU)[2:],
+        [gradient[2, 2], gradient[2, 0], gradient[0, 2], gradient[0, 0], gradient[1, 1]],
+        rtol=1e-6, atol=1e-8 * abs(gradient).max(),
+    )  # fmt: skip
+    steps = 1e-3 * A * np.eye(3)
+    force = sum((outward_stress(x + h) - outward_stress(x - h))[:, i] for i, h in enumerate(steps))
+    assert np.abs(force).max() < 1e-4 * np.abs(outward_stress(x)).max()
+    surface = outward_stress(np.array([r, 0.0, 2e-5 * A]))
+    expected = r * pressure(r, A, FLAT) if r < A else 0.0
+    scale = A * pressure(0.0, A, FLAT)
+    assert -surface[0, 2] == pytest.approx(expected, abs=1e-3 * scale)
+    assert surface[2, 2] == pytest.approx(0, abs=1e-3 * scale)

@@ -158,10 +158,16 @@ def test_the_strains_of_the_added_functions_are_the_gradients_of_v_times_1_x_y_z
     lam, mu = lame(nu)
 
     def functions(x: np.ndarray) -> np.ndarray:
-        r = np.hypot(x[0], x[1])
         depth = x[2] - shape @ [1, x[0], x[1], x[0] ** 2, x[0] * x[1], x[1] ** 2]
+        slope = shape[1:3] + [[2 * shape[3], shape[4]], [shape[4], 2 * shape[5]]] @ x[:2]
+        foot = x[:2] + depth * slope  # of the normal through x
+        r = np.hypot(*foot)
         u_z, u_r = half_space.displacement(r, depth, a, nu, profile)
-        v = np.array([u_r * x[0] / r, u_r * x[1] / r, u_z])
+        if profile == FLAT:  # the press along the axis pulls a bent surface outwards
+            more = half_space.outward(r, depth, a, nu)
+            u_z, u_r = np.array([u_z, u_r]) + (shape[3] + shape[5]) * np.array(more[:2])
+        across = u_r * foot / r
+        v = np.array([*(across - slope * u_z), u_z + slope @ across])
         factors = [1, x[0] / a, x[1] / a, depth / a]
         np.testing.assert_allclose(
             near_field_points.functions(x[None], shape, a, nu, profile)[0], np.outer(factors, v)

@@ -27,7 +27,7 @@ from fem import (
 )
 from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
-from fem.palpation import RefinedResponse
+from fem.palpation import RefinedResponse, Response
 from models import InputError
 from sim.body.law import Creep, LawCurve, growing_contact, solved_radii
 from sim.motion import Tip
@@ -39,6 +39,7 @@ CELLS = float(np.prod(DIVISIONS))
 CHANGED, LEAST_FORCE_N, CREPT_M = 0.02, 1e-5, 2e-8  # from which the contact asks for the law again
 LEVELS = (0.125, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.08)  # of the set force, of a hyperelastic path
 RING_PATCHES = 40  # across a ring
+HERTZ_WIDTH = 1.2  # radius of the Hertz pressure that is as compliant as a flat one
 SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
 Divisions = tuple[int, int, int]
 
@@ -99,11 +100,15 @@ class SoftBody:
             np.asarray(points_m)[owner], np.asarray(directions)[owner], np.concatenate(radii)
         )
         meshes = true_meshes(shape, divisions)
-        models = [PalpationModel(m, poisson_ratio, contacts, support=support) for m in meshes]
-        model = RefinedModel(*models) if len(models) == 2 else models[0]
         self.modulus = modulus
-        solved = model.evaluate(modulus(model.points_m))
-        punch = np.asarray(solved.compliance)
+        grows = np.array([each[j].grows for j in owner])
+        solved = {
+            kind: _solved(meshes, modulus, poisson_ratio, contacts, grows == kind, kind, support)
+            for kind in sorted(set(grows.tolist()))
+        }
+        punch = np.empty(len(owner))
+        for kind, found in solved.items():
+            punch[grows == kind] = found.compliance
         self._punch = punch[self._first]
         bend = np.zeros(count) if bend_per_m is None else bend_per_m
         self.curves = [LawCurve.line(c) for c in punch[self._first]]
@@ -136,12 +141,17 @@ class SoftBody:
         )
         self.surface_triangles = local.reshape(-1, 3)
         self.surface_nodes_m = mesh.nodes[self._surface]
-        response = solved.fine if isinstance(solved, RefinedResponse) else solved
+        fields = {
+            kind: found.fine if isinstance(found, RefinedResponse) else found
+            for kind, found in solved.items()
+        }
         first, surface = self._first, self._surface
 
         @lru_cache(maxsize=4)  # not of a method: the body would keep itself, 0.7 GB, alive
         def unit_displacement(press: int) -> np.ndarray:
-            return response.displacement(int(first[press]))[surface]
+            row, kind = first[press], bool(grows[first[press]])
+            number = int(np.count_nonzero(grows[:row] == kind))
+            return fields[kind].displacement(number)[surface]
 
         self._unit_displacement = unit_displacement
 
@@ -223,6 +233,29 @@ class SoftBody:
                 np.r_[0.0, found.readings_m[j]],
                 np.r_[compliance[j], found.tangent_compliance[j]],
             )
+
+
+def _solved(
+    meshes: Sequence[Mesh],
+    modulus: Callable[[np.ndarray], np.ndarray],
+    poisson_ratio: float,
+    punches: Contacts,
+    chosen: np.ndarray,
+    grows: bool,
+    support: Support | None,
+) -> Response | RefinedResponse:
+    """Solve for the chosen punches; those of a contact that grows by a Hertz pressure.
+
+    One of six fifths of the punch's radius is as compliant on a half-space, and under other parts
+    of the body as wide; without a singular rim it is four times as exact on a curved surface.
+    """
+    radius, profile = punches.radius_m[chosen], "flat"
+    if grows:
+        radius, profile = HERTZ_WIDTH * radius, "hertz"
+    contacts = Contacts(punches.points_m[chosen], punches.directions[chosen], radius, profile)
+    models = [PalpationModel(m, poisson_ratio, contacts, support=support) for m in meshes]
+    model = RefinedModel(*models) if len(models) == 2 else models[0]
+    return model.evaluate(modulus(model.points_m))
 
 
 @lru_cache(maxsize=64)

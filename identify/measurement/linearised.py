@@ -45,6 +45,8 @@ class Linearised:
     rms_m : root mean square of measured less predicted displacement
     shared_errors : (m, 2) change of the whitened prediction by one standard deviation of each error
         that the readings of a press share: of the map (by ln C) and of first touch
+    common_errors : (m, 1) the same of the error of first touch that all presses share; empty beside
+        an uncertain map
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
     compliance, modulus : (j,) of the presses, and the modulus under the tip, there
     body : compliances and their derivatives by the map
@@ -58,6 +60,7 @@ class Linearised:
     jacobian: np.ndarray
     rms_m: float
     shared_errors: np.ndarray
+    common_errors: np.ndarray
     by_compliance: np.ndarray
     by_modulus: np.ndarray
     compliance: np.ndarray
@@ -75,6 +78,7 @@ class Linearised:
     def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""
         white = decorrelated((change_m.T / self.sigma_m).T, self.shared_errors, press)
+        white = decorrelated(white, self.common_errors, np.zeros_like(press))
         if self.marginal is None:
             return white
         return self.marginal.whitened((white.T * self.marginal.weight).T)

@@ -29,6 +29,7 @@ from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
+from identify.measurement.settings import TOUCH
 from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.result import InadmissibleError
 
@@ -290,15 +291,24 @@ class MeasurementModel:
         press = self.readings.press
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
         map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
-        shared = np.hstack([map_error[:, None], touch_errors(self.noise.touch_m, sigma)])
+        touch = touch_errors(self.noise.touch_m, sigma)
+        shared, together = np.hstack([map_error[:, None], touch]), np.zeros_like(press)
+        # Whitened by what the readings of each press share; a free map's are so press by press
+        alike = 0.0 if self.map_uncertainty is not None else TOUCH.common_share
+        common = decorrelated(alike * touch, shared, press)
+        residual_of, by_unknown = (
+            decorrelated(decorrelated(x, shared, press), common, together)
+            for x in (residual / sigma, np.hstack(columns) / sigma[:, None])
+        )
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=decorrelated(residual / sigma, shared, press),
-            jacobian=decorrelated(np.hstack(columns) / sigma[:, None], shared, press),
+            residual=residual_of,
+            jacobian=by_unknown,
             rms_m=float(np.sqrt(np.mean(residual**2))),
             shared_errors=shared,
+            common_errors=common,
             by_compliance=by_c,
             by_modulus=by_e,
             compliance=c,

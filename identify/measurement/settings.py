@@ -41,3 +41,20 @@ class LatentForceSettings:
 
 
 LATENT_FORCE = LatentForceSettings()
+
+
+@dataclass(frozen=True)
+class TouchSettings:
+    """Settings of the error of first touch.
+
+    Attributes
+    ----------
+    common_share : standard deviation of the error that all presses share, relative to that of one
+        press alone: a robot takes the same law of contact in all (scans of an organ by balls of 3
+        and 8 mm: means of 0.3 to 1.2 of the stated standard deviation, 0.2 by the ball's own law)
+    """
+
+    common_share: float = 0.5
+
+
+TOUCH = TouchSettings()

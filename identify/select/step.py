@@ -52,7 +52,8 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         return whitened(fit, scan)
     press = fit.model.readings.press
     # The comparison knows the noise alone, not an error of the map (`press_error`)
-    absorbed = correlated(fit.at.jacobian, fit.at.shared_errors, press)
+    absorbed = correlated(fit.at.jacobian, fit.at.common_errors, 0 * press)
+    absorbed = correlated(absorbed, fit.at.shared_errors, press)
     absorbed = with_touch(absorbed, press, fit.at.sigma_m, fit.model.noise)
     return Whitened(
         scan=scan.used(),

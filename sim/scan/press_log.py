@@ -126,6 +126,7 @@ def press_result(
             step_s,
             settings.displacement_noise_m,
             settings.force_noise_n,
+            plan.tip_of(log.press).kind == "ball",
         )
         zero, touch_sd_m = zero + touch.depth_m, touch.sd_m
     true_depth = (log.tip_m - planned.point_m) @ planned.direction

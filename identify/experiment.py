@@ -35,13 +35,12 @@ class BodyModel:
         tried on it
     coarse : with near field and derivatives; the fit corrects it towards `fine`
     fine : of a block two meshes extrapolated, right to 0.2 to 1 %, see `RefinedModel`; of a closed
-        surface the finer mesh as it is, right to about 0.3 % where cells of size h cut off little
-        of a curve of radius R under a tip of radius a, h^2/(8 R) << a. Convex facets are felt too
-        hard: a dome of 50 mm under a tip of 3 mm by 1.4 % on cells of 8 mm, by 5 % on 12 mm. Meshes
-        of one surface differ at random (each cuts its corners elsewhere), so that an extrapolation
-        would add to the error. Under a free map, which no coarser mesh resolves, all three are one
+        surface the finer mesh as it is, where its facets are small beside the curve right to 0.2 %
+        under a ball and 0.5 % under a flat tip, see `benchmarks/curved.py`. Meshes of one surface
+        differ at random (each cuts its corners elsewhere), so that an extrapolation would add to
+        the error. Under a free map, which no coarser mesh resolves, all three are one
     note : simplification of the contact, for the reader of a report; empty where there is none
-    surface : of a body that is no block, which curves under a ball
+    surface : of a body that is no block, which curves under its tips
     """
 
     search: PalpationModel
@@ -83,7 +82,7 @@ def contacts_of(
     """
     points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
     if not sphere:
-        return Contacts(points, directions, radii), ""
+        return _curved(Contacts(points, directions, radii), surface), ""
     deepest = np.zeros(len(points))
     np.maximum.at(deepest, scan.press_index, scan.displacement_m)
     deepest = np.minimum(deepest, most_m)
@@ -93,10 +92,14 @@ def contacts_of(
         "The tip is a sphere: the finite elements have the contact of half the depth (radius "
         f"{1e3 * contact.min():.2g} to {1e3 * contact.max():.2g} mm), and it grows with the force."
     )
-    contacts = Contacts(points, directions, contact, "hertz")
+    return _curved(Contacts(points, directions, contact, "hertz"), surface), note
+
+
+def _curved(contacts: Contacts, surface: Surface | None) -> Contacts:
+    """Return contacts that know the curvature of a closed surface under them."""
     if surface is None:
-        return contacts, note
-    return replace(contacts, curvature_per_m=surface_curvature(surface, contacts)), note
+        return contacts
+    return replace(contacts, curvature_per_m=surface_curvature(surface, contacts))
 
 
 @dataclass(frozen=True)

@@ -135,8 +135,9 @@ def _mesh_error(
     # Cells of order p resolve like p^3 linear ones.
     cells = [len(m.mesh.cells) * m.mesh.order**3 for m in (coarse, fine)]
     gain = max((cells[1] / cells[0]) ** (settings.mesh_rate / 3) - 1, 0.5)
-    curved = fine.contacts.curvature_per_m != 0
-    return (ratio - 1) / gain + settings.curved_contact_error * curved
+    contacts = fine.contacts
+    common = settings.curved_contact_error[contacts.profile == "hertz"]
+    return (ratio - 1) / gain + common * (contacts.curvature_per_m != 0)
 
 
 def mesh_error_growth(

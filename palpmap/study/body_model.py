@@ -48,7 +48,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
         A tip that hangs over an edge, or a surface that cannot be meshed.
     """
     ball = study.probe.tip == "sphere"
-    surface = outside_of(study.body) if ball and study.body.size_m is None else None
+    surface = outside_of(study.body) if study.body.size_m is None else None
     contacts, note = contacts_of(scan, ball, surface)
     if study.body.thickness_assumed:
         note = f"{note} {_thickness_note(study.body, contacts)}".strip()

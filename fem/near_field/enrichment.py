@@ -25,7 +25,7 @@ pulls the bent surface outwards has the field of that traction in v
 (`fem.contact.half_space.outward`). Strains and loads are those of the field so bent: the space
 stays a space of admissible fields, only less apt the more the surface bends under the tip. On domes
 of 40 mm, cells of 5 mm, nu = 0.45 a flat tip of 3 or 5 mm is 0.4 % too stiff, a ball's contact of 1
-to 3 mm 0.1 % (`benchmarks/curved.py`); what remains lies at the rim, which the facets miss by the
+to 3 mm 0.1 % (`benchmarks/curved.py`); the error lies at the rim, which the facets miss by the
 paraboloid's lift.
 """
 

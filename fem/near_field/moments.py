@@ -1,6 +1,7 @@
 """Strains and energies of a press's near-field functions, integrated over cells.
 
 The functions are those of `fem.near_field.points`; the integrals serve `fem.near_field.enrichment`.
+Numba's cache does not see a change in that file: change this one too, or kernels stay as they were.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from identify.fit.field_data import FieldData, PressSums
 from identify.fit.settings import FREE_MAP, FreeMapSettings
-from identify.map import MaternField
+from identify.map import Grid, LabelledGrid, MaternField
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,15 @@ class Hyper:
     spread: float
     error: float
     given: tuple[str, ...] = ()
+
+    def prior(self, grid: Grid, settings: FreeMapSettings = FREE_MAP) -> MaternField:
+        """Return the prior of a field; labelled regions have their layers among them."""
+        height_m = grid.spacing_m[2] * (grid.counts[2] - 1)
+        layers = 0.0 if isinstance(grid, LabelledGrid) else settings.layer_spread
+        return MaternField(
+            grid, self.length_m, self.spread, settings.level_spread,
+            layers, settings.layer_length * height_m,
+        )  # fmt: skip
 
     def towards(self, other: Hyper, longest: float) -> Hyper:
         """Return other numbers, or those at the longest change of a logarithm on the way there."""
@@ -58,7 +67,7 @@ def best_hyper(
     Parameters
     ----------
     sums, by_field, field, shift, doubt : as `FieldData.of` takes them
-    prior : its grid and level are used
+    prior : its grid, level and layers are used
     lengths_m : least and largest length
     """
     told = np.flatnonzero(sums.normal[:, 0, 0] > 0)
@@ -76,8 +85,9 @@ def best_hyper(
 
     def misfit(log_length: float) -> float:
         nonlocal latest
-        unit = replace(prior, length_m=float(np.exp(log_length)), spread=1.0, level_spread=0.0)
-        value, latest = _best_sizes(data, unit, prior.level_spread, latest, settings)
+        unit = replace(prior, length_m=float(np.exp(log_length)), spread=1.0, level_spread=0.0,
+                       layer_spread=0.0)  # fmt: skip
+        value, latest = _best_sizes(data, unit, prior, latest, settings)
         value += 0.5 * ((log_length - usual_length) / settings.unsure[0]) ** 2
         best[log_length] = (value, latest)
         return value
@@ -95,14 +105,21 @@ def best_hyper(
 
 
 def _best_sizes(
-    data: FieldData, unit: MaternField, level: float, start: Hyper, settings: FreeMapSettings
+    data: FieldData,
+    unit: MaternField,
+    prior: MaternField,
+    start: Hyper,
+    settings: FreeMapSettings,
 ) -> tuple[float, Hyper]:
-    """Return minus the log evidence and the best spread and error for a prior's length."""
+    """Return minus the log evidence and the best spread and error for a prior's length.
+
+    `unit` is the field of spread 1 with that length; level and layers are the prior's.
+    """
     root = data.root
     of_field = root.T @ (unit.product(data.by_field) @ data.by_field.T) @ root
-    of_level = level**2 * root.T @ (unit.grid.level(data.by_field) @ data.by_field.T) @ root
+    common = root.T @ (prior.common(data.by_field) @ data.by_field.T) @ root
     of_error = root.T @ root
-    known = np.eye(len(root)) + of_level + (root.T * data.error_variance(0.0)) @ root
+    known = np.eye(len(root)) + common + (root.T * data.error_variance(0.0)) @ root
     usual = np.log([settings.usual_spread, settings.usual_error])
     unsure = np.array(settings.unsure[1:])
     least = np.array([settings.least_spread, settings.least_error])

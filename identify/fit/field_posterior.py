@@ -76,13 +76,13 @@ class FieldPosterior:
     @cached_property
     def sd(self) -> np.ndarray:
         """Standard deviation of the field, (g,)."""
-        prior = self.prior.spread**2 + self.prior.level_spread**2
+        prior = self.prior.variance + self.prior.level_spread**2
         return np.sqrt(np.maximum(prior - np.sum(self.seen**2, axis=0), 0.0))
 
     @cached_property
     def share(self) -> np.ndarray:
         """Share of the prior's variance about its level that the readings take away, (g,)."""
-        return np.clip(1 - (self.sd / self.prior.spread) ** 2, 0.0, 1.0)
+        return np.clip(1 - self.sd**2 / self.prior.variance, 0.0, 1.0)
 
     def moved(self) -> np.ndarray:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""

@@ -122,8 +122,7 @@ class FreeMapFit:
     @property
     def prior(self) -> MaternField:
         """Prior of the field, as far as it is known."""
-        spread = self.settings.level_spread
-        return MaternField(self.grid, self.hyper.length_m, self.hyper.spread, spread)
+        return self.hyper.prior(self.grid, self.settings)
 
     def run(self) -> FitResult:
         """Search, and gather the record.

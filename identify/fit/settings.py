@@ -194,12 +194,16 @@ class FreeMapSettings:
     ----------
     grid_points : of the field, about
     level_spread : standard deviation of the logarithm of the map's level, before any reading
+    layer_spread, layer_length : standard deviation of the logarithm of layers, and their thickness
+        in the body's height; not found by evidence. Without them an even scan of a body with a soft
+        layer gave a map that claimed to see it all, and held nowhere
     finest : least length of the prior, in spacings of the grid: a shorter one is no field there
     finest_cell : ... and in the size of the finite elements' cells, whose samples see the map
     longest : largest length, in the largest edge of the body
     first_length, first_spread, first_error : before any evidence; the length in the body's least
         edge
-    least_spread, largest_spread : bounds of the logarithm's spread
+    least_spread, largest_spread : bounds of the logarithm's spread. An even surface does not make
+        the depth even: the least is what is thought possible below the depth of sight
     least_error, largest_error : bounds of the map's own relative error; the least counts as none
     evidence_presses : presses from which the prior's numbers are found
     lengths, length_tol : trials of a length, and the difference of logarithms that ends them
@@ -232,13 +236,15 @@ class FreeMapSettings:
 
     grid_points: int = 6000
     level_spread: float = 2.0
+    layer_spread: float = 1.0
+    layer_length: float = 0.2
     finest: float = 1.5
     finest_cell: float = 0.5
     longest: float = 1.0
     first_length: float = 0.4
     first_spread: float = 0.5
     first_error: float = 0.01
-    least_spread: float = 1e-3
+    least_spread: float = 0.2
     largest_spread: float = 1.5
     least_error: float = 1e-4
     largest_error: float = 1.0

@@ -2,8 +2,10 @@
 
     cov(r) = spread^2 (1 + s) exp(-s),    s = sqrt(3) r / length
 
-and a level common to all places, or to each labelled region, with a wide prior of its own. Products
-with the covariance are convolutions, made exact on a grid padded to twice its size (circulant
+and a level common to all places, or to each labelled region, with a wide prior of its own; and
+layers, a field of the height alone: bodies even from side to side are often layered, and readings
+that show no change across the surface must not vouch for the depth. Products with the covariance
+are convolutions, made exact on a grid padded to twice its size (circulant
 embedding, Dietrich and Newsam, SIAM J. Sci. Comput. 18, 1997), so that the (g, g) covariance is
 never formed.
 """
@@ -35,17 +37,40 @@ class MaternField:
     length_m : distance over which the field changes
     spread : standard deviation of the field about its level
     level_spread : standard deviation of the level
+    layer_spread, layer_length_m : of the layers; no spread for none
     """
 
     grid: Grid
     length_m: float
     spread: float
     level_spread: float = 0.0
+    layer_spread: float = 0.0
+    layer_length_m: float = 1.0
 
     def covariance(self, distance_m: np.ndarray) -> np.ndarray:
-        """Covariance at distances, without that of the level."""
-        s = np.sqrt(3) * distance_m / self.length_m
-        return self.spread**2 * (1 + s) * np.exp(-s)
+        """Covariance at distances, without those of level and layers."""
+        return self.spread**2 * _correlation(distance_m, self.length_m)
+
+    @property
+    def variance(self) -> float:
+        """Variance of a point about the level."""
+        return self.spread**2 + self.layer_spread**2
+
+    @cached_property
+    def _of_layers(self) -> np.ndarray:
+        """Covariance (nz, nz) of the layers."""
+        z = self.grid.spacing_m[2] * np.arange(self.grid.counts[2])
+        correlation = _correlation(np.abs(z[:, None] - z), self.layer_length_m)
+        return self.layer_spread**2 * correlation
+
+    def common(self, rows: np.ndarray) -> np.ndarray:
+        """Multiply fields (n, g) with the covariance of level and layers alone."""
+        found = self.level_spread**2 * self.grid.level(rows)
+        if self.layer_spread == 0:
+            return found
+        nx, ny, nz = self.grid.counts
+        heights = rows.reshape(-1, nx * ny, nz).sum(axis=1) @ self._of_layers
+        return found + np.tile(heights, nx * ny)
 
     def product(self, rows: np.ndarray) -> np.ndarray:
         """Multiply fields (n, g) with the covariance."""
@@ -59,7 +84,7 @@ class MaternField:
             moved *= spectrum
             back = fft.irfftn(moved, size, axes=axes)[:, :nx, :ny, :nz]
             found[first : first + _BATCH] = back.reshape(len(part), -1)
-        return found + self.level_spread**2 * self.grid.level(rows)
+        return found + self.common(rows)
 
     def draws(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return random fields (count, g)."""
@@ -72,7 +97,11 @@ class MaternField:
             white = fft.rfftn(rng.standard_normal(size))
             white *= root
             found[i] = fft.irfftn(white, size)[:nx, :ny, :nz].ravel()
-        return found + self.level_spread * self.grid.levels_drawn(rng, count)
+        found += self.level_spread * self.grid.levels_drawn(rng, count)
+        if self.layer_spread == 0:
+            return found
+        heights = rng.multivariate_normal(np.zeros(nz), self._of_layers, count, method="eigh")
+        return found + np.tile(heights, nx * ny)
 
     @cached_property
     def _embedded(self) -> tuple[tuple[int, ...], np.ndarray]:
@@ -95,3 +124,8 @@ class MaternField:
         x, y, z = np.meshgrid(*lags, indexing="ij", sparse=True)
         kernel = self.covariance(np.sqrt(x**2 + y**2 + z**2))
         return size, fft.rfftn(kernel).real
+
+
+def _correlation(distance_m: np.ndarray, length_m: float) -> np.ndarray:
+    s = np.sqrt(3) * distance_m / length_m
+    return (1 + s) * np.exp(-s)

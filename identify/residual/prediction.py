@@ -34,8 +34,7 @@ from identify.fit.field_data import FieldData, PressSums
 from identify.fit.field_posterior import FieldPosterior
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.result import FitResult
-from identify.fit.settings import FREE_MAP
-from identify.map import FreeMap, GaussianMap, MaternField
+from identify.map import FreeMap, GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.chain import judge
@@ -394,7 +393,7 @@ def _free_covariance(
     if len(fit.field.errs):
         sums = sums.weighted(np.where(fit.field.errs, 0.0, 1.0))
     data = FieldData.of(sums, there.body.by_field(), field)
-    prior = MaternField(fit.map.grid, hyper.length_m, hyper.spread, FREE_MAP.level_spread)
+    prior = hyper.prior(fit.map.grid)
     return FieldPosterior(data, prior, hyper.error).predicted_covariance(at.body.by_field(), shared)
 
 

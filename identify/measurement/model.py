@@ -216,9 +216,17 @@ class MeasurementModel:
 
     def residual(self, u: np.ndarray, slack: float = 0.0) -> np.ndarray:
         """Return the residual of `evaluate` alone, where that is cheaper without derivatives."""
-        if not self.is_linear:
-            return self.linearise(u, slack).residual
-        return self.table.residuals(self.body(u, slack).compliance, self.noise)[0].ravel()
+        if self.is_linear:
+            return self.table.residuals(self.body(u, slack).compliance, self.noise)[0].ravel()
+        if self.map_uncertainty is not None or self.press_error or np.any(self.press_doubt):
+            return self.linearise(u, slack).residual  # the map's own error acts by derivatives
+        body = self.body(u, slack)
+        c, e = body.compliance, body.local_modulus
+        if self.unit_compliance is not None:
+            e = self.unit_compliance / c
+        judged = judge(self.chain, c, e, self.displacement_m, self.noise, self.values(u))
+        touch = touch_errors(self.noise.touch_m, judged.sigma_m)
+        return decorrelated(judged.residual_m / judged.sigma_m, touch, self.readings.press)
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from identify import Experiment as Opened
 from identify import Progress, silent
 from identify.effects import Effect
+from identify.measurement import Noise as ScanNoise
 from models import MOST_PRESSES, InputError, Scan, read_scan
 from palpmap.study.body import Body
 from palpmap.study.open_study import catalogue_with, open_study, own_effects
@@ -127,13 +128,16 @@ class Experiment:
         study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)
 
-    def opened(self, say: Progress = silent, thin: bool = True) -> Opened:
+    def opened(
+        self, say: Progress = silent, thin: bool = True, noise: ScanNoise | None = None
+    ) -> Opened:
         """Return the placed scan with the models of the body; meshed once.
 
         Parameters
         ----------
         say : progress of what is made of it
         thin : use no more presses than the selection needs (`models.thin`)
+        noise : where it is known; else the study's, or estimated
 
         Raises
         ------
@@ -143,7 +147,7 @@ class Experiment:
         thin = thin and len(self.scan.press_ids) > MOST_PRESSES
         if thin not in self._open:
             catalogue = catalogue_with(self.own_effects)
-            self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say)
+            self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say, noise)
         return replace(self._open[thin], say=say)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from identify import Experiment as Opened
 from identify import Progress, silent
 from identify.catalogue import CATALOGUE
 from identify.design import BetterScans, assess, better_scans, detection_limits, other_map
@@ -97,7 +98,12 @@ def explain(
     """
     problem = start(experiment, effects, progress, on_iteration)
     found, without = explain_scan(problem, seed, on_step)
-    other = other_map(found, problem, lambda: experiment.of_kind("free").opened(progress))
+
+    def free() -> Opened:
+        known = problem.experiment.noise
+        return experiment.of_kind("free").opened(progress, noise=known)
+
+    other = other_map(found, problem, free)
     assessment = assess(found, problem.catalogue, without, progress, other)
     return Explanation.of(found, experiment, problem, assessment, seed)
 

@@ -11,7 +11,7 @@ Nothing is changed in place: `with_effect` and `without` return new models.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -226,7 +226,21 @@ class MeasurementModel:
             e = self.unit_compliance / c
         judged = judge(self.chain, c, e, self.displacement_m, self.noise, self.values(u))
         touch = touch_errors(self.noise.touch_m, judged.sigma_m)
-        return decorrelated(judged.residual_m / judged.sigma_m, touch, self.readings.press)
+        white, _ = self._whitening(touch, touch)
+        return white(judged.residual_m / judged.sigma_m)
+
+    def _whitening(
+        self, touch: np.ndarray, shared: np.ndarray
+    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
+        """Return what whitens by the errors that readings share, and the column common to all.
+
+        `shared` (m, r) are those of each press, of which `touch` (m, 1) is partly common to all. A
+        free map is whitened press by press.
+        """
+        press, together = self.readings.press, np.zeros_like(self.readings.press)
+        alike = 0.0 if self.map_uncertainty is not None else TOUCH.common_share
+        common = decorrelated(alike * touch, shared, press)
+        return lambda x: decorrelated(decorrelated(x, shared, press), common, together), common
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
@@ -300,20 +314,14 @@ class MeasurementModel:
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
         map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
         touch = touch_errors(self.noise.touch_m, sigma)
-        shared, together = np.hstack([map_error[:, None], touch]), np.zeros_like(press)
-        # Whitened by what the readings of each press share; a free map's are so press by press
-        alike = 0.0 if self.map_uncertainty is not None else TOUCH.common_share
-        common = decorrelated(alike * touch, shared, press)
-        residual_of, by_unknown = (
-            decorrelated(decorrelated(x, shared, press), common, together)
-            for x in (residual / sigma, np.hstack(columns) / sigma[:, None])
-        )
+        shared = np.hstack([map_error[:, None], touch])
+        white, common = self._whitening(touch, shared)
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=residual_of,
-            jacobian=by_unknown,
+            residual=white(residual / sigma),
+            jacobian=white(np.hstack(columns) / sigma[:, None]),
             rms_m=float(np.sqrt(np.mean(residual**2))),
             shared_errors=shared,
             common_errors=common,

@@ -10,7 +10,7 @@ from fem import PalpationModel
 from identify import Experiment, FieldGuess, MapGuess, Progress, silent
 from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
-from identify.measurement import scan_noise
+from identify.measurement import Noise, scan_noise
 from identify.select import StartFit
 from models import (
     Catalogue,
@@ -41,6 +41,7 @@ def open_study(
     catalogue: Catalogue[Effect] = CATALOGUE,
     thin: bool = True,
     say: Progress = silent,
+    noise: Noise | None = None,
 ) -> Experiment:
     """Place the scan on the study's body, mesh the body, estimate the noise.
 
@@ -51,6 +52,7 @@ def open_study(
     measured : the study's scan, in its own frame
     catalogue : where the study's effects are looked up
     thin : use no more presses than the selection needs (`models.thin`)
+    noise : where it is known; else the study's, or estimated
 
     Raises
     ------
@@ -68,14 +70,12 @@ def open_study(
     def in_body_frame(values: dict[str, float]) -> dict[str, float]:
         return {name: value - frame_shift_m(name, origin_m) for name, value in values.items()}
 
-    body = build_body_model(study, used)
+    body, given = build_body_model(study, used), study.noise
     regions = _regions(study, body.coarse, origin_m)
     return Experiment(
         placement.scan,
         body,
-        scan_noise(
-            used, study.noise.displacement_m, study.noise.force_n, study.noise.touch_m or 0.0
-        ),
+        noise or scan_noise(used, given.displacement_m, given.force_n, given.touch_m or 0.0),
         MapGuess(
             "auto" if study.map.kind == "auto" else study.map.inclusions,
             in_body_frame(study.map.initial),

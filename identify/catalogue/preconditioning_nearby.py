@@ -102,19 +102,14 @@ class PreconditioningNearby(Effect):
 
 def _before_nearby(readings: Readings, reach_m: float) -> np.ndarray:
     """Earlier presses of each press, weighted by their distance, (j,)."""
-    apart = _distances(readings)
+    apart = readings.between_m
     earlier = readings.order[:, None] > readings.order[None, :]
     return np.sum(np.exp(-((apart / reach_m) ** 2) / 2), axis=1, where=earlier)
 
 
-def _distances(readings: Readings) -> np.ndarray:
-    points = readings.point_m[readings.first]
-    return np.linalg.norm(points[:, None] - points[None, :], axis=2)
-
-
 def _reaches(readings: Readings) -> tuple[float, float]:
     """Half the nearest and the farthest distance of two presses at different places, m."""
-    apart = _distances(readings)
+    apart = readings.between_m
     apart = apart[apart > 1e-6]
     if apart.size == 0:
         return 1e-3, 1e-2

@@ -78,6 +78,12 @@ class Readings:
         return np.searchsorted(self.press, np.arange(self.presses))
 
     @cached_property
+    def between_m(self) -> np.ndarray:
+        """Distances between the points of the presses, (j, j) m."""
+        points = self.point_m[self.first]
+        return np.linalg.norm(points[:, None] - points[None, :], axis=2)
+
+    @cached_property
     def layers(self) -> tuple[np.ndarray, ...]:
         """Rows of all presses' first readings, of their second ones, and so on."""
         place = np.arange(len(self)) - self.first[self.press]

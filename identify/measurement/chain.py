@@ -145,7 +145,7 @@ class Chain:
         """
         step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
         layers = self.readings.layers
-        remembers = bool(self._responses or self._forces)
+        remembers = self._remembers(compliance, modulus, force_n, values, step)
         apart = min(max(_PREDICTIONS // len(layers), 2), len(layers)) if remembers else 1
         slope = np.empty(len(force_n))
         for first in range(apart):
@@ -157,6 +157,24 @@ class Chain:
             rows = change != 0
             slope[rows] = (up - down)[rows] / (2 * change[rows])
         return slope
+
+    def _remembers(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+        step_n: float,
+    ) -> bool:
+        """Return whether any reading feels the force of another one."""
+        if not (self._responses or self._forces) or len(self.readings.layers) == 1:
+            return False
+        changed = np.concatenate(self.readings.layers[::2])
+        change = np.zeros(len(force_n))
+        change[changed] = step_n
+        before = self.predict(compliance, modulus, force_n, values)
+        after = self.predict(compliance, modulus, force_n + change, values)
+        return bool(np.any(np.delete(after - before, changed)))
 
     def by_body(
         self,

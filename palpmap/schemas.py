@@ -70,6 +70,10 @@ class FreeFieldRecord(Record):
     errs: tuple[bool, ...] = Field(description="presses that err by themselves, (j,)")
     lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]
+    ball_sight_m: float = Field(
+        default=0.0,
+        description="depth down to which a ball of 10 mm would be seen, m; 0 if at none",
+    )
     regions: tuple[RegionEstimate, ...] = Field(default=(), description="of labelled regions")
 
 

@@ -47,6 +47,8 @@ class Field:
     share : (g,) share of the prior's variance about its level that the readings take away
     sight_m : depth under the tips down to which that share is at least `SpotSettings.seen`, the
         middle one of all presses
+    ball_sight_m : depth under the middle press down to which a ball of `SpotSettings.ball_m` would
+        change the readings by `SpotSettings.sure` standard deviations, 0 if at none
     by_press_m : (m,) change of each predicted displacement by s, ln C of its press, m
     followed : (j, k) directions of s that the field can follow
     spots : places harder or softer than their surroundings
@@ -74,6 +76,7 @@ class Field:
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     lengths_m: tuple[float, float] = (0.0, 0.0)
+    ball_sight_m: float = 0.0
     regions: tuple[RegionEstimate, ...] = ()
     posterior: FieldPosterior | None = None
 
@@ -111,6 +114,7 @@ class Field:
             log_sd=posterior.sd,
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
+            ball_sight_m=_ball_sight_m(posterior, model),
             spots=find_spots(posterior) if converged else (),
             press_error=press_error,
             left_out=posterior.left_out(fifths(len(press_error))),
@@ -165,6 +169,25 @@ def _regions(posterior: FieldPosterior, log_prior_mean: float) -> Iterator[Regio
 def fifths(presses: int) -> np.ndarray:
     """Return the fifth (j,) of each press, at random but always the same."""
     return np.random.default_rng(31).permutation(presses) % 5
+
+
+def _ball_sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:
+    """Depth, m, of the deepest ball that the readings would show; the prior's field is noise."""
+    contacts, grid = model.mechanics.coarse.contacts, posterior.prior.grid
+    low, high = model.mechanics.coarse.mesh.box_m
+    away = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
+    middle, step, found = int(np.argmin(away)), min(grid.spacing_m) / 2, 0.0
+    radius = SPOTS.ball_m / 2
+    for depth in np.arange(radius, float(np.linalg.norm(high - low)), step).tolist():
+        centre = contacts.points_m[middle] + depth * contacts.directions[middle]
+        if np.any(centre < low) or np.any(centre > high):
+            break
+        apart = np.linalg.norm(grid.points_m - centre, axis=1)
+        ball = np.clip((radius - apart) / max(grid.spacing_m) + 0.5, 0.0, 1.0)
+        if posterior.shown_by(np.log(SPOTS.ball_contrast) * ball) < SPOTS.sure:
+            break
+        found = depth
+    return found
 
 
 def _sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:

@@ -291,6 +291,8 @@ class SpotSettings:
     most : regions of either sign
     levels : heights of a region's edge over that of its peak, in turn
     resolved : diameter in widths of smearing from which on the size is told
+    ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
+        and standard deviations of the readings from which on it is seen
     possible, probable : probability from which on a spot is listed, and offered
     """
 
@@ -301,6 +303,9 @@ class SpotSettings:
     most: int = 8
     levels: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9)
     resolved: float = 1.3
+    ball_m: float = 0.01
+    ball_contrast: float = 3.0
+    sure: float = 5.0
     possible: float = 0.5
     probable: float = 0.95
 

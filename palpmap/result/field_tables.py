@@ -84,6 +84,9 @@ def _sight_table(field: Field, scan: Scan) -> Table:
         "the map follows the presses no closer"
     )  # fmt: skip
     errs = [p for p, errs in zip(scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
+    ball = "seen at no depth"
+    if field.ball_sight_m:
+        ball = f"seen down to {units.quantity(field.ball_sight_m, 'm')} under the middle press"
     rows = (
         (
             "ordinary press",
@@ -92,6 +95,7 @@ def _sight_table(field: Field, scan: Scan) -> Table:
         ),
         *((("presses weighted down", _listed(errs)),) if errs else ()),
         ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),
+        (f"a ball of {1e3 * SPOTS.ball_m:.0f} mm, {SPOTS.ball_contrast:.0f} times as hard", ball),
         ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),
         ("spread of ln E", f"{hyper.spread:.2g}, {by('spread')}"),
         ("effective parameters", f"{field.effective:.0f}"),

@@ -76,6 +76,8 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     report = (run / "report.html").read_text(encoding="utf-8")
     assert "a free map" in report
     assert "depth of sight" in report
+    assert "a ball of 10 mm, 3 times as hard" in report
+    assert 0 <= again.field.ball_sight_m < 0.03
 
 
 @pytest.mark.slow

@@ -338,3 +338,26 @@ def known_field(grid: Grid):
         return FieldPosterior(data, prior)
 
     return posterior
+
+
+def test_a_change_is_shown_by_what_noise_and_field_leave_of_it():
+    rng = np.random.default_rng(3)
+    grid = Grid((0.0, 0.0, 0.0), (0.01, 0.01, 0.01), (4, 3, 3))
+    prior = MaternField(grid, 0.02, 0.3, 1.0, 0.5, 0.01)
+    by_field, root = rng.normal(size=(5, len(grid))), np.diag(rng.uniform(1, 3, 5))
+    sums = PressSums(np.array([[[v**2]] for v in np.diag(root)]), np.zeros((5, 1)), np.zeros(5))
+    data = FieldData.of(sums, by_field, np.zeros(len(grid)))
+    posterior = FieldPosterior(data, prior, 0.1)
+    change = rng.normal(size=len(grid))
+    covariance = prior.product(np.eye(len(grid)))
+    of_s = by_field @ covariance @ by_field.T + 0.01 * np.eye(5) + np.linalg.inv(root @ root.T)
+    moved = by_field @ change
+    expected = np.sqrt(moved @ np.linalg.solve(of_s, moved))
+    assert posterior.shown_by(change) == pytest.approx(expected, rel=1e-6)
+    # Layers are alike at one height, with the covariance of their own
+    layers = replace(prior, spread=1e-9, level_spread=0.0).product(np.eye(len(grid)))
+    z = grid.points_m[:, 2]
+    s = np.sqrt(3) * np.abs(z[:, None] - z) / 0.01
+    assert layers == pytest.approx(0.25 * (1 + s) * np.exp(-s), abs=1e-12)
+    draws = prior.draws(np.random.default_rng(4), 20000)
+    assert np.cov(draws.T) == pytest.approx(covariance, abs=0.06)

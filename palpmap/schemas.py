@@ -56,7 +56,7 @@ class FreeFieldRecord(Record):
     hyper: Hyper
     log_evidence: float = Field(description="of the readings, over that of noise alone")
     effective: float = Field(description="effective number of the map's parameters")
-    log_mean: float = Field(description="mean of ln E (E in Pa) over the grid")
+    log_mean: float = Field(description="mean of ln E (E in Pa) over the seen part")
     log_mean_sd: float = Field(description="its standard deviation")
     log_sd: Row = Field(description="standard deviation of ln E, (g,)")
     share: Row = Field(description="share of the prior's variance taken away, (g,)")

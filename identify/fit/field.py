@@ -42,7 +42,8 @@ class Field:
         that the readings ask for; 0 where their noise suffices
     log_evidence : of the readings around the estimate, over that of noise alone
     effective : effective number of the field's parameters
-    log_mean, log_mean_sd : mean of ln E (E in Pa) over the grid, and its standard deviation
+    log_mean, log_mean_sd : mean of ln E (E in Pa) over the seen part of the grid, its standard
+        deviation
     log_sd : (g,) standard deviation of ln E
     share : (g,) share of the prior's variance about its level that the readings take away
     sight_m : depth under the tips down to which that share is at least `SpotSettings.seen`, the
@@ -103,13 +104,14 @@ class Field:
         least : variance over the noise's from which on a direction counts as absorbed
         converged : spots of another field are none
         """
-        _, sd, _ = _mean_of(posterior, np.ones(len(posterior.sd), bool))
+        seen = posterior.share >= SPOTS.seen
+        mean, sd, _ = _mean_of(posterior, seen if seen.any() else np.ones_like(seen))
         directions, gain = posterior.modes
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
             effective=posterior.effective,
-            log_mean=log_prior_mean + float(posterior.mean.mean()),
+            log_mean=log_prior_mean + mean,
             log_mean_sd=sd,
             log_sd=posterior.sd,
             share=posterior.share,

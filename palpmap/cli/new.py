@@ -30,55 +30,64 @@ def _three(value: str | None) -> tuple[float, ...] | None:
     return numbers
 
 
+ScanFile = Annotated[Path, typer.Argument(metavar="SCAN", help="Scan, .csv or .parquet.")]
+StudyFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder of the study.")]
+TipShape = Annotated[Tip | None, typer.Option("--tip", help="Shape of the tip.")]
+Size = Annotated[str | None, typer.Option("--size", metavar="X,Y,Z", help="Size of a block in m.")]
+Surface = Annotated[
+    Path | None, typer.Option("--surface", metavar="STL", help="Closed surface of the body.")
+]
+Thickness = Annotated[
+    float | None,
+    typer.Option(
+        "--thickness",
+        metavar="M",
+        help="Mean thickness of a body whose surface the contact points make, m.",
+    ),
+]
+ThicknessAssumed = Annotated[
+    bool, typer.Option("--thickness-assumed", help="The thickness is a guess.")
+]
+Poisson = Annotated[float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")]
+Origin = Annotated[
+    str | None,
+    typer.Option("--origin", metavar="X,Y,Z", help="The body's frame in the scan's, m."),
+]
+DisplacementNoise = Annotated[
+    float | None,
+    typer.Option("--displacement-noise", metavar="M", help="Standard deviation of the travel, m."),
+]
+ForceNoise = Annotated[
+    float | None,
+    typer.Option("--force-noise", metavar="N", help="Standard deviation of the force, N."),
+]
+Inclusions = Annotated[
+    str | None,
+    typer.Option(
+        "--inclusions",
+        help='Number of inclusions, "auto", or "free" for a map of any shape.',
+        show_default='1; "free" with --thickness',
+    ),
+]
+Name = Annotated[
+    str | None, typer.Option("--name", help="Name of the study.", show_default="the file's")
+]
+
+
 def new(
-    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="Scan, .csv or .parquet.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder of the study.")],
-    tip: Annotated[Tip | None, typer.Option("--tip", help="Shape of the tip.")] = None,
-    size: Annotated[
-        str | None, typer.Option("--size", metavar="X,Y,Z", help="Size of a block in m.")
-    ] = None,
-    surface: Annotated[
-        Path | None, typer.Option("--surface", metavar="STL", help="Closed surface of the body.")
-    ] = None,
-    thickness: Annotated[
-        float | None,
-        typer.Option(
-            "--thickness",
-            metavar="M",
-            help="Mean thickness of a body whose surface the contact points make, m.",
-        ),
-    ] = None,
-    thickness_assumed: Annotated[
-        bool, typer.Option("--thickness-assumed", help="The thickness is a guess.")
-    ] = False,
-    poisson: Annotated[
-        float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")
-    ] = None,
-    origin: Annotated[
-        str | None,
-        typer.Option("--origin", metavar="X,Y,Z", help="The body's frame in the scan's, m."),
-    ] = None,
-    displacement_noise: Annotated[
-        float | None,
-        typer.Option(
-            "--displacement-noise", metavar="M", help="Standard deviation of the travel, m."
-        ),
-    ] = None,
-    force_noise: Annotated[
-        float | None,
-        typer.Option("--force-noise", metavar="N", help="Standard deviation of the force, N."),
-    ] = None,
-    inclusions: Annotated[
-        str | None,
-        typer.Option(
-            "--inclusions",
-            help='Number of inclusions, "auto", or "free" for a map of any shape.',
-            show_default='1; "free" with --thickness',
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option("--name", help="Name of the study.", show_default="the file's")
-    ] = None,
+    scan: ScanFile,
+    out: StudyFolder,
+    tip: TipShape = None,
+    size: Size = None,
+    surface: Surface = None,
+    thickness: Thickness = None,
+    thickness_assumed: ThicknessAssumed = False,
+    poisson: Poisson = None,
+    origin: Origin = None,
+    displacement_noise: DisplacementNoise = None,
+    force_noise: ForceNoise = None,
+    inclusions: Inclusions = None,
+    name: Name = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:

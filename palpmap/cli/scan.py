@@ -18,122 +18,134 @@ class OnFault(StrEnum):
     stop = "stop"
 
 
+ScannedStudy = Annotated[
+    Path | None,
+    typer.Option(
+        "--study",
+        metavar="STUDY",
+        help="Study file whose body and tip are scanned.",
+        show_default="the built-in phantom",
+    ),
+]
+Force = Annotated[
+    float | None,
+    typer.Option("--force", metavar="N", min=1e-3, max=100.0, help="Force of each press in N."),
+]
+PressesPerSide = Annotated[
+    int | None,
+    typer.Option(
+        "--presses-per-side",
+        min=2,
+        max=50,
+        help="Presses along x and along y.",
+        show_default="9",
+    ),
+]
+Presses = Annotated[
+    int | None,
+    typer.Option(
+        "--presses",
+        min=1,
+        max=2500,
+        help="Number of presses that cover the upper surface of any body evenly, in place of "
+        "a grid.",
+        show_default="a grid",
+    ),
+]
+Program = Annotated[
+    Path | None,
+    typer.Option(
+        "--program",
+        metavar="FILE",
+        help="CSV of presses in place of the grid, in the study's frame: x_m, y_m, radius_m, "
+        "force_n, ramp_s, hold_s and optionally unload_s, pause_s, z_m, nx, ny, nz (direction "
+        "into the body); one radius, as the arm carries one tip.",
+        show_default="a grid",
+    ),
+]
+Plant = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--plant",
+        metavar="NAME[:PERCENT]|FILE.py",
+        help="Plant an effect (% of the signal), a fault (% of the presses) or a file of hooks "
+        "in the robot's loop; may be given more than once.",
+        show_default="nothing; 3 %",
+    ),
+]
+AfterFault = Annotated[
+    OnFault,
+    typer.Option(
+        "--on-fault",
+        help="After a press that fails: go on with the next, try it again first, or end the scan.",
+    ),
+]
+Tips = Annotated[
+    str | None,
+    typer.Option(
+        "--tips",
+        metavar="LIST",
+        help="Tips that take turns, radii in mm: 3,10 or flat:3,ball:8; also "
+        "cone:RADIUS:ANGLE and ring:OUTER:INNER.",
+        show_default="the study's",
+    ),
+]
+Truth = Annotated[
+    str | None,
+    typer.Option(
+        "--truth",
+        metavar="FILE|random",
+        help="True map of the body (TOML), or 'random' for one that the seed draws.",
+        show_default="the phantom's in a block, else random",
+    ),
+]
+SkipUnreachable = Annotated[
+    bool,
+    typer.Option("--skip-unreachable", help="Go on without the presses that the arm cannot make."),
+]
+Arm = Annotated[
+    str | None,
+    typer.Option(
+        "--arm",
+        metavar="NAME|FOLDER",
+        help="Arm that presses: panda, ur5, xarm7, or a folder with arm.toml.",
+        show_default="panda",
+    ),
+]
+LabFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--lab",
+        metavar="FILE",
+        help="Laboratory (TOML): arm, truth, pose of the body, robot, obstacles, plant.",
+        show_default="the built-in one",
+    ),
+]
+Live = Annotated[
+    bool,
+    typer.Option(
+        "--live",
+        help="Show the scan while it is made: in a viewer that listens on port 9876, else in a "
+        "new window.",
+    ),
+]
+
+
 def scan(
-    study: Annotated[
-        Path | None,
-        typer.Option(
-            "--study",
-            metavar="STUDY",
-            help="Study file whose body and tip are scanned.",
-            show_default="the built-in phantom",
-        ),
-    ] = None,
-    force: Annotated[
-        float | None,
-        typer.Option("--force", metavar="N", min=1e-3, max=100.0, help="Force of each press in N."),
-    ] = None,
+    study: ScannedStudy = None,
+    force: Force = None,
     paper_force: PaperForce = False,
-    presses_per_side: Annotated[
-        int | None,
-        typer.Option(
-            "--presses-per-side",
-            min=2,
-            max=50,
-            help="Presses along x and along y.",
-            show_default="9",
-        ),
-    ] = None,
-    presses: Annotated[
-        int | None,
-        typer.Option(
-            "--presses",
-            min=1,
-            max=2500,
-            help="Number of presses that cover the upper surface of any body evenly, in place of "
-            "a grid.",
-            show_default="a grid",
-        ),
-    ] = None,
-    program: Annotated[
-        Path | None,
-        typer.Option(
-            "--program",
-            metavar="FILE",
-            help="CSV of presses in place of the grid, in the study's frame: x_m, y_m, radius_m, "
-            "force_n, ramp_s, hold_s and optionally unload_s, pause_s, z_m, nx, ny, nz (direction "
-            "into the body); one radius, as the arm carries one tip.",
-            show_default="a grid",
-        ),
-    ] = None,
-    plant: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--plant",
-            metavar="NAME[:PERCENT]|FILE.py",
-            help="Plant an effect (% of the signal), a fault (% of the presses) or a file of hooks "
-            "in the robot's loop; may be given more than once.",
-            show_default="nothing; 3 %",
-        ),
-    ] = None,
-    on_fault: Annotated[
-        OnFault,
-        typer.Option(
-            "--on-fault",
-            help="After a press that fails: go on with the next, try it again first, or end the "
-            "scan.",
-        ),
-    ] = OnFault.skip,
-    tips: Annotated[
-        str | None,
-        typer.Option(
-            "--tips",
-            metavar="LIST",
-            help="Tips that take turns, radii in mm: 3,10 or flat:3,ball:8; also "
-            "cone:RADIUS:ANGLE and ring:OUTER:INNER.",
-            show_default="the study's",
-        ),
-    ] = None,
-    truth: Annotated[
-        str | None,
-        typer.Option(
-            "--truth",
-            metavar="FILE|random",
-            help="True map of the body (TOML), or 'random' for one that the seed draws.",
-            show_default="the phantom's in a block, else random",
-        ),
-    ] = None,
-    skip_unreachable: Annotated[
-        bool,
-        typer.Option(
-            "--skip-unreachable", help="Go on without the presses that the arm cannot make."
-        ),
-    ] = False,
-    arm: Annotated[
-        str | None,
-        typer.Option(
-            "--arm",
-            metavar="NAME|FOLDER",
-            help="Arm that presses: panda, ur5, xarm7, or a folder with arm.toml.",
-            show_default="panda",
-        ),
-    ] = None,
-    lab: Annotated[
-        Path | None,
-        typer.Option(
-            "--lab",
-            metavar="FILE",
-            help="Laboratory (TOML): arm, truth, pose of the body, robot, obstacles, plant.",
-            show_default="the built-in one",
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live",
-            help="Show the scan while it is made: in a viewer that listens on port 9876, else in a "
-            "new window.",
-        ),
-    ] = False,
+    presses_per_side: PressesPerSide = None,
+    presses: Presses = None,
+    program: Program = None,
+    plant: Plant = None,
+    on_fault: AfterFault = OnFault.skip,
+    tips: Tips = None,
+    truth: Truth = None,
+    skip_unreachable: SkipUnreachable = False,
+    arm: Arm = None,
+    lab: LabFile = None,
+    live: Live = False,
     out: Out = None,
     seed: Seed = 0,
     quiet: Quiet = False,

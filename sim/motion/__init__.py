@@ -1,7 +1,8 @@
 """Motion of the arm: planner, clearance, paths, scripted motions; the surface it moves over."""
 
 from sim.motion.body_surface import STEEPEST_DEG, BodySurface
-from sim.motion.planner import Motion, Refusal, plan_motion
+from sim.motion.planned_motion import Motion, Refusal
+from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings

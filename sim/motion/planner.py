@@ -7,19 +7,17 @@ way to it straight or by poses drawn back. What cannot be pressed is said for al
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from models import InputError
 from sim.motion.clearance import Clearance
+from sim.motion.planned_motion import Motion, PlannedPress, Refusal
 from sim.motion.press_path import PressPath, press_path
 from sim.motion.quintic import PEAK_ACCELERATION, PEAK_SPEED
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.motion.tip import Tip
-from sim.robot.contact_coupling import PressedBody
 from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S
 from sim.robot.inverse_kinematics import Reached, TipKinematics
 from sim.robot.laboratory import Laboratory
@@ -35,71 +33,6 @@ DRAW_BACK_M = 0.06
 RESTARTS = 25  # random starts of the inverse kinematics, where the usual ones do not do
 DRAWN_ITERATIONS = 40
 MOST_POSTURES = 6  # configurations that are tried for one press
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """A press that cannot be made.
-
-    Attributes
-    ----------
-    press : its number in the plan
-    point_m, direction : (3,) m and unit, body frame
-    reason : what stops it, and what to do
-    """
-
-    press: int
-    point_m: np.ndarray
-    direction: np.ndarray
-    reason: str
-
-    def __str__(self) -> str:
-        direction = np.round(self.direction, 3).tolist()
-        return f"Press {self.press} at {_mm(self.point_m)} mm, direction {direction}: {self.reason}"
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Planned motion of a scan.
-
-    Attributes
-    ----------
-    presses : ready to be made, in order
-    refused : presses of the plan that cannot be made; `presses` are the others
-    """
-
-    presses: tuple[PlannedPress, ...]
-    refused: tuple[Refusal, ...] = ()
-
-    def require_all(self) -> tuple[PlannedPress, ...]:
-        """Return the presses, or raise `InputError` for the first that cannot be made."""
-        if self.refused:
-            raise InputError(str(self.refused[0]))
-        return self.presses
-
-
-@dataclass(frozen=True)
-class PlannedPress:
-    """One press, ready to be made.
-
-    Attributes
-    ----------
-    point_m, direction : (3,) m and unit, world frame
-    path : the arm's configuration over depth
-    approach : (n,) rad, above the surface, start and end of the press
-    touch : (n,) rad, tip on the undeformed surface
-    waypoints : configurations (n,) rad and durations (s) of the motion from the press before to
-        `approach`
-    clearance_m : smallest distance of the arm from body and table at `approach`
-    """
-
-    point_m: np.ndarray
-    direction: np.ndarray
-    path: PressPath
-    approach: np.ndarray
-    touch: np.ndarray
-    waypoints: tuple[tuple[np.ndarray, float], ...]
-    clearance_m: float
 
 
 def plan_motion(
@@ -133,37 +66,6 @@ def plan_motion(
             point, direction = plan.points_m[number], plan.directions[number]
             refused.append(Refusal(number, point, direction, str(reason)))
     return Motion(tuple(made), tuple(refused))
-
-
-def refuse_too_deep(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
-    """Refuse a scan in which a press would go deeper than body or settings allow.
-
-    Raises
-    ------
-    InputError
-        It names the press that goes furthest beyond, and the force that would do.
-    """
-    provided = settings.largest_depth(plan.force_n)
-    presses = range(len(plan))
-    expected = np.array([body.displacement(press, plan.force_of(press)) for press in presses])
-    thickness = np.array([plan.thickness_m(press) for press in presses])
-    allowed = np.minimum(settings.deepest_share * thickness, provided)
-    worst = int((allowed / expected).argmin())
-    if expected[worst] <= allowed[worst]:
-        return
-    force = plan.force_of(worst)
-    enough = 0.99 * force * allowed[worst] / expected[worst]
-    why = (
-        f"the scan setting depth_m provides for {provided * 1e3:.3g} mm"
-        if allowed[worst] == provided
-        else f"the body is {thickness[worst] * 1e3:.3g} mm thick there, of which at most "
-        f"{100 * settings.deepest_share:.0f} % may be pressed, as its law is for small depths"
-    )
-    raise InputError(
-        f"Press {worst} at {_mm(plan.points_m[worst])} mm: {force:.3g} N would go "
-        f"{expected[worst] * 1e3:.3g} mm deep; {why}. Press with at most "
-        f"{enough:.3g} N, with a wider tip, or on a thicker or stiffer body."
-    )
 
 
 def transit_duration(laboratory: Laboratory, start: np.ndarray, end: np.ndarray) -> float:
@@ -378,7 +280,3 @@ class _Planner:
             self.clearance.nearest(start + s * (end - start), within_m=NEAR_M)
             for s in np.linspace(0, 1, count)
         )
-
-
-def _mm(point: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value * 1e3:.1f}" for value in point) + ")"

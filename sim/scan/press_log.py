@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from models import Scan
-from sim.motion.planner import PlannedPress
+from sim.motion.planned_motion import PlannedPress
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody

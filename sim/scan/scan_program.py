@@ -9,7 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from models import InputError
-from sim.motion.planner import Motion, PlannedPress, plan_motion, refuse_too_deep
+from sim.motion.depth_check import refuse_too_deep
+from sim.motion.planned_motion import Motion, PlannedPress
+from sim.motion.planner import plan_motion
 from sim.motion.press_path import sideways_yield
 from sim.motion.quintic import quintic
 from sim.motion.scan_plan import ScanPlan

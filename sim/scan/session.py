@@ -15,7 +15,8 @@ from scipy.interpolate import CubicSpline
 
 from models import InputError
 from sim.motion.clearance import Clearance
-from sim.motion.planner import Motion, plan_motion, transit_duration
+from sim.motion.planned_motion import Motion
+from sim.motion.planner import plan_motion, transit_duration
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings

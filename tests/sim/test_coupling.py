@@ -10,7 +10,7 @@ from models.errors import InputError
 from models.press_program import grid_program
 from sim.body.soft_body import SoftBody
 from sim.body.true_map import Inclusion, TruthMap
-from sim.motion.planner import refuse_too_deep
+from sim.motion.depth_check import refuse_too_deep
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
 from sim.robot.force_control import rounded_line

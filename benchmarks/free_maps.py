@@ -26,7 +26,7 @@ import numpy as np
 import palpmap as pm
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
-from identify.fit.settings import SPOTS
+from identify.fit.free_map.settings import SPOTS
 from identify.map import GaussianMap
 
 SIZE_M, NU, TIP_M, PER_SIDE = (0.08, 0.08, 0.04), 0.45, 0.004, 7

@@ -28,7 +28,7 @@ ORDER = {
     "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
     "identify": (
         "optimize", "map", "body", "effects", "effects.conformance", "catalogue", "measurement",
-        "experiment", "fit", "residual", "select", "design",
+        "experiment", "fit.free_map", "fit", "residual", "select", "design",
     ),
     "palpmap": (
         "study", "importing.readers", "importing.mapping", "importing.streams", "importing",

@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 from identify.experiment import Experiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
-from identify.fit.free_map_fit import fit_free_map
+from identify.fit.free_map_start import fit_free_map
 from identify.fit.result import FitResult
 from identify.measurement.model import EffectInModel
 from identify.optimize.result import InadmissibleError

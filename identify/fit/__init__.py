@@ -1,9 +1,11 @@
 """The fit of map and effects to a scan, with intervals."""
 
-from identify.fit.field import Field, RegionEstimate
-from identify.fit.field_evidence import Hyper
 from identify.fit.files import read_fit, write_fit
 from identify.fit.free_compliance import FreeComplianceFit
+from identify.fit.free_map.field import Field, RegionEstimate
+from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.settings import SPOTS
+from identify.fit.free_map.spots import Spot
 from identify.fit.free_map_fit import FreeMapIteration
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.posterior import (
@@ -15,8 +17,6 @@ from identify.fit.posterior import (
 )
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
-from identify.fit.settings import SPOTS
-from identify.fit.spots import Spot
 from identify.fit.start_map import fit_map
 
 __all__ = [

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem import SolverError
-from identify.fit.field import Field
+from identify.fit.free_map.field import Field
 from identify.fit.result import FitResult
 from identify.fit.settings import CROSS_VALIDATION, CrossValidationSettings
 from identify.optimize.result import InadmissibleError

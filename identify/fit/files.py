@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from identify.fit.field import Field, RegionEstimate
-from identify.fit.field_evidence import Hyper
+from identify.fit.free_map.field import Field, RegionEstimate
+from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.spots import Spot
 from identify.fit.posterior import Posterior, SampledParameter
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
-from identify.fit.spots import Spot
 from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid
 from identify.measurement.noise import Noise
 from models import InputError, LabelVolume, replaced

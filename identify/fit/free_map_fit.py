@@ -1,7 +1,7 @@
 """Fit a free map: ln E on a grid under a smoothness prior, jointly with effects.
 
-Gauss-Newton in data space (`identify.fit.field_posterior`): each step solves for as many unknowns
-as presses have numbers, and the field follows,
+Gauss-Newton in data space (`identify.fit.free_map.field_posterior`): each step solves for as many
+unknowns as presses have numbers, and the field follows,
 
     dev = C K' V (I + V' K C K' V)^-1 t,      t = V' (s - s_k) + V' K dev_k
 
@@ -13,33 +13,25 @@ the modulus positive; a step to a body that cannot be evaluated is shortened.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem import SolverError
-from identify.body.compliance import compliance
-from identify.body.mechanics import BodyMechanics
 from identify.body.response import BodyResponse
-from identify.effects.readings import Readings
-from identify.experiment import Experiment
-from identify.fit.field import LEVEL, Field
-from identify.fit.field_data import FieldData, PressSums
-from identify.fit.field_evidence import Hyper, best_hyper
-from identify.fit.field_posterior import FieldPosterior
-from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
-from identify.fit.free_compliance_start import free_compliance
+from identify.fit.free_map.field import LEVEL, Field
+from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.field_evidence import Hyper, best_hyper
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import FitIteration, Progress
-from identify.fit.settings import FREE_COMPLIANCE, FREE_MAP, PRECISE, FreeMapSettings
-from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid, MaternField
-from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
+from identify.fit.settings import FREE_COMPLIANCE, PRECISE
+from identify.map import FreeMap, GaussianMap, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
-from identify.measurement.model import EffectInModel, MeasurementModel
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
-from models import InputError
 
 
 @dataclass(frozen=True)
@@ -310,103 +302,3 @@ def refit_free_map(
         replace(model, map_uncertainty=None, space=space), hyper, lengths_m, progress,
         compliance=compliance, weight=uncertain.felt, warm=compliance is None,
     ).run()  # fmt: skip
-
-
-def _shown(
-    presses: FreeCompliance, parts: list[EffectInModel], weight: np.ndarray
-) -> FreeComplianceFit:
-    """Fit the presses alone, from the effects' starts and from ordinary sizes; the better one."""
-    best = presses.fit(parts, weight=weight)
-    for size in (3.0, 10.0) if parts else ():
-        begun = []
-        for part in parts:
-            start = dict(part.start)
-            for p in part.parameters:
-                if p.null is not None and start[p.name] == p.null:
-                    away = -1 if p.upper == p.null else 1
-                    start[p.name] = min(max(p.null + away * size * p.typical, p.lower), p.upper)
-            begun.append(replace(part, start=start))
-        with suppress(InadmissibleError), np.errstate(over="ignore", invalid="ignore"):
-            other = presses.fit(begun, weight=weight)
-            if robust_sum(other, weight) < robust_sum(best, weight):
-                best = other
-    return best
-
-
-def robust_sum(fit: FreeComplianceFit, weight: np.ndarray) -> float:
-    """Return the misfit of the presses with a weight."""
-    squares, count = fit.by_press
-    most = fit.settings.tail * np.maximum(count, 1)
-    return float(weight @ (most * np.log1p(squares / most)))
-
-
-def fit_free_map(
-    experiment: Experiment,
-    progress: Progress | None = None,
-    settings: FreeMapSettings = FREE_MAP,
-    weight: np.ndarray | None = None,
-) -> FitResult:
-    """Fit a free map and the experiment's effects to its scan, jointly.
-
-    Parameters
-    ----------
-    weight : (j,) of the presses; those of 0 are left out
-
-    Raises
-    ------
-    InputError
-        A length of the prior that the grid or the cells of the body cannot show.
-    """
-    guess, body = experiment.map.field, experiment.body
-    assert guess is not None
-    box = body.coarse.mesh.box_m
-    spacing = float(np.cbrt(np.prod(box[1] - box[0]) / settings.grid_points))
-    grid = Grid.over(box, spacing)
-    if guess.regions is not None:
-        grid = LabelledGrid(grid.lower_m, grid.spacing_m, grid.counts, guess.regions.cropped(box))
-    cell = float(np.cbrt(6 * np.mean(body.coarse.mesh.cell_volumes)))  # six cells make a cube
-    least = max(settings.finest * max(grid.spacing_m), settings.finest_cell * cell)
-    longest = settings.longest * float((box[1] - box[0]).max())
-    if guess.length_m is not None and not least <= guess.length_m <= longest:
-        raise InputError(
-            f"study, key map.length_m: found {guess.length_m:g} m, expected {least:.2g} to "
-            f"{longest:.2g} m, which the finite elements of this body can show; change it, make "
-            "body.cell_size_m smaller, or leave it out to have it found"
-        )
-    used = experiment.scan.used()
-    readings = Readings.of(experiment.scan)
-    mechanics = BodyMechanics.of(body.coarse, body.fine)
-    homogeneous = compliance(body.coarse, GaussianMap(REFERENCE_PA))
-    # Without effects each press's own slope, with them its compliance beside them
-    presses = free_compliance(experiment.scan, body, experiment.noise)
-    starts = [presses.begun(e, dict(initial)) for e, initial in experiment.effects]
-    weight = presses.felt * (1.0 if weight is None else weight)
-    shown = _shown(presses, [part for part in starts if presses.shows(part.effect)], weight)
-    usual = float(np.median(shown.compliance[weight > 0]))
-    weight = weight * (shown.compliance < shown.settings.softest * usual)
-    shown = _shown(presses, [part for part in starts if presses.shows(part.effect)], weight)
-    parts = [
-        part
-        if part.effect.name not in shown.values or given
-        else presses.part(part.effect, shown.values[part.effect.name])
-        for part, (_, given) in zip(starts, experiment.effects, strict=True)
-    ]
-    apparent = apparent_modulus(
-        shown.compliance, used.contact_points, used.contact_directions, homogeneous
-    ).modulus_pa
-    start = FreeMap(grid, np.full(len(grid), np.log(np.median(apparent))))
-    model = MeasurementModel(
-        readings, used.displacement_m, experiment.noise, mechanics,
-        ParameterSpace(start, (), ()), tuple(parts), unit_compliance=REFERENCE_PA * homogeneous,
-    )  # fmt: skip
-    first = settings.first_length * float((box[1] - box[0]).min())
-    given = {"length_m": guess.length_m, "spread": guess.spread}
-    hyper = Hyper(
-        guess.length_m or float(np.clip(first, least, longest)),
-        guess.spread or settings.first_spread,
-        settings.first_error,
-        tuple(name for name, value in given.items() if value is not None),
-    )
-    return FreeMapFit(
-        model, hyper, (least, longest), progress, settings, shown.compliance, weight
-    ).run()

@@ -10,7 +10,7 @@ import numpy as np
 from identify.body.discretization_error import MODEL_ERROR, shift_covariance
 from identify.body.state import ChangedMap
 from identify.fit.curvature_bias import expected_residual
-from identify.fit.field import LEVEL, Field
+from identify.fit.free_map.field import LEVEL, Field
 from identify.fit.posterior import Posterior
 from identify.fit.profile_intervals import straight, valley_intervals
 from identify.fit.search import FitIteration

@@ -7,11 +7,12 @@ import numpy as np
 
 from identify.experiment import Experiment, different_presses
 from identify.fit.free_compliance_start import free_compliance, straight
-from identify.fit.free_map_fit import fit_free_map
+from identify.fit.free_map.settings import FREE_MAP
+from identify.fit.free_map_start import fit_free_map
 from identify.fit.map_fit import fit_scan
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
-from identify.fit.settings import FREE_MAP, PRECISE, FitSettings
+from identify.fit.settings import PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer

@@ -30,9 +30,9 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.experiment import Experiment
-from identify.fit.field_data import FieldData, PressSums
-from identify.fit.field_posterior import FieldPosterior
 from identify.fit.free_compliance_start import free_compliance
+from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.result import FitResult
 from identify.map import FreeMap, GaussianMap
 from identify.map.initial_guess import REFERENCE_PA

@@ -10,13 +10,13 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.effects import Readings
 from identify.fit.cross_validation import left_out_residual_m
-from identify.fit.field import fifths
-from identify.fit.field_data import FieldData, PressSums
-from identify.fit.field_evidence import Hyper, best_hyper
-from identify.fit.field_posterior import FieldPosterior
+from identify.fit.free_map.field import fifths
+from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.field_evidence import Hyper, best_hyper
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import FREE_MAP
+from identify.fit.free_map.spots import find_spots
 from identify.fit.free_map_fit import FreeMapFit
-from identify.fit.settings import FREE_MAP
-from identify.fit.spots import find_spots
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty

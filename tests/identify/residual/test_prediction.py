@@ -11,7 +11,7 @@ from identify.catalogue import CATALOGUE
 from identify.effects import Readings
 from identify.experiment import BodyModel, Experiment, MapGuess
 from identify.fit import FitResult
-from identify.fit.field_evidence import Hyper
+from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.map_fit import fit_scan
 from identify.map import FreeMap, GaussianMap, Grid, Inclusion, MaternField

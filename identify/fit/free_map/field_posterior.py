@@ -1,7 +1,7 @@
 """The posterior of a free map: mean, standard deviation, draws, resolution and evidence.
 
-In data space, with the prior covariance C of the field, K and V of `identify.fit.field_data`, and
-the covariance Q of s by the map's own error,
+In data space, with the prior covariance C of the field, K and V of
+`identify.fit.free_map.field_data`, and the covariance Q of s by the map's own error,
 
     S = I + V' (K C K' + Q) V,     dev = C K' V S^-1 t,     cov = C - C K' V S^-1 V' K C
 
@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, eigh, solve_triangular
 
-from identify.fit.field_data import FieldData
+from identify.fit.free_map.field_data import FieldData
 from identify.map import MaternField
 
 

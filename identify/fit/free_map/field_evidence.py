@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize, minimize_scalar
 
-from identify.fit.field_data import FieldData, PressSums
-from identify.fit.settings import FREE_MAP, FreeMapSettings
+from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.map import Grid, LabelledGrid, MaternField
 
 

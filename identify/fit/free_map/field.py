@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identify.fit.field_evidence import Hyper
-from identify.fit.field_posterior import FieldPosterior
-from identify.fit.settings import SPOTS
-from identify.fit.spots import Spot, find_spots
+from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import SPOTS
+from identify.fit.free_map.spots import Spot, find_spots
 from identify.map import LabelledGrid
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from identify.fit.field_posterior import FieldPosterior
-from identify.fit.settings import SPOTS, SpotSettings
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import SPOTS, SpotSettings
 from identify.map import Grid
 
 

@@ -1,0 +1,130 @@
+"""Tuning numbers of a free map."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FreeMapSettings:
+    """Settings of the free map (`identify.fit.free_map_fit`).
+
+    Attributes
+    ----------
+    grid_points : of the field, about
+    level_spread : standard deviation of the logarithm of the map's level, before any reading
+    layer_spread, layer_length : standard deviation of the logarithm of layers, and their thickness
+        in the body's height; not found by evidence. Without them an even scan of a body with a soft
+        layer gave a map that claimed to see it all, and held nowhere
+    finest : least length of the prior, in spacings of the grid: a shorter one is no field there
+    finest_cell : ... and in the size of the finite elements' cells, whose samples see the map
+    longest : largest length, in the largest edge of the body
+    first_length, first_spread, first_error : before any evidence; the length in the body's least
+        edge
+    least_spread, largest_spread : bounds of the logarithm's spread. An even surface does not make
+        the depth even: the least is what is thought possible below the depth of sight
+    least_error, largest_error : bounds of the map's own relative error; the least counts as none
+    evidence_presses : presses from which the prior's numbers are found
+    lengths, length_tol : trials of a length, and the difference of logarithms that ends them
+    size_steps : steps towards spread and error of a trial
+    evidence_rounds : iterations in which the prior's numbers are sought
+    longest_change : of the logarithm of such a number in a round
+    iterations : of Gauss-Newton
+    rough_steps : after the evidence, of a fit without effects that are known to be missing
+    usual_length, usual_spread, usual_error : middle of the wide priors of length (over the middle
+        of its bounds), spread and error
+    unsure : their standard deviations, of logarithms
+    nearing : share of the presses' present misfit that counts as error of the map, so that a
+        step follows no press further than a linear model holds
+    tail, early_tail : standard deviations from which on a press has an error of its own, and draws
+        no stronger, and the same while the prior's numbers are sought
+    longest_move : of ln C from where the readings are linear
+    own_steps : Newton steps of each press's compliance beside the map
+    slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the
+        least
+    longest_step : largest change of the map's logarithm in one
+    shortest_step : share of a step below which none is tried
+    worse : tolerated relative rise of the misfit in a step
+    settled : change of the presses' compliances, in their standard deviations (the 95th percentile
+        over that of a normal one), that ends the search; the last presses may be on a lump so hard
+        that its modulus is open
+    near : largest change of the logarithm from which on the finer model corrects each step
+    absorbed : variance over the noise's from which on the field counts as following a direction
+        of the readings
+    """
+
+    grid_points: int = 6000
+    level_spread: float = 2.0
+    layer_spread: float = 1.0
+    layer_length: float = 0.2
+    finest: float = 1.5
+    finest_cell: float = 0.5
+    longest: float = 1.0
+    first_length: float = 0.4
+    first_spread: float = 0.5
+    first_error: float = 0.01
+    least_spread: float = 0.2
+    largest_spread: float = 1.5
+    least_error: float = 1e-4
+    largest_error: float = 1.0
+    usual_length: float = 0.7
+    usual_spread: float = 0.7
+    usual_error: float = 0.01
+    unsure: tuple[float, float, float] = (0.7, 0.5, 1.5)
+    nearing: float = 0.3
+    tail: float = 3.0
+    early_tail: float = 10.0
+    longest_move: float = 0.5
+    own_steps: int = 2
+    slowed: float = 0.6
+    slowest: float = 0.2
+    evidence_presses: int = 150
+    lengths: int = 6
+    length_tol: float = 0.1
+    size_steps: int = 30
+    evidence_rounds: int = 4
+    longest_change: float = 0.7
+    iterations: int = 20
+    rough_steps: int = 3
+    longest_step: float = 1.5
+    shortest_step: float = 0.1
+    worse: float = 1e-3
+    settled: float = 0.1
+    near: float = 1.0
+    absorbed: float = 0.05
+
+
+FREE_MAP = FreeMapSettings()
+
+
+@dataclass(frozen=True)
+class SpotSettings:
+    """Settings of the spots of a free map (`identify.fit.free_map.spots`).
+
+    Attributes
+    ----------
+    seen : share of the prior's variance that the readings take away where a place counts as seen
+    least_contrast : ratio of moduli from which on a difference counts
+    largest_share : of the body's width, from which on a region is a layer
+    draws : of the posterior
+    most : regions of either sign
+    levels : heights of a region's edge over that of its peak, in turn
+    resolved : diameter in widths of smearing from which on the size is told
+    ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
+        and standard deviations of the readings from which on it is seen
+    possible, probable : probability from which on a spot is listed, and offered
+    """
+
+    seen: float = 0.5
+    least_contrast: float = 1.2
+    largest_share: float = 0.6
+    draws: int = 200
+    most: int = 8
+    levels: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9)
+    resolved: float = 1.3
+    ball_m: float = 0.01
+    ball_contrast: float = 3.0
+    sure: float = 5.0
+    possible: float = 0.5
+    probable: float = 0.95
+
+
+SPOTS = SpotSettings()

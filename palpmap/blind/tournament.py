@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread
@@ -25,7 +25,7 @@ from palpmap.blind.records import AnswerRecord, AtFirstRecord, TrialLine
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import unseal
 from palpmap.blind.statistics import tally, tournament_record, tournament_screen
-from palpmap.blind.trial import PRESSES_PER_SIDE, Trial, draw_trial, make_trial
+from palpmap.blind.trial import PRESSES_PER_SIDE, Conditions, Trial, draw_trial, make_trial
 from palpmap.console import Output
 from palpmap.result.next_scan import REPEAT
 from palpmap.run_folder import RunFolder
@@ -52,13 +52,9 @@ class Game:
 
 
 def run_tournament(
+    conditions: Conditions,
     *,
     count: int,
-    effects: Sequence[str],
-    size: float | None,
-    radii: int,
-    mixed: bool,
-    small: bool,
     further: int,
     workers: int | None,
     dask: str | None,
@@ -71,23 +67,15 @@ def run_tournament(
     Parameters
     ----------
     count : number of trials
-    effects, size, radii, mixed, small : see `run_blind`; without effects all take turns
+    conditions : of the trials; without effects all take turns
     further : how often the presses that an ambiguous answer proposes are made and explained too
     workers : processes, None for one a core
     dask : address of a dask scheduler that plays instead
     """
-    settings = {
-        "effects": list(effects),
-        "size": size,
-        "radii": radii,
-        "mixed": mixed,
-        "small": small,
-        "further": further,
-        "seed": seed,
-    }
+    settings = {**conditions.settings(), "further": further, "seed": seed}
     with RunFolder("tournament", out, seed=seed, settings=settings) as run:
         done = earlier_games(run.path, settings)
-        drawn = draw_games(run.path, count, effects, size, radii, seed, further, mixed, small)
+        drawn = draw_games(run.path, count, conditions, seed, further)
         games = [game for game in drawn if game.number not in done]
         with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
             task = progress.add_task("playing", total=count, completed=count - len(games))
@@ -106,20 +94,12 @@ def run_tournament(
 
 
 def draw_games(
-    run: Path,
-    count: int,
-    effects: Sequence[str],
-    size: float | None,
-    radii: int,
-    seed: int,
-    further: int = 0,
-    mixed: bool = True,
-    small: bool = False,
+    run: Path, count: int, conditions: Conditions, seed: int, further: int = 0
 ) -> list[Game]:
     """Draw the trials; without a choice of effects, all that can be hidden take turns."""
     from sim.planted import INSIDERS, OUTSIDERS
 
-    words = list(effects)
+    words = list(conditions.effects)
     if not words:
         singles = [*INSIDERS, *OUTSIDERS]
         words = singles + ["none"] * max(round(NONE_SHARE * len(singles)), 1)
@@ -132,7 +112,7 @@ def draw_games(
         Game(
             number,
             str(run / "trials" / f"{number:04d}"),
-            draw_trial(1_000_000 * seed + number, [turns[number]], size, radii, mixed, small),
+            draw_trial(1_000_000 * seed + number, replace(conditions, effects=(turns[number],))),
             further,
         )
         for number in range(count)
@@ -149,11 +129,8 @@ def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, Tri
     """
     path = run / FILE
     head = run / "settings.json"
-    usual = {
-        "mixed": False,
-        "further": 0,
-        "small": False,
-    }  # of tournaments whose settings do not say
+    # Of tournaments whose settings do not say
+    usual = {"mixed": False, "further": 0, "small": False}
     if head.is_file():
         try:
             before = {**usual, **json.loads(head.read_text(encoding="utf-8"))}

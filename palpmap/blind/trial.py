@@ -1,11 +1,11 @@
 """`palpmap blind`: a scan with something hidden in it, whose answer is sealed."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import JsonValue
 
 from models import InputError, write_scan
 from palpmap.blind.records import TrialTruthRecord
@@ -33,6 +33,31 @@ ALIKE = frozenset({"finite_strain", "strain_stiffening"})
 
 
 @dataclass(frozen=True)
+class Conditions:
+    """Conditions under which trials are drawn.
+
+    Attributes
+    ----------
+    effects : what may be hidden, one of them: names of effects, or words of `WORDS`; empty for
+        anything
+    size : share of the signal, None to draw 1 to 10 %
+    radii : 1 or 2 tip radii
+    mixed : places in random order with two forces, or row by row with one
+    small : a smaller block, with fewer presses
+    """
+
+    effects: tuple[str, ...] = ()
+    size: float | None = None
+    radii: int = 1
+    mixed: bool = True
+    small: bool = False
+
+    def settings(self) -> dict[str, JsonValue]:
+        """Return the conditions as a run folder keeps them."""
+        return {**asdict(self), "effects": list(self.effects)}
+
+
+@dataclass(frozen=True)
 class Trial:
     """The draw for a trial.
 
@@ -53,48 +78,22 @@ class Trial:
     small: bool = False
 
 
-def run_blind(
-    *,
-    effects: Sequence[str],
-    size: float | None,
-    radii: int,
-    mixed: bool,
-    small: bool,
-    out: Path | None,
-    seed: int,
-    output: Output,
-) -> bool:
-    """Make a blind trial: scan.csv, study.toml and the sealed answer.
-
-    Parameters
-    ----------
-    effects : what may be hidden: names of effects, or words of `WORDS`; empty for anything
-    size : share of the signal, None to draw 1 to 10 %
-    radii : 1 or 2 tip radii
-    mixed : places in random order with two forces, or row by row with one
-    small : a smaller block, with fewer presses
-    """
+def run_blind(conditions: Conditions, *, out: Path | None, seed: int, output: Output) -> bool:
+    """Make a blind trial: scan.csv, study.toml and the sealed answer."""
     if out is not None and (out / FOLDER).exists():
         raise InputError(
             f"{out}: holds a blind trial already, with its answer and perhaps results; choose "
             "another --out"
         )
-    trial = draw_trial(seed, effects, size, radii, mixed, small)
-    settings = {
-        "effects": list(effects),
-        "size": size,
-        "radii": radii,
-        "mixed": mixed,
-        "small": small,
-    }
+    trial = draw_trial(seed, conditions)
     with (
-        RunFolder("blind", out, seed=seed, settings=settings) as run,
+        RunFolder("blind", out, seed=seed, settings=conditions.settings()) as run,
         output.progress() as progress,
     ):
         task = progress.add_task("hiding an effect and pressing", total=1)
         presses = make_trial(run.path, trial)
         progress.update(task, completed=1, description="done")
-    study = run.path / "study.toml"
+    study, radii = run.path / "study.toml", conditions.radii
     output.result(
         {"schema": 1, "run": str(run.path), "presses": presses, "seed": seed},
         f"{presses} presses with {radii} tip radi{'i' if radii > 1 else 'us'}; something may be "
@@ -105,25 +104,15 @@ def run_blind(
     return True
 
 
-def draw_trial(
-    seed: int,
-    effects: Sequence[str] = (),
-    size: float | None = None,
-    radii: int = 1,
-    mixed: bool = True,
-    small: bool = False,
-) -> Trial:
+def draw_trial(seed: int, conditions: Conditions) -> Trial:
     """Draw the hidden effects of a trial.
-
-    Parameters
-    ----------
-    effects : names of effects, or words of `WORDS`, of which one is drawn; empty for anything
 
     Raises
     ------
     InputError
         An unknown name, a size or a number of radii that make no sense.
     """
+    effects, size, radii = conditions.effects, conditions.size, conditions.radii
     if radii not in RADII_M:
         raise InputError(f"found {radii} tip radii, expected 1 or 2")
     if size is not None and not 0 < size <= 0.5:
@@ -135,7 +124,7 @@ def draw_trial(
     names = _draw_effects(word, rng)
     low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
     sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
-    return Trial(seed, names, tuple(sizes), radii, mixed, small)
+    return Trial(seed, names, tuple(sizes), radii, conditions.mixed, conditions.small)
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:

@@ -95,32 +95,20 @@ def blind(
     """
     if size is not None and not 0 < size <= 50:
         raise typer.BadParameter(f"--size: found {size:g} %, expected more than 0 and at most 50")
-    names = [name.strip() for name in effects.split(",") if name.strip()] if effects else []
-    share = None if size is None else size / 100
-    if tournament is None:
-        if workers is not None or dask is not None or further:
-            raise typer.BadParameter("--further, --workers and --dask go with --tournament")
-        from palpmap.blind.trial import run_blind
+    if tournament is None and (workers is not None or dask is not None or further):
+        raise typer.BadParameter("--further, --workers and --dask go with --tournament")
+    from palpmap.blind.trial import Conditions, run_blind
 
-        return run_blind(
-            effects=names,
-            size=share,
-            radii=radii,
-            mixed=mixed,
-            small=small,
-            out=out,
-            seed=seed,
-            output=Output(quiet, json),
-        )
+    names = (name.strip() for name in (effects or "").split(","))
+    share = None if size is None else size / 100
+    conditions = Conditions(tuple(filter(None, names)), share, radii, mixed, small)
+    if tournament is None:
+        return run_blind(conditions, out=out, seed=seed, output=Output(quiet, json))
     from palpmap.blind.tournament import run_tournament
 
     return run_tournament(
+        conditions,
         count=tournament,
-        effects=names,
-        size=share,
-        radii=radii,
-        mixed=mixed,
-        small=small,
         further=further,
         workers=workers,
         dask=dask,

@@ -30,7 +30,7 @@ from palpmap.blind.reveal import stated
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import seal, unseal
 from palpmap.blind.statistics import tournament_record, tournament_screen
-from palpmap.blind.trial import Trial, draw_map, draw_trial, make_trial
+from palpmap.blind.trial import Conditions, Trial, draw_map, draw_trial, make_trial
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
 from tests.paths import ROOT
@@ -133,8 +133,8 @@ def test_map_errors_pair_found_with_true_values():
 
 
 def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
-    trials = [draw_trial(seed) for seed in range(200)]
-    assert trials[7] == draw_trial(7)
+    trials = [draw_trial(seed, Conditions()) for seed in range(200)]
+    assert trials[7] == draw_trial(7, Conditions())
     assert {len(t.effects) for t in trials} == {0, 1, 2}
     assert any(name.startswith("outside_") for t in trials for name in t.effects)
     sizes = np.array([size for t in trials for size in t.sizes])
@@ -147,16 +147,16 @@ def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("conditions", "message"),
     [
-        (((0, ["force_drifd"])), "did you mean 'force_drift'"),
-        ((0, (), 0.7), "found a size of 0.7"),
-        ((0, (), None, 3), "found 3 tip radii"),
+        (Conditions(("force_drifd",)), "did you mean 'force_drift'"),
+        (Conditions(size=0.7), "found a size of 0.7"),
+        (Conditions(radii=3), "found 3 tip radii"),
     ],
 )
-def test_wishes_that_make_no_sense_are_refused(arguments, message):
+def test_conditions_that_make_no_sense_are_refused(conditions, message):
     with pytest.raises(InputError, match=message):
-        draw_trial(*arguments)
+        draw_trial(0, conditions)
 
 
 @pytest.fixture(scope="module")
@@ -383,7 +383,7 @@ def test_a_tournament_counts_how_often_intervals_held_where_the_answer_was_right
 def test_without_a_choice_everything_that_can_be_hidden_takes_its_turn(tmp_path):
     from sim.planted.catalogue import HIDDEN, INSIDERS, OUTSIDERS
 
-    games = tournament.draw_games(tmp_path, len(HIDDEN) + 8, (), None, 1, 5)
+    games = tournament.draw_games(tmp_path, len(HIDDEN) + 8, Conditions(), 5)
     single = {g.trial.effects[0] for g in games if len(g.trial.effects) == 1}
     assert single >= {*INSIDERS, *OUTSIDERS}
     assert any(g.trial.effects == () for g in games)

@@ -63,6 +63,29 @@ def _sampled(
     return fit
 
 
+def _as_asked(
+    study: Path,
+    out: Path | None,
+    inclusions: int | Literal["auto"] | None,
+    samples: int | None,
+    without_outliers: bool,
+) -> tuple[Experiment, tuple[str, ...]]:
+    """Return the study's experiment with its options, and sentences on what was left out."""
+    experiment, left_out = read_study(study), ()
+    if without_outliers or inclusions is not None or samples is not None:
+        refuse_own_folder(study, out)
+    if without_outliers:
+        scan, left_out = cleaned(experiment.scan)
+        experiment = Experiment.of(scan, experiment.study, experiment.source)
+    if inclusions is not None:
+        experiment = experiment.with_inclusions(inclusions)
+    if samples is not None:
+        experiment = experiment.with_samples(samples)
+    if experiment.study.uncertainty.samples:
+        _refuse_samples(experiment)
+    return experiment, left_out
+
+
 def run_fit(
     *,
     study: Path,
@@ -94,20 +117,8 @@ def run_fit(
     """
     from rich.markup import escape
 
-    experiment, left_out = read_study(study), ()
-    if without_outliers:
-        refuse_own_folder(study, out)
-        scan, left_out = cleaned(experiment.scan)
-        experiment = Experiment.of(scan, experiment.study, experiment.source)
-    if inclusions is not None:
-        refuse_own_folder(study, out)
-        experiment = experiment.with_inclusions(inclusions)
-    if samples is not None:
-        refuse_own_folder(study, out)
-        experiment = experiment.with_samples(samples)
+    experiment, left_out = _as_asked(study, out, inclusions, samples, without_outliers)
     samples = experiment.study.uncertainty.samples
-    if samples:
-        _refuse_samples(experiment)
     settings = {
         "inclusions": experiment.study.map.inclusions,
         "optimizer": optimizer,

@@ -16,7 +16,7 @@ from palpmap.recording.viewer import ViewerError, live_viewer
 from palpmap.report.scan_console import refused_table, scan_table
 from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
-from palpmap.result.scan_record import scan_record
+from palpmap.result.scan_record import ScanRecord, scan_record
 from palpmap.result.truth import TruthRecord
 from palpmap.run_files import samples as all_samples
 from palpmap.run_folder import RunFolder
@@ -98,41 +98,18 @@ def run_scan_command(
         Whether every press was made and kept what the scan promises (force, overshoot, place) by
         the robot's own readings.
     """
-    from rich.markup import escape
-
-    from models import read_program
-    from sim.motion import read_tips
-
     known = default_study() if study is None else load_study(study)
     place = read_lab(lab) if lab else Lab()
     arm, truth = arm or place.arm, truth or place.truth
     plant = plant or [planted(text) for text in place.plant]
-    settings: dict[str, JsonValue] = {}
-    carried = read_tips(tips, kind_of(known)) if tips else ()
-    if program is None:
-        force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
-        settings |= {"force_n": force_n}
-        if presses is not None:
-            widest = max((tip.radius_m for tip in carried), default=None)
-            plan = cover_plan_of(known, force_n, presses, seed=seed, radius_m=widest)
-            settings |= {"presses": presses}
-        else:
-            per_side = presses_per_side or PRESSES_PER_SIDE
-            plan = grid_plan_of(known, force_n, per_side)
-            settings |= {"presses_per_side": per_side}
-    else:
-        plan = program_plan_of(known, read_program(program, seed))
-    if carried:
-        plan = plan.with_tips(carried)
-        settings["tips"] = [str(tip) for tip in carried]
+    force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
+    plan, settings = _plan_presses(known, program, force_n, presses, presses_per_side, tips, seed)
     if plant:
         settings["plant"] = [list(one) for one in plant]
     if truth:
         settings["truth"] = truth
     true_body = _truth(truth, known, plan, seed)
-    inputs = [path for path in (study, program, lab) if path is not None]
-    if truth and truth != RANDOM:
-        inputs.append(Path(truth))
+    inputs = [Path(path) for path in (study, program, lab, truth) if path and path != RANDOM]
     if arm != Lab().arm:
         settings["arm"] = arm
     robot = replace(place.settings(scan_settings(seed, paper_force, on_fault)), arm=arm)
@@ -161,6 +138,44 @@ def run_scan_command(
         write_study(with_touch_error(stated, scanned), run / "study.toml")
         progress.update(task, description="done")
     record = scan_record(scanned)
+    _show(record, run, plan, output)
+    return record.kept
+
+
+def _plan_presses(
+    study: Study,
+    program: Path | None,
+    force_n: float,
+    presses: int | None,
+    presses_per_side: int | None,
+    tips: str | None,
+    seed: int,
+) -> tuple["ScanPlan", dict[str, JsonValue]]:
+    """Plan a program, a cover or a grid of presses; return the plan and its settings."""
+    from models import read_program
+    from sim.motion import read_tips
+
+    carried = read_tips(tips, kind_of(study)) if tips else ()
+    settings: dict[str, JsonValue] = {} if program else {"force_n": force_n}
+    if program is not None:
+        plan = program_plan_of(study, read_program(program, seed))
+    elif presses is not None:
+        widest = max((tip.radius_m for tip in carried), default=None)
+        plan = cover_plan_of(study, force_n, presses, seed=seed, radius_m=widest)
+        settings |= {"presses": presses}
+    else:
+        per_side = presses_per_side or PRESSES_PER_SIDE
+        plan = grid_plan_of(study, force_n, per_side)
+        settings |= {"presses_per_side": per_side}
+    if carried:
+        plan = plan.with_tips(carried)
+        settings |= {"tips": [str(tip) for tip in carried]}
+    return plan, settings
+
+
+def _show(record: ScanRecord, run: RunFolder, plan: "ScanPlan", output: Output) -> None:
+    from rich.markup import escape
+
     output.result(
         {**record.to_dict(), "run": str(run.path)},
         scan_table(record),
@@ -170,7 +185,6 @@ def run_scan_command(
         f"Next: {escape(to_type('fit', run / 'study.toml'))}",
         f"Recording: {escape(to_type('review', run.path))}",
     )
-    return record.kept
 
 
 def _viewer(output: Output) -> str | None:

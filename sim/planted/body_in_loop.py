@@ -17,6 +17,9 @@ class Part:
 
     memory = False
 
+    def attach(self, live: Live) -> None:
+        """Receive the truth of the running scan."""
+
     def begin(self, press: int) -> None:
         """Begin a press without history."""
 
@@ -173,7 +176,7 @@ class Cooling(Part):
     live: Live = field(default_factory=Live)
     memory = True
 
-    def attach(self, live: Live) -> None:
+    def attach(self, live):
         """Receive the truth of the running scan."""
         self.live = live
 

@@ -10,53 +10,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from sim.robot.contact_coupling import PressedBody
+from sim.planted.arm_and_body_faults import ARM_AND_BODY_FAULTS
+from sim.planted.fault_state import Fault
+from sim.planted.instrument_in_loop import ALONG
 from sim.robot.mechanism import Mechanism
 
-MOMENT_S = (0.2, 3.0)
-"""After the begin of an attempt: way there, tare, approach, load, hold, unload."""
 
-ALONG = 2
-"""Component of the sensor's wrench along the probe."""
-
-
-@dataclass
-class _Fault:
-    """State of a fault in the running scan; the subclasses' hooks act while `active(t)`."""
-
-    seed: int
-    presses: Collection[int] | None
-    attempts: int = 10**6
-    tried: dict[int, int] = field(default_factory=dict)
-    on: bool = False
-    start_s: float = np.inf
-    draw: np.random.Generator = field(default_factory=np.random.default_rng)
-
-    def begin(self, press: int, time_s: float) -> None:
-        tried = self.tried.get(press, 0)
-        self.tried[press] = tried + 1
-        self.on = (self.presses is None or press in self.presses) and tried < self.attempts
-        self.draw = np.random.default_rng([self.seed, press, 17])
-        self.start_s = time_s + float(self.draw.uniform(*MOMENT_S))
-        self.prepare()
-
-    def prepare(self) -> None:
-        """Draw the sizes of an attempt."""
-
-    def active(self, time_s: float) -> bool:
-        return self.on and time_s >= self.start_s
-
-    def uniform(self, low: float, high: float, signed: bool = False) -> float:
-        value = float(self.draw.uniform(low, high))
-        return value * float(self.draw.choice([-1, 1])) if signed else value
-
-
-class _Sensor(_Fault, ABC):
+class _Sensor(Fault, ABC):
     def sensor(self, time_s: float, wrench: np.ndarray) -> np.ndarray:
         return self.read(time_s - self.start_s, wrench) if self.active(time_s) else wrench
 
@@ -150,7 +114,7 @@ class _SensorNoise(_Sensor):
         return _plus(wrench, self.size_n * float(self.draw.standard_normal()))
 
 
-class _SensorLate(_Fault):
+class _SensorLate(Fault):
     """The force comes 0.2 to 0.5 s late, from the begin of the attempt."""
 
     def prepare(self) -> None:
@@ -181,7 +145,7 @@ class _SensorClipped(_Sensor):
         return clipped
 
 
-class _Encoder(_Fault, ABC):
+class _Encoder(Fault, ABC):
     def prepare(self) -> None:
         self.joint, self.size_rad = int(self.draw.integers(6)), self.uniform(0.006, 0.05, True)
         self.last_rad = np.nan
@@ -216,105 +180,7 @@ class _EncoderFrozen(_Encoder):
         return self.last_rad
 
 
-class _JointShock(_Fault):
-    """A torque of 0.3 to 3 N m acts on one joint for 5 to 50 ms."""
-
-    def prepare(self) -> None:
-        self.joint, self.size = int(self.draw.integers(6)), self.uniform(0.3, 3, signed=True)
-        self.length_s = self.uniform(0.005, 0.05)
-
-    def joint_torque(self, time_s: float, q: np.ndarray) -> np.ndarray:
-        torque = np.zeros_like(q)
-        if self.active(time_s) and time_s < self.start_s + self.length_s:
-            torque[self.joint] = self.size
-        return torque
-
-
-class _Scene(_Fault, ABC):
-    """Changes the compiled model for the length of a press."""
-
-    model: Any = None
-
-    def scene(self, model: Any) -> None:
-        self.model = model
-        self.plain = model.body_mass.copy(), model.dof_frictionloss.copy()
-
-    def prepare(self) -> None:
-        self.model.body_mass[:], self.model.dof_frictionloss[:] = self.plain
-        if self.on:
-            self.change()
-
-    @abstractmethod
-    def change(self) -> None:
-        """Change the model."""
-
-
-class _JointFriction(_Scene):
-    """Dry friction of 0.2 to 3 N m in every joint."""
-
-    def change(self) -> None:
-        self.model.dof_frictionloss[:] = self.uniform(0.2, 3.0)
-
-
-class _WrongPayload(_Scene):
-    """The probe is 0.05 to 1.5 kg heavier."""
-
-    def change(self) -> None:
-        self.model.body_mass[self.model.body("probe").id] += self.uniform(0.05, 1.5)
-
-
-class _Body(_Fault):
-    body_under: PressedBody
-
-    def body(self, body: PressedBody) -> PressedBody:
-        self.body_under = body
-        return self
-
-    def displacement(self, press: int, force_n: float) -> float:
-        return self.body_under.displacement(press, force_n)
-
-    def tangent(self, press: int, force_n: float) -> float:
-        return self.body_under.tangent(press, force_n)
-
-
-class _TipSlips(_Body):
-    """Above 0.1 to 0.25 N the tip slips once, and stands 3 to 10 mm deeper at the same force."""
-
-    def prepare(self) -> None:
-        self.at_n, self.by_m, self.slipped = self.uniform(0.1, 0.25), self.uniform(3e-3, 1e-2), 0.0
-
-    def displacement(self, press, force_n):
-        if self.on and force_n > self.at_n:
-            self.slipped = self.by_m
-        return self.body_under.displacement(press, force_n) + self.slipped
-
-
-class _BodyBroken(_Body):
-    """The body answers with no stiffness, a negative one, or no number."""
-
-    def prepare(self) -> None:
-        self.at_n = self.uniform(0.02, 0.25)
-        self.answer = float(self.draw.choice([0.0, -50.0, np.nan]))
-
-    def tangent(self, press, force_n):
-        broken = self.on and force_n > self.at_n
-        return self.answer if broken else self.body_under.tangent(press, force_n)
-
-
-class _BodyMoved(_Fault):
-    """The body rises by 1 to 4 mm before a press, drops by 2 to 30 mm at any time, or is gone."""
-
-    def prepare(self) -> None:
-        kind = self.draw.random()
-        self.by_m = -0.1 if kind < 0.2 else -self.uniform(2e-3, 3e-2)
-        if kind > 0.6:
-            self.by_m, self.start_s = self.uniform(1e-3, 4e-3), -np.inf
-
-    def body_pose(self, time_s: float, press: int) -> np.ndarray:
-        return np.array([0.0, 0.0, self.by_m if self.active(time_s) else 0.0])
-
-
-class _ClockJump(_Fault):
+class _ClockJump(Fault):
     """The written clock jumps by up to 2 s, to and fro, or stands still."""
 
     def prepare(self) -> None:
@@ -334,7 +200,7 @@ def _plus(wrench: np.ndarray, force_n: float) -> np.ndarray:
 
 HOOKS = ("sensor", "encoders", "joint_torque", "body_pose", "body", "clock", "scene")
 
-FAULTS: dict[str, type[_Fault]] = {
+FAULTS: dict[str, type[Fault]] = {
     "sensor_frozen": _SensorFrozen,
     "sensor_dropout": _SensorDropout,
     "sensor_not_a_number": _SensorNotANumber,
@@ -347,12 +213,7 @@ FAULTS: dict[str, type[_Fault]] = {
     "encoder_jump": _EncoderJump,
     "encoder_not_a_number": _EncoderNotANumber,
     "encoder_frozen": _EncoderFrozen,
-    "joint_shock": _JointShock,
-    "joint_friction": _JointFriction,
-    "wrong_payload": _WrongPayload,
-    "tip_slips": _TipSlips,
-    "body_broken": _BodyBroken,
-    "body_moved": _BodyMoved,
+    **ARM_AND_BODY_FAULTS,
     "clock_jump": _ClockJump,
     "sensor_bump": _SensorBump,
 }

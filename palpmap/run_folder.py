@@ -227,9 +227,9 @@ def _locked(path: Path) -> FileLock:
             "or choose another with --out"
         ) from error
     except (OSError, NotImplementedError):
-        # A file system without locks, such as some network drives: there, two commands that write
-        # into this folder at once are not told apart, and mix their files. A folder that cannot be
-        # written to is refused as run.json is saved.
+        # A file system without locks, such as some network drives: there, nothing keeps two
+        # commands from writing into this folder at once and mixing their files. A folder that
+        # cannot be written to is refused as run.json is saved.
         pass
     return lock
 

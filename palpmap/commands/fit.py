@@ -70,7 +70,7 @@ def _as_asked(
     samples: int | None,
     without_outliers: bool,
 ) -> tuple[Experiment, tuple[str, ...]]:
-    """Return the study's experiment with its options, and sentences on what was left out."""
+    """Return the study's experiment with its options, and a sentence on each omission."""
     experiment, left_out = read_study(study), ()
     if without_outliers or inclusions is not None or samples is not None:
         refuse_own_folder(study, out)

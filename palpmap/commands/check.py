@@ -10,7 +10,8 @@ from pydantic import Field, PlainSerializer
 from models import PHASES, Doubt, Scan, read_scan, scan_findings, touching
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
-from palpmap.study.body_model import cell_size_m, try_body_model
+from palpmap.study.body_model import try_body_model
+from palpmap.study.cell_size import cell_size_m
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.contact_body import surface_notes
 from palpmap.study.placement import Placement, place_scan

@@ -8,7 +8,7 @@ from identify.design import Assessment, BetterScans, Presses, Proposal
 from models import PressProgram, write_program
 from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
-from palpmap.study.body_model import cell_size_m, smallest_cell_m
+from palpmap.study.cell_size import cell_size_m, smallest_cell_m
 
 PROGRAM = "next_scan_{}.csv"
 PLANNED = "scan_{}.csv"

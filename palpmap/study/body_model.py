@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,24 +11,29 @@ from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Suppo
 from identify import BodyModel, contacts_of
 from models import InputError, Scan
 from palpmap.study.body import Body
+from palpmap.study.cell_size import (
+    COARSE_CELLS,
+    SURFACE_EDGES,
+    block_divisions,
+    cell_size_m,
+    closed_surface,
+    edges_of,
+    finer_divisions,
+    refuse_too_large,
+    volume_of,
+)
 from palpmap.study.contact_body import contact_body
 from palpmap.study.study import Study
 
 if TYPE_CHECKING:
     from fem.mesh import Surface
 
-COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
-MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
-MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
-BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
 FEW = 20  # presses that tell it
 THICKER = 1.2  # of an assumed thickness, to tell how far moduli depend on it
-REFINEMENT = 1.5
 FREE_MAP_CELLS = 1000  # most hexahedra under a free map
 FREE_MAP_WORK = 3e5  # hexahedra times presses: eight evaluations in a minute of one core
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 OUTSIDE = 32  # cells a side of the surface through contact points, where it is drawn or pressed
-SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
 def build_body_model(study: Study, scan: Scan) -> BodyModel:
@@ -69,12 +72,12 @@ def _under_free_map(
     study: Study, scan: Scan, contacts: Contacts, note: str, surface: Surface | None
 ) -> BodyModel:
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
-    body, edges = study.body, _edges(study.body)
+    body, edges = study.body, edges_of(study.body)
     if edges is None:
         mesh = _meshes(study)[1]
     else:
         cells = np.clip(FREE_MAP_WORK / len(contacts), COARSE_CELLS, FREE_MAP_CELLS)
-        chosen = body.cell_size_m or float(np.cbrt(_volume(body) / cells))
+        chosen = body.cell_size_m or float(np.cbrt(volume_of(body) / cells))
         mesh = _divided(body, block_divisions(edges, chosen))
     model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
     if body.support == "base-sliding":
@@ -85,11 +88,11 @@ def _under_free_map(
 def try_body_model(study: Study, scan: Scan) -> None:
     """Try all of a body's models that takes seconds; the errors are those of `build_body_model`."""
     refuse_too_large(study.body, len(scan.press_ids))
-    edges = _edges(study.body)
+    edges = edges_of(study.body)
     if edges is None:
         from fem import check_underside
 
-        check_underside(_surface(study.body))
+        check_underside(closed_surface(study.body))
         return
     contacts, _ = contacts_of(scan, study.probe.tip == "sphere")
     counts = block_divisions(edges, cell_size_m(study.body))
@@ -110,7 +113,7 @@ def _search_model(study: Study, coarse: Mesh, contacts: Contacts) -> PalpationMo
 
 def _thickness_note(body: Body, contacts: Contacts) -> str:
     """Say how far moduli depend on a thickness that nobody measured."""
-    edges = _edges(body)
+    edges = edges_of(body)
     assert edges is not None  # the study's own rule: no closed surface has an assumed thickness
     counts = block_divisions(edges, float(np.cbrt(np.prod(edges) / COARSE_CELLS)))
     some = np.linspace(0, len(contacts) - 1, min(len(contacts), FEW)).round().astype(int)
@@ -170,129 +173,9 @@ def _check_held(model: PalpationModel, scan: Scan) -> None:
         ) from error
 
 
-def cell_size_m(body: Body) -> float:
-    """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
-
-    >>> cell_size_m(Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.3))
-    0.012
-
-    Raises
-    ------
-    InputError
-        Cells so small that the finer mesh could not be computed with, or so large that fewer than
-        two fit the body's smallest edge.
-    """
-    if body.cell_size_m is None:
-        cells = COARSE_CELLS if _edges(body) is not None else SURFACE_EDGES[0] ** 3
-        chosen = float(np.cbrt(_volume(body) / cells))
-        _refuse_too_wide(body, chosen)
-        return chosen
-    if body.cell_size_m < (least := smallest_cell_m(body)):
-        _refuse_too_wide(body, min(least, _shortest_edge(body) / 2))
-        edges = np.cbrt(_volume(body)) / body.cell_size_m
-        raise InputError(
-            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make about "
-            f"{min(edges, 1e15) ** 3:,.4g} cells of this body; expected at least {least:.3g} m"
-        )
-    largest = _shortest_edge(body) / 2
-    if body.cell_size_m > largest * (1 + 1e-9):
-        raise InputError(
-            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, expected at most "
-            f"{largest:.3g} m, so that at least two cells fit the body's smallest edge; make it "
-            "smaller or leave it out"
-        )
-    return body.cell_size_m
-
-
-def smallest_cell_m(body: Body) -> float:
-    """Return the least size of cells with which can be computed, m."""
-    cell_m = float(f"{np.cbrt(_volume(body) / MOST_CELLS):.3g}")
-    while _finer_cells(body, cell_m) > MOST_FINER_CELLS and cell_m < _shortest_edge(body):
-        cell_m = float(f"{1.02 * cell_m:.3g}")  # a thin body has three cells over its height
-    return cell_m
-
-
-def _finer_cells(body: Body, cell_m: float) -> int:
-    """Return the number of hexahedra of a block's finer mesh; 0 of a closed surface."""
-    edges = _edges(body)
-    return 0 if edges is None else math.prod(_finer(block_divisions(edges, cell_m)))
-
-
-def refuse_too_large(body: Body, presses: int) -> None:
-    """Refuse a body and a number of presses whose models need more memory than there is.
-
-    Raises
-    ------
-    InputError
-        The memory that is needed and the cure.
-    """
-    base, of_cell, of_press = BYTES
-    needed = base + of_cell * _finer_cells(body, cell_size_m(body)) + of_press * presses
-    there = _memory_bytes()
-    if needed > there:
-        raise InputError(
-            f"the models of {presses} presses need about {needed / 1e9:.1f} GB of memory, expected "
-            f"at most the {there / 1e9:.1f} GB of this machine; use fewer presses or larger cells "
-            "(body.cell_size_m)"
-        )
-
-
-def _memory_bytes() -> float:
-    """Return the memory of this machine, infinite where the system does not say."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, OSError, ValueError):
-        return math.inf
-
-
-def _refuse_too_wide(body: Body, cell_m: float) -> None:
-    """Refuse a block so thin and wide that no cells of the right size fit into the memory."""
-    cells = _finer_cells(body, cell_m)
-    if cells > MOST_FINER_CELLS:
-        size = " x ".join(f"{edge:.3g}" for edge in _edges(body) or ())
-        key = "size_m" if body.size_m is not None else "thickness_m"
-        raise InputError(
-            f"study, key body.{key}: found {size} m, so thin that a mesh with three cells over "
-            f"its height would have {cells:,} cells, expected at most {MOST_FINER_CELLS:,}, as "
-            "many as fit into 4 GB of memory; state a smaller part of the body around the presses"
-        )
-
-
-def _edges(body: Body) -> tuple[float, float, float] | None:
-    """Return the edges of a body that is meshed as a block is, m; None of a closed surface."""
-    if body.shape == "from-contacts":
-        x, y, z = contact_body(body).size_m.tolist()
-        return x, y, z
-    return body.size_m
-
-
-def _volume(body: Body) -> float:
-    edges = _edges(body)
-    return float(np.prod(edges)) if edges is not None else _surface(body).volume
-
-
-def _shortest_edge(body: Body) -> float:
-    """Return the smallest edge of the body's bounding box, m."""
-    edges = _edges(body)
-    return float(np.min(np.ptp(_surface(body).vertices, axis=0) if edges is None else edges))
-
-
-def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
-    """Divide a block into cubes of about a size, at least three a side.
-
-    >>> block_divisions((0.096, 0.096, 0.048), 0.012)
-    [8, 8, 4]
-    """
-    return [max(round(edge / cell_m), 3) for edge in size_m]
-
-
-def _finer(divisions: Sequence[int]) -> list[int]:
-    return [round(REFINEMENT * count) for count in divisions]
-
-
 def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
     """Return the mesh on which starts are tried; of a closed surface another would cost more."""
-    edges = _edges(study.body)
+    edges = edges_of(study.body)
     if edges is None:
         return coarse
     counts = block_divisions(edges, cell_size_m(study.body))
@@ -312,7 +195,7 @@ def outside_of(body: Body) -> Surface:
     if body.shape == "from-contacts":
         mesh = _divided(body, [OUTSIDE, OUTSIDE, 4])
         return check_surface(mesh.nodes, mesh.boundary[:, :3])
-    surface = _surface(body)
+    surface = closed_surface(body)
     check_underside(surface)
     return surface
 
@@ -331,21 +214,15 @@ def _divided(body: Body, counts: Sequence[int]) -> Mesh:
 
 def _meshes(study: Study) -> tuple[Mesh, Mesh]:
     """Mesh the body twice, both quadratic, the second finer."""
-    cell_m, edges = cell_size_m(study.body), _edges(study.body)
+    cell_m, edges = cell_size_m(study.body), edges_of(study.body)
     if edges is not None:
         coarse = block_divisions(edges, cell_m)
-        return _divided(study.body, coarse), _divided(study.body, _finer(coarse))
+        return _divided(study.body, coarse), _divided(study.body, finer_divisions(coarse))
     from fem import tetrahedralize_surface
 
-    surface = _surface(study.body)
+    surface = closed_surface(study.body)
     coarse, finer = (
         tetrahedralize_surface(surface.vertices, surface.triangles, length)
         for length in (cell_m, cell_m * SURFACE_EDGES[0] / SURFACE_EDGES[1])
     )
     return coarse, finer
-
-
-def _surface(body: Body) -> Surface:
-    from fem import read_surface
-
-    return read_surface(str(body.file))

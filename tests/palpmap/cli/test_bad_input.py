@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from identify.fit import posterior
 from models.errors import InputError
 from palpmap.__main__ import app
-from palpmap.study import body_model
+from palpmap.study import cell_size
 from palpmap.study.body import Body
 from palpmap.study.study import load_study
 from tests.paths import LAB, TESTS
@@ -86,25 +86,25 @@ def test_a_path_of_300_letters_is_refused(study):
 def test_a_body_too_thin_and_wide_for_the_memory_is_refused_before_it_is_meshed(size):
     body = Body(shape="block", size_m=size, poisson_ratio=0.45)
     with pytest.raises(InputError, match=r"body\.size_m: found 0\..* 4 GB of memory"):
-        body_model.cell_size_m(body)
+        cell_size.cell_size_m(body)
     with pytest.raises(InputError, match=r"body\.size_m: found 0\..* 4 GB of memory"):
-        body_model.cell_size_m(body.model_copy(update={"cell_size_m": size[2] / 3}))
+        cell_size.cell_size_m(body.model_copy(update={"cell_size_m": size[2] / 3}))
 
 
 def test_cells_that_are_advised_are_never_refused():
     for size in [(0.1, 0.1, 0.05), (0.2, 0.2, 0.005), (0.25, 0.18, 0.06), (0.1, 0.02, 0.02)]:
         body = Body(shape="block", size_m=size, poisson_ratio=0.45)
-        least = body_model.smallest_cell_m(body)
+        least = cell_size.smallest_cell_m(body)
         if least <= min(size) / 2:
-            assert body_model.cell_size_m(body.model_copy(update={"cell_size_m": least})) == least
+            assert cell_size.cell_size_m(body.model_copy(update={"cell_size_m": least})) == least
 
 
 def test_more_presses_than_the_memory_holds_are_refused_with_the_bytes(study, monkeypatch):
-    monkeypatch.setattr(body_model, "_memory_bytes", lambda: 8e9)
+    monkeypatch.setattr(cell_size, "_memory_bytes", lambda: 8e9)
     body = load_study(study).body
-    body_model.refuse_too_large(body, 400)
+    cell_size.refuse_too_large(body, 400)
     with pytest.raises(InputError, match=r"5000 presses need about 23\.\d GB .* the 8\.0 GB"):
-        body_model.refuse_too_large(body, 5000)
+        cell_size.refuse_too_large(body, 5000)
 
 
 LIMITED = """

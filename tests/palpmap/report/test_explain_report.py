@@ -36,7 +36,7 @@ from palpmap.result.records import ExplainRecord, NextPressesRecord
 from palpmap.result.tables import candidate_table
 from palpmap.result.truth import read_truth
 from palpmap.run_files.explain_run import explain_pictures
-from palpmap.study.body_model import smallest_cell_m
+from palpmap.study.cell_size import smallest_cell_m
 from palpmap.study.open_study import Problem
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""

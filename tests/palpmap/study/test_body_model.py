@@ -12,13 +12,8 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.study.body import Body
-from palpmap.study.body_model import (
-    _thickness_note,
-    build_body_model,
-    cell_size_m,
-    smallest_cell_m,
-    support_of,
-)
+from palpmap.study.body_model import _thickness_note, build_body_model, support_of
+from palpmap.study.cell_size import cell_size_m, smallest_cell_m
 from palpmap.study.study import Study, load_study, write_study
 from tests.fem.reference.hayes import punch_factor
 from tests.paths import LAB

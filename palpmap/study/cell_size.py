@@ -1,0 +1,153 @@
+"""The size of a body and of the cells that mesh it, and the memory that they need."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models import InputError
+from palpmap.study.body import Body
+from palpmap.study.contact_body import contact_body
+
+if TYPE_CHECKING:
+    from fem.mesh import Surface
+
+COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
+MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
+MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
+BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
+REFINEMENT = 1.5
+SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
+
+
+def cell_size_m(body: Body) -> float:
+    """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
+
+    >>> cell_size_m(Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.3))
+    0.012
+
+    Raises
+    ------
+    InputError
+        Cells so small that the finer mesh could not be computed with, or so large that fewer than
+        two fit the body's smallest edge.
+    """
+    if body.cell_size_m is None:
+        cells = COARSE_CELLS if edges_of(body) is not None else SURFACE_EDGES[0] ** 3
+        chosen = float(np.cbrt(volume_of(body) / cells))
+        _refuse_too_wide(body, chosen)
+        return chosen
+    if body.cell_size_m < (least := smallest_cell_m(body)):
+        _refuse_too_wide(body, min(least, _shortest_edge(body) / 2))
+        edges = np.cbrt(volume_of(body)) / body.cell_size_m
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make about "
+            f"{min(edges, 1e15) ** 3:,.4g} cells of this body; expected at least {least:.3g} m"
+        )
+    largest = _shortest_edge(body) / 2
+    if body.cell_size_m > largest * (1 + 1e-9):
+        raise InputError(
+            f"study, key body.cell_size_m: found {body.cell_size_m:g} m, expected at most "
+            f"{largest:.3g} m, so that at least two cells fit the body's smallest edge; make it "
+            "smaller or leave it out"
+        )
+    return body.cell_size_m
+
+
+def smallest_cell_m(body: Body) -> float:
+    """Return the least size of cells with which can be computed, m."""
+    cell_m = float(f"{np.cbrt(volume_of(body) / MOST_CELLS):.3g}")
+    while _finer_cells(body, cell_m) > MOST_FINER_CELLS and cell_m < _shortest_edge(body):
+        cell_m = float(f"{1.02 * cell_m:.3g}")  # a thin body has three cells over its height
+    return cell_m
+
+
+def _finer_cells(body: Body, cell_m: float) -> int:
+    """Return the number of hexahedra of a block's finer mesh; 0 of a closed surface."""
+    edges = edges_of(body)
+    return 0 if edges is None else math.prod(finer_divisions(block_divisions(edges, cell_m)))
+
+
+def refuse_too_large(body: Body, presses: int) -> None:
+    """Refuse a body and a number of presses whose models need more memory than there is.
+
+    Raises
+    ------
+    InputError
+        The memory that is needed and the cure.
+    """
+    base, of_cell, of_press = BYTES
+    needed = base + of_cell * _finer_cells(body, cell_size_m(body)) + of_press * presses
+    there = _memory_bytes()
+    if needed > there:
+        raise InputError(
+            f"the models of {presses} presses need about {needed / 1e9:.1f} GB of memory, expected "
+            f"at most the {there / 1e9:.1f} GB of this machine; use fewer presses or larger cells "
+            "(body.cell_size_m)"
+        )
+
+
+def _memory_bytes() -> float:
+    """Return the memory of this machine, infinite where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return math.inf
+
+
+def _refuse_too_wide(body: Body, cell_m: float) -> None:
+    """Refuse a block so thin and wide that no cells of the right size fit into the memory."""
+    cells = _finer_cells(body, cell_m)
+    if cells > MOST_FINER_CELLS:
+        size = " x ".join(f"{edge:.3g}" for edge in edges_of(body) or ())
+        key = "size_m" if body.size_m is not None else "thickness_m"
+        raise InputError(
+            f"study, key body.{key}: found {size} m, so thin that a mesh with three cells over "
+            f"its height would have {cells:,} cells, expected at most {MOST_FINER_CELLS:,}, as "
+            "many as fit into 4 GB of memory; state a smaller part of the body around the presses"
+        )
+
+
+def edges_of(body: Body) -> tuple[float, float, float] | None:
+    """Return the edges of a body that is meshed as a block is, m; None of a closed surface."""
+    if body.shape == "from-contacts":
+        x, y, z = contact_body(body).size_m.tolist()
+        return x, y, z
+    return body.size_m
+
+
+def volume_of(body: Body) -> float:
+    """Return the volume of a body, m^3."""
+    edges = edges_of(body)
+    return float(np.prod(edges)) if edges is not None else closed_surface(body).volume
+
+
+def _shortest_edge(body: Body) -> float:
+    """Return the smallest edge of the body's bounding box, m."""
+    edges = edges_of(body)
+    return float(np.min(np.ptp(closed_surface(body).vertices, axis=0) if edges is None else edges))
+
+
+def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
+    """Divide a block into cubes of about a size, at least three a side.
+
+    >>> block_divisions((0.096, 0.096, 0.048), 0.012)
+    [8, 8, 4]
+    """
+    return [max(round(edge / cell_m), 3) for edge in size_m]
+
+
+def finer_divisions(divisions: Sequence[int]) -> list[int]:
+    """Return the divisions of the finer of two meshes."""
+    return [round(REFINEMENT * count) for count in divisions]
+
+
+def closed_surface(body: Body) -> Surface:
+    """Return the surface that a study names for its body."""
+    from fem import read_surface
+
+    return read_surface(str(body.file))

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from fem import Contacts, PalpationModel, SolverError
-from fem.palpation import Response
-from fem.reduced import ReducedBases, ReducedResponse
-from identify.body.compliance import positive_modulus
+from fem import Contacts, PalpationModel
+from fem.reduced import ReducedBases
+from identify.body.coarse_solutions import CoarseSolutions, keep, plain_state, solved_state
 from identify.body.discretization_error import (
     ASSUMED,
     CarriedFine,
@@ -28,7 +27,6 @@ from identify.body.discretization_error import (
 )
 from identify.body.linear_ratio import LinearRatio
 from identify.body.response import BodyResponse
-from identify.body.settings import BODY, BodySettings
 from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
 from identify.body.state import BodyState, ChangedMap
 from identify.map.gaussian_map import GaussianMap
@@ -37,44 +35,38 @@ from identify.optimize.result import InadmissibleError
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
 _KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
 _KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
-_KEPT_SOLUTIONS = 6  # of the coarse model: fits begin at the end of others
 _KEPT_SIDES = 6  # bases of such models, and of blocks elsewhere
 _SIDE_BYTES = 32e6  # of the energies of one
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
 
 @dataclass(frozen=True)
-class BodyMechanics:
+class BodyMechanics(CoarseSolutions):
     """The finite element models behind a measurement model.
 
     Attributes
     ----------
-    coarse : model for evaluation and derivatives
+    coarse, settings : see `CoarseSolutions`
     fine : finer model for the defect correction, or None
     at_poisson_ratio : builds the coarse model with another Poisson's ratio
     ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
     model_error : (j,) the finer model's own relative error, as estimated
     tip : what the pressure under the tip depends on, at this estimate
-    settings : of the models
     carried : the correction to the finer model is carried from that of a map nearby
     """
 
-    coarse: PalpationModel
     fine: FineModel | None
     at_poisson_ratio: Callable[[float], PalpationModel]
     ratio: np.ndarray | float = 1.0
     model_error: np.ndarray | float = 0.0
     tip: TipPressure = ASSUMED
-    settings: BodySettings = BODY
     carried: bool = False
     _others: dict[float, PalpationModel] = field(default_factory=dict)
     _shifted: list[ShiftedBlock] = field(default_factory=list)  # one, once it is needed
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict)  # of the last maps
     _linear: dict[tuple, LinearRatio] = field(default_factory=dict)
-    _solutions: dict[tuple, Response] = field(default_factory=dict)  # the last ones, newest last
     _fine: dict[tuple, CarriedFine] = field(default_factory=dict)
     _elsewhere: list[tuple] = field(default_factory=list)  # corrections of the body elsewhere
-    _bases: list[ReducedBases] = field(default_factory=list)  # one, once a search needs it
     _sides: dict[Any, ReducedBases] = field(default_factory=dict)  # of other models, by name
 
     @classmethod
@@ -196,7 +188,7 @@ class BodyMechanics:
         if isinstance(stiffness, GaussianMap):
             ratio = LinearRatio.of(coarse, fine.response, changed)
             carries = CarriedFine(ratio, fine.response.unevenness, tip)
-            _keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
+            keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
         return self._with_ratio(fine.compliance / coarse.compliance, fine.error, tip)
 
     def _corrected_elsewhere(
@@ -285,7 +277,7 @@ class BodyMechanics:
 
     def _other(self, nu: float) -> PalpationModel:
         model = self._others.get(nu) or self.at_poisson_ratio(nu)
-        _keep(self._others, nu, model, _KEPT_OTHERS)
+        keep(self._others, nu, model, _KEPT_OTHERS)
         return model
 
     def log_shift_factor(
@@ -332,115 +324,32 @@ class BodyMechanics:
         that of a body without fibres, skin and springs: they change the ratio little, and it need
         not be made anew for each of their values.
         """
-        plain = _plain(state)
-        if slack >= self.settings.plain_slack and _solved_state(state) != plain:
+        plain = plain_state(state)
+        if slack >= self.settings.plain_slack and solved_state(state) != plain:
             base = self._found(stiffness, plain, slack).compliance
             return self._log_ratio(which, model, stiffness, plain, base, slack)
-        key = (which, stiffness, _solved_state(state), max(slack, 1.0))
+        key = (which, stiffness, solved_state(state), max(slack, 1.0))
         if key in self._ratios:
             return self._ratios[key]
         changed = ChangedMap(stiffness, state)
-        kind = (which, _solved_state(state).without_modulus_changes)
+        kind = (which, solved_state(state).without_modulus_changes)
         tolerance = self.settings.ratio_error * max(slack, 1.0)
         for name, linear in reversed(self._linear.items()):
             if name[:2] == kind:
                 near = linear.log_at(changed, base, tolerance)
                 if near is not None:
-                    _keep(self._linear, name, linear, _KEPT_LINEAR)
+                    keep(self._linear, name, linear, _KEPT_LINEAR)
                     return near
         if slack > 1 and self._is_reducible(stiffness, state):
             if which not in self._sides:
-                _keep(self._sides, which, ReducedBases(model(), 1, _SIDE_BYTES), _KEPT_SIDES)
+                keep(self._sides, which, ReducedBases(model(), 1, _SIDE_BYTES), _KEPT_SIDES)
             other = self._reduced(self._sides[which], stiffness, state, tolerance)
         else:
             other = self._solve(model(), stiffness, state)
             linear = LinearRatio.of(self._solved(stiffness, state), other, changed)
-            _keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
+            keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
         ratio = other.compliance / base
         if not (np.isfinite(ratio).all() and ratio.min() > 0):
             raise InadmissibleError("the map is finer than the mesh of the body resolves")
-        _keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
+        keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
         return np.log(ratio)
-
-    def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
-        """Return the solution on the coarse model, a recent one from memory."""
-        key = (stiffness, _solved_state(state))
-        response = self._solutions.get(key) or self._solve(self.coarse, stiffness, state)
-        _keep(self._solutions, key, response, _KEPT_SOLUTIONS)
-        return response
-
-    def _found(
-        self, stiffness: GaussianMap, state: BodyState, slack: float
-    ) -> Response | ReducedResponse:
-        """Return the solution on the coarse model, a recent one or that of a reduced basis."""
-        key = (stiffness, _solved_state(state))
-        if key in self._solutions or not self._is_reducible(stiffness, state):
-            return self._solved(stiffness, state)
-        if not self._bases:
-            self._bases.append(ReducedBases(self.coarse))
-        tolerance = slack * self.settings.reduced_error
-        return self._reduced(self._bases[0], stiffness, state, tolerance)
-
-    def _reduced(
-        self, bases: ReducedBases, stiffness: GaussianMap, state: BodyState, tolerance: float
-    ) -> Response | ReducedResponse:
-        """Return the solution of a model in its bases, or the full one, which joins them."""
-        modulus = positive_modulus(ChangedMap(stiffness, state), bases.full.points_m)
-        near = bases.evaluate(modulus, tolerance, *_law(state))
-        if near is not None:
-            return near
-        if bases.full is not self.coarse:
-            response = self._solve(bases.full, stiffness, state)
-            bases.add(response)
-            return response
-        response = self._solved(stiffness, state)
-        bases.add(response, self._solutions.get((stiffness, _plain(state))))
-        return response
-
-    def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
-        """Return True for a state whose law reduced bases know."""
-        return isinstance(stiffness, GaussianMap) and not state.fibre_share
-
-    def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
-        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
-        angle, share = state.fibre_angle_rad, state.fibre_share
-        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
-        base, skin = _law(state)
-        fibres = (direction, share * modulus) if share else None
-        try:
-            return model.evaluate(modulus, base, fibres, skin)
-        except SolverError as error:
-            raise InadmissibleError(str(error)) from error
-
-
-def _keep(last: dict, key: Any, value: Any, most: int) -> None:
-    """Put a value last into a dictionary, and drop the first ones beyond a number."""
-    last.pop(key, None)
-    last[key] = value
-    while len(last) > most:
-        del last[next(iter(last))]
-
-
-def _law(state: BodyState) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-    """Compliance of the support and skin of a state, each None without."""
-    base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
-    skin = (state.skin_thickness_m, state.skin_factor)
-    if not skin[1] > 0:
-        raise InadmissibleError("a skin needs a positive modulus")
-    return base if any(base) else None, skin if skin[0] > 0 else None
-
-
-def _plain(state: BodyState) -> BodyState:
-    """Return the part of a state that changes the modulus."""
-    return BodyState(state.box_m, 0.0, *state.modulus_changes)
-
-
-def _solved_state(state: BodyState) -> BodyState:
-    """Return the part of a state that enters a finite element solution."""
-    return state.changed(
-        poisson_ratio=0.0,
-        mesh_error_share=0.0,
-        rigid_tip_share=0.0,
-        shift_m=(0.0, 0.0),
-        background_pa=None,
-    )

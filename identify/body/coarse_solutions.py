@@ -1,0 +1,118 @@
+"""Solutions of a body's coarse model: the last ones kept, and those of reduced bases near them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fem import PalpationModel, SolverError
+from fem.palpation import Response
+from fem.reduced import ReducedBases, ReducedResponse
+from identify.body.compliance import positive_modulus
+from identify.body.settings import BODY, BodySettings
+from identify.body.state import BodyState, ChangedMap
+from identify.map.gaussian_map import GaussianMap
+from identify.optimize.result import InadmissibleError
+
+_KEPT_SOLUTIONS = 6  # fits begin at the end of others
+
+
+@dataclass(frozen=True)
+class CoarseSolutions:
+    """The model for evaluation and derivatives, with its last solutions.
+
+    Attributes
+    ----------
+    coarse : the model
+    settings : of the models
+    """
+
+    coarse: PalpationModel
+    settings: BodySettings = field(default=BODY, kw_only=True)
+    _solutions: dict[tuple, Response] = field(default_factory=dict, kw_only=True)  # newest last
+    _bases: list[ReducedBases] = field(default_factory=list, kw_only=True)  # one, once needed
+
+    def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
+        """Return the solution on the coarse model, a recent one from memory."""
+        key = (stiffness, solved_state(state))
+        response = self._solutions.get(key) or self._solve(self.coarse, stiffness, state)
+        keep(self._solutions, key, response, _KEPT_SOLUTIONS)
+        return response
+
+    def _found(
+        self, stiffness: GaussianMap, state: BodyState, slack: float
+    ) -> Response | ReducedResponse:
+        """Return the solution on the coarse model, a recent one or that of a reduced basis."""
+        key = (stiffness, solved_state(state))
+        if key in self._solutions or not self._is_reducible(stiffness, state):
+            return self._solved(stiffness, state)
+        if not self._bases:
+            self._bases.append(ReducedBases(self.coarse))
+        tolerance = slack * self.settings.reduced_error
+        return self._reduced(self._bases[0], stiffness, state, tolerance)
+
+    def _reduced(
+        self, bases: ReducedBases, stiffness: GaussianMap, state: BodyState, tolerance: float
+    ) -> Response | ReducedResponse:
+        """Return the solution of a model in its bases, or the full one, which joins them."""
+        modulus = positive_modulus(ChangedMap(stiffness, state), bases.full.points_m)
+        near = bases.evaluate(modulus, tolerance, *_law(state))
+        if near is not None:
+            return near
+        if bases.full is not self.coarse:
+            response = self._solve(bases.full, stiffness, state)
+            bases.add(response)
+            return response
+        response = self._solved(stiffness, state)
+        bases.add(response, self._solutions.get((stiffness, plain_state(state))))
+        return response
+
+    def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
+        """Return True for a state whose law reduced bases know."""
+        return isinstance(stiffness, GaussianMap) and not state.fibre_share
+
+    def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
+        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
+        angle, share = state.fibre_angle_rad, state.fibre_share
+        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+        base, skin = _law(state)
+        fibres = (direction, share * modulus) if share else None
+        try:
+            return model.evaluate(modulus, base, fibres, skin)
+        except SolverError as error:
+            raise InadmissibleError(str(error)) from error
+
+
+def keep(last: dict, key: Any, value: Any, most: int) -> None:
+    """Put a value last into a dictionary, and drop the first ones beyond a number."""
+    last.pop(key, None)
+    last[key] = value
+    while len(last) > most:
+        del last[next(iter(last))]
+
+
+def _law(state: BodyState) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """Compliance of the support and skin of a state, each None without."""
+    base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
+    skin = (state.skin_thickness_m, state.skin_factor)
+    if not skin[1] > 0:
+        raise InadmissibleError("a skin needs a positive modulus")
+    return base if any(base) else None, skin if skin[0] > 0 else None
+
+
+def plain_state(state: BodyState) -> BodyState:
+    """Return the part of a state that changes the modulus."""
+    return BodyState(state.box_m, 0.0, *state.modulus_changes)
+
+
+def solved_state(state: BodyState) -> BodyState:
+    """Return the part of a state that enters a finite element solution."""
+    return state.changed(
+        poisson_ratio=0.0,
+        mesh_error_share=0.0,
+        rigid_tip_share=0.0,
+        shift_m=(0.0, 0.0),
+        background_pa=None,
+    )

@@ -79,6 +79,8 @@ def values_of(bench, effect):
         drawn = {"press_0": 1.0, "press_1": 2.0}
     if "session_s" in drawn:
         drawn["session_s"] = 200.0  # as of a scan of some size
+    if effect.name == "preconditioning_nearby":
+        drawn["reach_m"] = 0.05  # to the neighbour of this wide grid
     if "time_constant_s" in drawn and effect.name == "force_warm_up":
         drawn["time_constant_s"] = 60.0
     times = 1 if effect.name in AS_TYPICAL else 3

@@ -1,11 +1,12 @@
 """A whole scan by the arm: program, presses, first touch, result; and a robot that goes on."""
 
 from sim.scan.outcome import PressOutcome
+from sim.scan.path_log import PathResult
 from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
 from sim.scan.result import PHASES as SERIES_PHASES
 from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
 from sim.scan.scan_program import run_scan
-from sim.scan.session import PathResult, Session
+from sim.scan.session import Session
 
 __all__ = [
     "SERIES_PHASES",

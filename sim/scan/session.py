@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -24,54 +23,14 @@ from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
 from sim.scan.outcome import PressOutcome
+from sim.scan.path_log import PathLog, PathResult
 from sim.scan.result import ScanRun
 from sim.scan.scan_program import DWELL_S, Program, make_presses
 
 STEP_M = 0.002  # of a path, between two solutions of the inverse kinematics
 STEEPEST_TURN = 0.5  # part of the joints' speed limits that a path may use
-LOOK_S = 0.05  # between two looks at the clearance
 SETTLE_S = 0.6  # after touching, until the force of a sweep is reached
 FREE_FORCE_N = 8.0  # of a path without set force: the arm stops
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happened on a path: `kind` is start, touch, force, or end."""
-
-    time_s: float
-    kind: str
-    text: str
-
-
-@dataclass(frozen=True)
-class PathResult:
-    """Motion along a path, one row a time step (t rows); body frame.
-
-    Attributes
-    ----------
-    time_s : (t,)
-    tip_m, tip_axis : (t, 3) m and unit, the tip's centre and axis
-    wrench_n : (t, 3) measured force of the tip on what it touches
-    q : (t, n) rad
-    wanted_n : (t,) set force, 0 where there is none
-    clearance_m : (t,) distance of the arm, tip left out, from body, table and itself, as far as
-        5 cm; seen every 0.05 s and held between
-    events : in order
-    """
-
-    time_s: np.ndarray
-    tip_m: np.ndarray
-    tip_axis: np.ndarray
-    wrench_n: np.ndarray
-    q: np.ndarray
-    wanted_n: np.ndarray
-    clearance_m: np.ndarray
-    events: tuple[Event, ...]
-
-    @property
-    def force_n(self) -> np.ndarray:
-        """Measured force along the tip's axis, (t,)."""
-        return np.einsum("ti,ti->t", self.wrench_n, self.tip_axis)
 
 
 class SweptBody:
@@ -155,7 +114,7 @@ class Session:
             A pose that the arm does not reach; it is named.
         """
         program = self._idle()
-        log = _PathLog(self, program)
+        log = self._log(program)
         points, directions = self._world(points_m, axes)
         start = program.posture
         tip, turn = self._kinematics.pose(start)
@@ -202,20 +161,11 @@ class Session:
         shares = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))]
         length, shares = float(shares[-1]), shares / shares[-1]
         body = SweptBody(shares, compliance)
-        first = ScanPlan(
-            points_m[:1],
-            directions[:1],
-            force_n,
-            self._plan.tip_radius_m,
-            self._plan.body_size_m,
-            self._plan.body_in_world,
-            surface=self._plan.surface,
-            tips=(self._plan.tip_of(0),),
-        )
+        first = self._one_press(points_m[:1], directions[:1], force_n)
         motion = self.reach(first)
         (planned,) = motion.require_all()
         program = self._program = self._next(first, body, motion)
-        log = _PathLog(self, program)
+        log = self._log(program)
         log.event("start", f"sweep over {1e3 * length:.3g} mm with {force_n:g} N")
         program.arrive(planned)
         log.event("touch", f"at {1e3 * program.control.depth_m:.2f} mm")
@@ -244,15 +194,33 @@ class Session:
             log.add(wanted)
         else:
             log.event("end", "the last point is reached")
+        self._lift_off(program, q)
+        return log.result()
+
+    def _one_press(self, point_m: np.ndarray, direction: np.ndarray, force_n: float) -> ScanPlan:
+        """Plan of one press, (1, 3) each, with the session's body, place and tip."""
+        known = self._plan
+        return ScanPlan(
+            point_m,
+            direction,
+            force_n,
+            known.tip_radius_m,
+            known.body_size_m,
+            known.body_in_world,
+            surface=known.surface,
+            tips=(known.tip_of(0),),
+        )
+
+    def _lift_off(self, program: Program, q: np.ndarray) -> None:
+        """Take the tip off the body along its axis."""
         tip, turn = self._kinematics.pose(q)
         program.contact.release()
         back = self._kinematics.reach(tip - 2 * self.settings.lift_m * turn[:, 2], turn[:, 2], q)
         for s in np.linspace(0, 1, math.ceil(0.5 / program.dt)):
             program.step(q + (3 * s**2 - 2 * s**3) * (back.q - q), np.zeros_like(q))
         program.control.rest(-self.settings.lift_m)
-        return log.result()
 
-    def _back(self, program: Program, spline: CubicSpline, when: float, log: _PathLog) -> None:
+    def _back(self, program: Program, spline: CubicSpline, when: float, log: PathLog) -> None:
         """Go back along a path until nothing is touched, at most 1 s of it."""
         for i in range(round(1.0 / program.dt)):
             at = max(when - i * program.dt, 0.0)
@@ -268,6 +236,9 @@ class Session:
                 self._plan, nothing, self.settings, None, self._mechanisms, Motion(()), check=False
             )
         return self._program
+
+    def _log(self, program: Program) -> PathLog:
+        return PathLog(program, self._clearance, self._plan.body_in_world)
 
     def _world(self, points: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         place = self._plan.body_in_world
@@ -295,47 +266,6 @@ class Session:
         )
         least = transit_duration(self.laboratory, solved[0], solved[-1])
         return float(max(way[-1] / speed, by_joints, least))
-
-
-class _PathLog:
-    """Rows of a path as they come."""
-
-    def __init__(self, session: Session, program: Program) -> None:
-        self._session, self._program = session, program
-        self._rows: list[tuple] = []
-        self._events: list[Event] = []
-        self._clearance, self._every = np.inf, max(1, round(LOOK_S / program.dt))
-
-    def event(self, kind: str, text: str) -> None:
-        self._events.append(Event(self._program.time_s, kind, text))
-
-    def add(self, wanted_n: float) -> float:
-        """Keep the step just made; return the force along the tip."""
-        program, rig = self._program, self._program.rig
-        if len(self._rows) % self._every == 0:
-            look = self._session._clearance
-            self._clearance = look.nearest(rig.q_seen, tip_may_touch=True)[0]
-        turn = rig.data.site("tcp").xmat.reshape(3, 3)
-        self._rows.append(
-            (program.time_s, rig.tip_m.copy(), turn.copy(), rig.wrist_n.copy(), rig.q_seen.copy(),
-             wanted_n, self._clearance)
-        )  # fmt: skip
-        return float(rig.wrist_n[2])
-
-    def result(self) -> PathResult:
-        place = self._session._plan.body_in_world
-        when, tips, turns, forces, q, wanted, clear = map(np.array, zip(*self._rows, strict=True))
-        to_body = place.rotation
-        return PathResult(
-            when,
-            (tips - np.asarray(place.position_m)) @ to_body,
-            turns[:, :, 2] @ to_body,
-            np.einsum("tij,tj->ti", turns, forces) @ to_body,
-            q,
-            wanted,
-            clear,
-            tuple(self._events),
-        )
 
 
 def _knots(

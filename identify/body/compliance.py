@@ -32,3 +32,15 @@ def positive_modulus(stiffness: ModulusField, points: np.ndarray) -> np.ndarray:
             "it must be positive everywhere"
         )
     return modulus
+
+
+def refuse_impossible(compliance: np.ndarray) -> None:
+    """Raise `InadmissibleError` unless all compliances (j,) are positive numbers."""
+    finite = np.isfinite(compliance)
+    if not (finite.all() and compliance.min() > 0):
+        press = int(np.argmin(np.where(finite, compliance, -np.inf)))
+        raise InadmissibleError(
+            f"the body's model gives press {press} a compliance of {compliance[press]:.3g} "
+            "m/N, which cannot be: its map is finer than the mesh; start from another map "
+            "([map.initial])"
+        )

@@ -21,7 +21,7 @@ import numpy as np
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
-from identify.measurement.model import EffectInModel
+from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError
 
 _STEP = 0.01  # of an amplitude's typical size, for its pattern

@@ -30,7 +30,7 @@ from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, judge
-from identify.measurement.model import EffectInModel, effect_values
+from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, touch_errors
 from identify.optimize.gauss_newton import minimize_gauss_newton

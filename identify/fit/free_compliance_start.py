@@ -19,7 +19,7 @@ from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, stra
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.map.initial_guess import REFERENCE_PA
-from identify.measurement.model import EffectInModel
+from identify.measurement.effect_in_model import EffectInModel
 from identify.measurement.noise import Noise
 from models import Scan
 

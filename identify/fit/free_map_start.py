@@ -22,7 +22,8 @@ from identify.fit.search import Progress
 from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
 from identify.map.parameters import ParameterSpace
-from identify.measurement.model import EffectInModel, MeasurementModel
+from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from models import InputError, LabelVolume
 

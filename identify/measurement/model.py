@@ -11,58 +11,32 @@ Nothing is changed in place: `with_effect` and `without` return new models.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from identify.body.compliance import refuse_impossible
 from identify.body.mechanics import BodyMechanics
 from identify.body.response import BodyResponse
 from identify.body.state import BodyState
 from identify.effects.base import BodyEffect, Effect
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
-from identify.map.parameters import Parameter, ParameterSpace
+from identify.map.parameters import ParameterSpace
 from identify.measurement.chain import Chain, judge
+from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.settings import TOUCH
 from identify.measurement.shared_error import decorrelated, touch_errors
-from identify.optimize.result import InadmissibleError
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 _OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map
 _OWN_TOL, _LONGEST_MOVE = 1e-3, 0.5  # of ln C: the end of these steps, and the longest
-
-
-@dataclass(frozen=True)
-class EffectInModel:
-    """An effect with its parameters, bounded for this scan, and its start values."""
-
-    effect: Effect
-    parameters: tuple[Parameter, ...]
-    start: Mapping[str, float]
-
-    def to_scaled(self) -> np.ndarray:
-        """Scaled start (q,)."""
-        return np.array([p.to_scaled(self.start[p.name]) for p in self.parameters])
-
-    def to_values(self, u: np.ndarray) -> dict[str, float]:
-        """Values by name at scaled coordinates (q,)."""
-        return {p.name: p.to_value(float(c)) for p, c in zip(self.parameters, u, strict=True)}
-
-
-def effect_values(parts: Sequence[EffectInModel], u: np.ndarray) -> dict[str, dict[str, float]]:
-    """Parameters of effects at their scaled coordinates (q,), by effect and name."""
-    values, first = {}, 0
-    for part in parts:
-        last = first + len(part.parameters)
-        values[part.effect.name] = part.to_values(u[first:last])
-        first = last
-    return values
 
 
 @dataclass(frozen=True)
@@ -274,7 +248,7 @@ class MeasurementModel:
     def body(self, u: np.ndarray, slack: float = 0.0) -> BodyResponse:
         """Solve the body at scaled coordinates (k,); see `linearise`."""
         body = self.mechanics.evaluate(self.map(u), self.state(self.values(u)), slack)
-        self._refuse_impossible(body.compliance)
+        refuse_impossible(body.compliance)
         return body
 
     def around(
@@ -361,17 +335,6 @@ class MeasurementModel:
             rms_m=float(np.sqrt(np.mean((self.displacement_m - predicted) ** 2))),
             marginal=marginal,
         )
-
-    def _refuse_impossible(self, compliance: np.ndarray) -> None:
-        """Raise `InadmissibleError` unless all compliances (j,) are positive numbers."""
-        finite = np.isfinite(compliance)
-        if not (finite.all() and compliance.min() > 0):
-            press = int(np.argmin(np.where(finite, compliance, -np.inf)))
-            raise InadmissibleError(
-                f"the body's model gives press {press} a compliance of {compliance[press]:.3g} "
-                "m/N, which cannot be: its map is finer than the mesh; start from another map "
-                "([map.initial])"
-            )
 
     def _by_press(self, by_c: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         if not by_c.any():

@@ -16,7 +16,8 @@ from identify.fit.result import FitResult
 from identify.map import FreeMap, GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
-from identify.measurement.model import EffectInModel, MeasurementModel
+from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.model import MeasurementModel
 from models import Catalogue, InputError
 
 

@@ -9,8 +9,7 @@ from identify.design.settings import DetectionSettings
 from identify.effects.base import Effect, advice
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-from identify.optimize.result import InadmissibleError
-from identify.select.score_test import beyond, effect_patterns, unavailable
+from identify.select.score_test import beyond, patterns_or_reason
 
 _UNMOVED = 1e-9  # of the amplitudes' common pattern: rounding
 
@@ -46,15 +45,9 @@ def seen_patterns(
     Of an effect with a bent law (`Advice.levels`), the best-seen pattern of each shape: the typical
     one shows only at their own sizes.
     """
-    reason = unavailable(effect, model)
-    if reason is not None:
-        return reason
-    try:
-        pattern = effect_patterns(model, at, effect, settings.candidates)
-    except InadmissibleError as error:
-        return str(error)
-    if not pattern.shapes:
-        return "the scan leaves no candidate of its shape that differs from another effect"
+    pattern = patterns_or_reason(model, at, effect, settings.candidates)
+    if isinstance(pattern, str):
+        return pattern
     left, _, visible = beyond(pattern, fitted)
     candidates, unmoved = [], False
     for g in range(len(left)):

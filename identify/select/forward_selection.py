@@ -74,17 +74,9 @@ def forward_selection(
 
     say("fitting the map")
     fit = found_again(first or fit_jointly(model, stiffness))
-    # Beside a free map without a law that the presses call for, scores of the body say nothing
-    by_presses = policy.first is not None and fit.field is not None
-    ladder = [judged(fit, [e for e in catalogue if e.link != "body"] if by_presses else catalogue)]
-    accepted: list[AcceptedEffect] = []
+    ladder, accepted = _begun(fit, catalogue, policy, judged, say)
     dropped: list[str] = []
     settled = False
-    if policy.first and (started := policy.first(ladder[0], say)):
-        fit, accepted = started
-        ladder.append(judged(fit))
-    elif by_presses:
-        ladder = [judged(fit)]
     most = settings.most_effects + len(accepted)
     while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
         if few_presses(ladder[-1].fit, accepted, settings).any():
@@ -99,17 +91,7 @@ def forward_selection(
         ):
             break
         accepted.append(_accepted(ladder, accepted, candidates, settings))
-        winner = candidates[0].fit
-        say(f"refitting with {candidates[0].name}")
-        fit, lost = policy.prune(
-            found_again(fit_jointly(winner.model, winner.map)),
-            [a.name for a in accepted[:-1]],
-            say,
-            settings,
-        )
-        kept = [a for a in accepted if a.name not in lost]
-        # Beside an effect since lost, the last one may have beaten candidates that do as well now
-        fit, accepted, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
+        fit, accepted, lost, exchanged = _refitted(candidates[0], accepted, policy, say, settings)
         dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
@@ -126,6 +108,41 @@ def forward_selection(
         further=further,
         settings=settings,
     )
+
+
+def _begun(
+    fit: FitResult,
+    catalogue: Sequence[Effect],
+    policy: Policy,
+    judged: Callable[[FitResult, Sequence[Effect]], Step],
+    say: Callable[[str], None],
+) -> tuple[list[Step], list[AcceptedEffect]]:
+    """Return the steps of the map alone and of its first step, with the effects of the latter."""
+    # Beside a free map without a law that the presses call for, scores of the body say nothing
+    by_presses = policy.first is not None and fit.field is not None
+    scored = [e for e in catalogue if e.link != "body"] if by_presses else catalogue
+    alone = judged(fit, scored)
+    if policy.first and (started := policy.first(alone, say)):
+        fit, accepted = started
+        return [alone, judged(fit, catalogue)], accepted
+    return [judged(fit, catalogue) if by_presses else alone], []
+
+
+def _refitted(
+    winner: Candidate,
+    accepted: Sequence[AcceptedEffect],
+    policy: Policy,
+    say: Callable[[str], None],
+    settings: SelectionSettings,
+) -> tuple[FitResult, list[AcceptedEffect], list[str], dict[str, str]]:
+    """Refit with the last effect; the fit, its effects, those lost and those exchanged."""
+    say(f"refitting with {winner.name}")
+    fit = found_again(fit_jointly(winner.fit.model, winner.fit.map))
+    fit, lost = policy.prune(fit, [a.name for a in accepted[:-1]], say, settings)
+    kept = [a for a in accepted if a.name not in lost]
+    # Beside an effect since lost, the last one may have beaten candidates that do as well now
+    fit, now, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
+    return fit, now, lost, exchanged
 
 
 def _accepted(

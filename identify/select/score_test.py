@@ -188,21 +188,9 @@ def score_effect(
     fitted : `fitted_basis(fit.at)`
     seed : of the simulated null
     """
-    reason = unavailable(effect, fit.model)
-    if reason is None:
-        try:
-            pattern = effect_patterns(fit.model, fit.at, effect)
-        except InadmissibleError as error:
-            reason = str(error)
-        else:
-            if not np.isfinite(pattern.columns).all():
-                reason = "the model has no finite answer to it at this map"
-            elif len(pattern.shapes) == 0:
-                reason = (
-                    "the scan leaves no candidate of its shape that differs from another effect"
-                )
-    if reason is not None:
-        return unscored(effect, reason, len(fit.at.residual))
+    pattern = patterns_or_reason(fit.model, fit.at, effect)
+    if isinstance(pattern, str):
+        return unscored(effect, pattern, len(fit.at.residual))
     left, basis, visible = beyond(pattern, fitted, settings)
     sign = side(effect.bounded(fit.model.readings, fit.at.state))
     one_sided = sign != 0
@@ -252,6 +240,23 @@ def side(parameters: Sequence[EffectParameter]) -> float:
         return 0.0
     (only,) = amplitudes
     return 1.0 if only.null == only.lower else -1.0 if only.null == only.upper else 0.0
+
+
+def patterns_or_reason(
+    model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
+) -> EffectPattern | str:
+    """Return `effect_patterns`, or the reason why an effect cannot be tested beside a model."""
+    if (reason := unavailable(effect, model)) is not None:
+        return reason
+    try:
+        pattern = effect_patterns(model, at, effect, most)
+    except InadmissibleError as error:
+        return str(error)
+    if not np.isfinite(pattern.columns).all():
+        return "the model has no finite answer to it at this map"
+    if not pattern.shapes:
+        return "the scan leaves no candidate of its shape that differs from another effect"
+    return pattern
 
 
 def unavailable(effect: Effect, model: MeasurementModel) -> str | None:

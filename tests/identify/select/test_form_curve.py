@@ -8,7 +8,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.select.form_average import posterior_covariance
 from identify.select.form_curve import form_curves
 from tests.identify.select.loop_problem import TRUE, model
-from tests.identify.select.test_forward_selection import planted
+from tests.identify.select.test_forward_selection import creeping, planted
 
 
 def fitted(change, name, **start):
@@ -34,20 +34,7 @@ def test_the_course_of_a_drift_is_a_line_with_a_band_that_opens():
 
 
 def test_creep_is_drawn_within_the_press_to_which_it_adds_most():
-    def creep(d, f, t, phase, press):
-        """Kelvin-Voigt element in steps of a millisecond."""
-        out = np.empty_like(d)
-        for j in range(25):
-            own = press == j
-            fine = np.arange(t[own][0] - 0.125, t[own][-1] + 1e-3, 1e-3)
-            u = np.interp(fine, np.r_[t[own][0] - 0.125, t[own]], np.r_[0.0, d[own]])
-            z = np.zeros_like(u)
-            for i in range(1, len(u)):
-                z[i] = z[i - 1] + (u[i] - z[i - 1]) * 1e-3 / 0.7
-            out[own] = d[own] + 0.1 * np.interp(t[own], fine, z)
-        return out, f
-
-    fit = fitted(creep, "viscoelasticity", g=0.05, tau_s=1.0)
+    fit = fitted(creeping(0.1, 0.7), "viscoelasticity", g=0.05, tau_s=1.0)
     (curve,) = form_curves(fit)
     assert curve.unit == "1"
     assert len(curve.at) == 22

@@ -41,6 +41,24 @@ def planted(seed: int, change) -> Scan:
     return scan(displacement, read, seed)
 
 
+def creeping(g: float, tau_s: float):
+    """A change by a Kelvin-Voigt element in steps of a millisecond."""
+
+    def change(d, f, t, phase, press):
+        out = np.empty_like(d)
+        for j in range(25):
+            own = press == j
+            fine = np.arange(t[own][0] - 0.125, t[own][-1] + 1e-3, 1e-3)
+            u = np.interp(fine, np.r_[t[own][0] - 0.125, t[own]], np.r_[0.0, d[own]])
+            z = np.zeros_like(u)
+            for i in range(1, len(u)):
+                z[i] = z[i - 1] + (u[i] - z[i - 1]) * 1e-3 / tau_s
+            out[own] = d[own] + g * np.interp(t[own], fine, z)
+        return out, f
+
+    return change
+
+
 def test_nothing_is_missing_from_a_linear_body():
     table = planted(3, lambda d, f, t, phase, press: (d, f))
     found = forward_selection(model(table), TRUE, table, QUICK)
@@ -65,20 +83,7 @@ def test_an_offset_is_found_and_the_map_recovers():
 
 
 def test_creep_is_found_with_its_time():
-    def creep(d, f, t, phase, press):
-        """Kelvin-Voigt element in steps of a millisecond."""
-        g, tau, out = 0.1, 0.8, np.empty_like(d)
-        for j in range(25):
-            own = press == j
-            fine = np.arange(t[own][0] - 0.125, t[own][-1] + 1e-3, 1e-3)
-            u = np.interp(fine, np.r_[t[own][0] - 0.125, t[own]], np.r_[0.0, d[own]])
-            z = np.zeros_like(u)
-            for i in range(1, len(u)):
-                z[i] = z[i - 1] + (u[i] - z[i - 1]) * 1e-3 / tau
-            out[own] = d[own] + g * np.interp(t[own], fine, z)
-        return out, f
-
-    table = planted(5, creep)
+    table = planted(5, creeping(0.1, 0.8))
     found = forward_selection(model(table), TRUE, table, QUICK)
     assert (found.verdict, found.added) == ("explained", ("viscoelasticity",))
     own = found.final.fit

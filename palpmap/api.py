@@ -41,6 +41,7 @@ from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.open_study import catalogue_with
 from palpmap.study.other_scan import placed_on_body_of
+from palpmap.study.press_plan import plan_presses, reachable
 from palpmap.study.study import Noise
 from palpmap.study.truth_file import Truth
 
@@ -237,24 +238,14 @@ def scan(
     if program is not None and (presses is not None or tips is not None):
         raise InputError("a program has its own places and radii: leave out presses and tips")
     carried = read_tips(tips) if tips else ()
-    if presses is not None:
-        widest = max((tip.radius_m for tip in carried), default=None)
-        plan = virtual_lab.cover_plan_of(
-            study, virtual_lab.DEFAULT_FORCE_N, presses, seed=seed, radius_m=widest
-        )
-    elif program is None:
-        plan = virtual_lab.grid_plan_of(
-            study, virtual_lab.DEFAULT_FORCE_N, virtual_lab.PRESSES_PER_SIDE
-        )
-    else:
-        known = program if isinstance(program, PressProgram) else read_program(program, seed)
-        plan = virtual_lab.program_plan_of(study, known)
+    if program is not None and not isinstance(program, PressProgram):
+        program = read_program(program, seed)
+    plan = plan_presses(study, program=program, presses=presses, tips=carried, seed=seed)
     truth = None
     if map is not None:
         truth = virtual_lab.truth_of(map, np.zeros(3))
     settings = replace(arm or ScanSettings(), seed=seed)
-    plan = plan.with_tips(carried) if carried else plan
-    plan, motion, _ = virtual_lab.reachable(plan, settings, skip_unreachable)
+    plan, motion, _ = reachable(plan, settings, skip_unreachable)
     laboratory = virtual_lab.build_laboratory(
         study, plan, settings, plant, truth and Truth(truth), motion
     )

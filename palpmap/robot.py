@@ -17,6 +17,7 @@ from identify.map import GaussianMap
 from models import InputError, Scan, stack_scans
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
+from palpmap.study.press_plan import plan_at, surface_of
 from palpmap.study.study import Probe, Study
 from palpmap.study.truth_file import Truth
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from sim.robot import Mechanism
     from sim.scan import PathResult, PressOutcome, ScanRun, Series
 
+OFF_SURFACE_M = 1e-3
 SETTLED = 0.5  # part of a hold, or of a sweep, after which its force has to be kept
 
 
@@ -98,7 +100,7 @@ class Robot:
         self.study: Study = known.model_copy(update=update)
         self.settings = replace(arm or ScanSettings(), seed=seed)
         self._origin = np.array(self.study.body.origin_m)
-        surface = virtual_lab.surface_of(self.study)
+        surface = surface_of(self.study)
         self._truth = Truth(
             virtual_lab.default_truth(surface, seed)
             if map is None
@@ -106,7 +108,7 @@ class Robot:
         )
         self._surface = surface
         middle = surface.top((surface.lowest_m + surface.extent_m / 2)[None, :2])
-        plan = virtual_lab.plan_at(self.study, middle, -surface.footing(middle, 1e-3).normals, 0.3)
+        plan = plan_at(self.study, middle, -surface.footing(middle, 1e-3).normals, 0.3)
         self._session = Session(self.settings, plan, Mechanisms(tuple(mechanisms)))
         self._runs: list[ScanRun] = []
 
@@ -239,7 +241,7 @@ class Robot:
         points = np.atleast_2d(np.asarray(points_m, float)) - self._origin
         footing = self._surface.footing(points, self.study.probe.radius_m)
         away = np.linalg.norm(footing.points_m - points, axis=1)
-        if away.max() > virtual_lab.OFF_SURFACE_M:
+        if away.max() > OFF_SURFACE_M:
             j = int(away.argmax())
             raise InputError(
                 f"point {j} at {np.round(1e3 * (points[j] + self._origin), 2).tolist()} mm is "
@@ -248,7 +250,7 @@ class Robot:
         along = -footing.normals if directions is None else np.asarray(directions, float)
         along = np.broadcast_to(along, points.shape)
         forces = np.broadcast_to(np.asarray(force_n, float), len(points))
-        plan = virtual_lab.plan_at(self.study, footing.points_m, along, float(forces.max()))
+        plan = plan_at(self.study, footing.points_m, along, float(forces.max()))
         return replace(plan, forces_n=forces.copy())
 
 

@@ -22,12 +22,8 @@ from palpmap.result.truth import matched
 from palpmap.results import FitResult
 from palpmap.run_files.fit_run import finish_fit, record_step, with_making
 from palpmap.run_folder import RunFolder
-from palpmap.study.virtual_lab import (
-    DEFAULT_FORCE_N,
-    PRESSES_PER_SIDE,
-    default_study,
-    grid_plan_of,
-)
+from palpmap.study.press_plan import DEFAULT_FORCE_N, plan_presses
+from palpmap.study.virtual_lab import default_study
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -60,7 +56,7 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         stage = _Stages(progress)
         with stage("solving the body"):
             known = default_study()
-            plan = grid_plan_of(known, force_n, PRESSES_PER_SIDE)
+            plan = plan_presses(known, force_n)
             laboratory, study = planned_laboratory(
                 run.path, known, plan, scan_settings(seed, paper_force)
             )

@@ -21,22 +21,22 @@ from palpmap.result.truth import TruthRecord
 from palpmap.run_files import samples as all_samples
 from palpmap.run_folder import RunFolder
 from palpmap.study.lab import Lab, read_lab
+from palpmap.study.press_plan import (
+    DEFAULT_FORCE_N,
+    PRESSES_PER_SIDE,
+    kind_of,
+    plan_presses,
+    reachable,
+    tip_notes,
+)
 from palpmap.study.study import Study, load_study, write_study
 from palpmap.study.truth_file import Truth, read_truth
 from palpmap.study.virtual_lab import (
-    DEFAULT_FORCE_N,
-    PRESSES_PER_SIDE,
     Laboratory,
     build_laboratory,
-    cover_plan_of,
     default_study,
     default_truth,
-    grid_plan_of,
-    kind_of,
     known_of,
-    program_plan_of,
-    reachable,
-    tip_notes,
     truth_of,
     with_touch_error,
 )
@@ -103,7 +103,7 @@ def run_scan_command(
     arm, truth = arm or place.arm, truth or place.truth
     plant = plant or [planted(text) for text in place.plant]
     force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
-    plan, settings = _plan_presses(known, program, force_n, presses, presses_per_side, tips, seed)
+    plan, settings = _planned(known, program, force_n, presses, presses_per_side, tips, seed)
     if plant:
         settings["plant"] = [list(one) for one in plant]
     if truth:
@@ -142,7 +142,7 @@ def run_scan_command(
     return record.kept
 
 
-def _plan_presses(
+def _planned(
     study: Study,
     program: Path | None,
     force_n: float,
@@ -156,20 +156,20 @@ def _plan_presses(
     from sim.motion import read_tips
 
     carried = read_tips(tips, kind_of(study)) if tips else ()
-    settings: dict[str, JsonValue] = {} if program else {"force_n": force_n}
-    if program is not None:
-        plan = program_plan_of(study, read_program(program, seed))
-    elif presses is not None:
-        widest = max((tip.radius_m for tip in carried), default=None)
-        plan = cover_plan_of(study, force_n, presses, seed=seed, radius_m=widest)
-        settings |= {"presses": presses}
-    else:
-        per_side = presses_per_side or PRESSES_PER_SIDE
-        plan = grid_plan_of(study, force_n, per_side)
-        settings |= {"presses_per_side": per_side}
+    per_side = presses_per_side or PRESSES_PER_SIDE
+    places = {"presses_per_side": per_side} if presses is None else {"presses": presses}
+    settings: dict[str, JsonValue] = {} if program else {"force_n": force_n, **places}
     if carried:
-        plan = plan.with_tips(carried)
-        settings |= {"tips": [str(tip) for tip in carried]}
+        settings["tips"] = [str(tip) for tip in carried]
+    plan = plan_presses(
+        study,
+        force_n,
+        program=read_program(program, seed) if program else None,
+        presses=presses,
+        per_side=per_side,
+        tips=carried,
+        seed=seed,
+    )
     return plan, settings
 
 

@@ -1,6 +1,6 @@
 """Motion of the arm: planner, clearance, paths, scripted motions; the surface it moves over."""
 
-from sim.motion.body_surface import STEEPEST_DEG, BodySurface
+from sim.motion.body_surface import BodySurface
 from sim.motion.planned_motion import Motion, Refusal
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
@@ -9,7 +9,6 @@ from sim.motion.settings import ScanSettings
 from sim.motion.tip import Tip, read_tips
 
 __all__ = [
-    "STEEPEST_DEG",
     "BodySurface",
     "Motion",
     "Refusal",

@@ -20,7 +20,8 @@ from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters
 from palpmap.recording.maps import map_views
 from palpmap.result.truth import read_truth
-from palpmap.study.virtual_lab import default_study, grid_plan_of
+from palpmap.study.press_plan import grid_plan_of
+from palpmap.study.virtual_lab import default_study
 from sim.body.soft_body import SoftBody
 from sim.body.true_body import HiddenBody
 from sim.motion.scan_plan import program_plan

@@ -22,8 +22,9 @@ from palpmap.blind.trial import Trial, make_trial
 from palpmap.result.next_scan import write_planned, write_presses
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
+from palpmap.study.press_plan import program_plan_of
 from palpmap.study.study import load_study, write_study
-from palpmap.study.virtual_lab import default_study, program_plan_of
+from palpmap.study.virtual_lab import default_study
 from tests.palpmap.cli.test_loop import palpmap, sentence_of
 from tests.palpmap.pipeline.test_blind import result
 from tests.palpmap.report.loop_study import put, shifted

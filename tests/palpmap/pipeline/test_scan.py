@@ -12,7 +12,8 @@ from palpmap.report.scan_console import scan_table
 from palpmap.result.press_outcomes import PressesRecord
 from palpmap.result.scan_record import ScanRecord
 from palpmap.run_folder import sha256
-from palpmap.study.virtual_lab import default_study, grid_plan_of
+from palpmap.study.press_plan import grid_plan_of
+from palpmap.study.virtual_lab import default_study
 from sim.body import HiddenBody
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")

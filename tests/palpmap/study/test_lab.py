@@ -4,7 +4,8 @@ import pytest
 
 from models.errors import InputError
 from palpmap.study.lab import read_lab
-from palpmap.study.virtual_lab import default_study, grid_plan_of
+from palpmap.study.press_plan import grid_plan_of
+from palpmap.study.virtual_lab import default_study
 from sim.motion.settings import ScanSettings
 
 WHOLE = """arm = "xarm7"

@@ -18,7 +18,7 @@ import numpy as np
 from sim.motion import ScanPlan, ScanSettings
 from sim.planted.faults import FAULTS, fault
 from sim.robot.mechanism import Mechanisms
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 
 SHORT = {"ramp_s": 0.5, "hold_s": 0.6, "unload_s": 0.5, "pause_s": (0.1, 0.1)}
 

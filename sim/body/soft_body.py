@@ -10,7 +10,7 @@ exchange, not a law fitted to it. The tip's travel on a block is that of two mes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -111,15 +111,10 @@ class SoftBody:
             punch[grows == kind] = found.compliance
         self._punch = punch[self._first]
         bend = np.zeros(count) if bend_per_m is None else bend_per_m
-        self.curves = [LawCurve.line(c) for c in punch[self._first]]
-        for j, tip in enumerate(each):
-            own = owner == j
-            if tip.grows:
-                self.curves[j] = growing_contact(tip, radii[j], punch[own], plane[j], bend[j])
-            elif tip.kind == "ring":
-                near = 1 / (2 * plane[j] * tip.radius_m)
-                more = (ring_share(round(tip.inner_share, 3)) - 1) * near
-                self.curves[j] = LawCurve.line(punch[self._first[j]] + more)
+        self.curves = [
+            _law_curve(tip, radii[j], punch[owner == j], plane[j], bend[j])
+            for j, tip in enumerate(each)
+        ]
         if law is not None:
             self._stiffen(law, modulus, contacts, meshes[0], poisson_ratio, support, force, each)
         self.compliance_m_per_n = np.array(
@@ -132,28 +127,7 @@ class SoftBody:
         self._press, self._time_s, self._last = -1, 0.0, 0.0
         self._lag = np.zeros(len(creep.shares) if creep else 0)
         self._history: list[tuple[float, float]] = []
-        mesh = meshes[-1]
-        self.nodes, self.cells = len(mesh.nodes), len(mesh.cells)
-        free = np.vstack([mesh.surface(s) for s in ("top", "sides") if s in mesh.surfaces])
-        block = len(meshes) == 2
-        self._surface, local = np.unique(
-            _split(free) if block else free[:, :3], return_inverse=True
-        )
-        self.surface_triangles = local.reshape(-1, 3)
-        self.surface_nodes_m = mesh.nodes[self._surface]
-        fields = {
-            kind: found.fine if isinstance(found, RefinedResponse) else found
-            for kind, found in solved.items()
-        }
-        first, surface = self._first, self._surface
-
-        @lru_cache(maxsize=4)  # not of a method: the body would keep itself, 0.7 GB, alive
-        def unit_displacement(press: int) -> np.ndarray:
-            row, kind = first[press], bool(grows[first[press]])
-            number = int(np.count_nonzero(grows[:row] == kind))
-            return fields[kind].displacement(number)[surface]
-
-        self._unit_displacement = unit_displacement
+        self._keep_surface(meshes, solved, grows)
 
     def displacement(self, press: int, force_n: float) -> float:
         """Depth of the tip at a press under a force, m, with the creep up to now."""
@@ -204,6 +178,33 @@ class SoftBody:
         depth = self.curves[press].at(force_n)[0]
         return self._unit_displacement(press) * depth / self._punch[press]
 
+    def _keep_surface(
+        self,
+        meshes: Sequence[Mesh],
+        solved: Mapping[bool, Response | RefinedResponse],
+        grows: np.ndarray,
+    ) -> None:
+        """Keep the free surface of the finest mesh, and how it moves under 1 N at each press."""
+        mesh = meshes[-1]
+        free = np.vstack([mesh.surface(s) for s in ("top", "sides") if s in mesh.surfaces])
+        block = len(meshes) == 2
+        surface, local = np.unique(_split(free) if block else free[:, :3], return_inverse=True)
+        self.surface_triangles = local.reshape(-1, 3)
+        self.surface_nodes_m = mesh.nodes[surface]
+        fields = {
+            kind: found.fine if isinstance(found, RefinedResponse) else found
+            for kind, found in solved.items()
+        }
+        first = self._first  # not `self`: the cache below would keep the body, 0.7 GB, alive
+
+        @lru_cache(maxsize=4)
+        def unit_displacement(press: int) -> np.ndarray:
+            row, kind = first[press], bool(grows[first[press]])
+            number = int(np.count_nonzero(grows[:row] == kind))
+            return fields[kind].displacement(number)[surface]
+
+        self._unit_displacement = unit_displacement
+
     def _stiffen(
         self,
         law: HyperelasticLaw,
@@ -233,6 +234,19 @@ class SoftBody:
                 np.r_[0.0, found.readings_m[j]],
                 np.r_[compliance[j], found.tangent_compliance[j]],
             )
+
+
+def _law_curve(
+    tip: Tip, radii_m: np.ndarray, compliance: np.ndarray, plane_modulus: float, bend_per_m: float
+) -> LawCurve:
+    """Return the law of a press by the compliances of flat punches of the tip's radii."""
+    if tip.grows:
+        return growing_contact(tip, radii_m, compliance, plane_modulus, bend_per_m)
+    more = 0.0
+    if tip.kind == "ring":
+        near = 1 / (2 * plane_modulus * tip.radius_m)
+        more = (ring_share(round(tip.inner_share, 3)) - 1) * near
+    return LawCurve.line(compliance[0] + more)
 
 
 def _solved(

@@ -5,8 +5,8 @@ from sim.scan.path_log import PathResult
 from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
 from sim.scan.result import PHASES as SERIES_PHASES
 from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
-from sim.scan.scan_program import run_scan
 from sim.scan.session import Session
+from sim.scan.whole_scan import run_scan
 
 __all__ = [
     "SERIES_PHASES",

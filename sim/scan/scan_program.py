@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
 
-from models import InputError
-from sim.motion.depth_check import refuse_too_deep
 from sim.motion.planned_motion import Motion, PlannedPress
 from sim.motion.planner import plan_motion
 from sim.motion.press_path import sideways_yield
@@ -23,8 +20,9 @@ from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Live, Mechanisms
 from sim.robot.simulated_arm import SimulatedArm
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
-from sim.scan.press_log import PressLog, press_result
-from sim.scan.result import PHASES, Frame, PressResult, ScanRun
+from sim.scan.press_log import PressLog, PressRecorder
+from sim.scan.press_result import press_result
+from sim.scan.result import PHASES, Frame, PressResult
 from sim.scan.watchdog import BRAKING_M_PER_S2, Watchdog, limits_of
 
 TRANSIT, APPROACH, TOUCH, LOAD, HOLD, UNLOAD, RETRACT = range(len(PHASES))
@@ -50,79 +48,8 @@ LONGEST_REST_S, AT_REST_RAD = 3.0, 1e-3
 """After a fault the arm stands until it is where it should be, to this in rad and rad/s."""
 
 
-def run_scan(
-    plan: ScanPlan,
-    soft_body: PressedBody,
-    settings: ScanSettings | None = None,
-    on_frame: Callable[[Frame], None] | None = None,
-    on_press: Callable[[PressResult], None] | None = None,
-    on_outcome: Callable[[PressOutcome], None] | None = None,
-    mechanisms: Mechanisms | None = None,
-    motion: Motion | None = None,
-) -> ScanRun:
-    """Plan and make all presses of a scan; a press that fails does not end it.
-
-    Parameters
-    ----------
-    plan : where, in which direction and how hard to press
-    soft_body : answers the contact forces; its press j is the plan's press j
-    settings : times, speeds, noise, sampling, and what follows a fault
-    on_frame : called at `settings.frames_per_s` of simulated time
-    on_press : called after each press with its result. A scan that is broken off (also by
-        KeyboardInterrupt, which is passed on) has delivered all presses finished so far.
-    on_outcome : called for every planned press with what became of it
-    mechanisms : that act in the loop, unknown to the robot
-    motion : of the plan, where it is known already
-
-    Raises
-    ------
-    InputError
-        Before the arm moves: a press that cannot be made, or would go too deep (see
-        `sim.motion.planner`). At the end: no press was made at all.
-    """
-    settings = settings or ScanSettings()
-    started = time.perf_counter()
-    program = Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms(), motion)
-    return make_presses(program, on_press, on_outcome, started)
-
-
-def make_presses(
-    program: Program,
-    on_press: Callable[[PressResult], None] | None,
-    on_outcome: Callable[[PressOutcome], None] | None,
-    started: float,
-) -> ScanRun:
-    """Make all presses of a program; `started` is when the computation began."""
-    plan, settings = program.plan, program.settings
-    results, outcomes = [], []
-    for number, planned in enumerate(program.presses):
-        outcome, result = program.press(number, planned)
-        outcomes.append(outcome)
-        if result:
-            results.append(result)
-            if on_press:
-                on_press(result)
-        if on_outcome:
-            on_outcome(outcome)
-        if not outcome.delivered and settings.on_fault == "stop":
-            break
-    for number in range(len(outcomes), len(plan)):
-        why = f"the scan was stopped after press {len(outcomes) - 1}"
-        left = PressOutcome(number, "skipped", plan.force_of(number), reason=why)
-        outcomes.append(left)
-        if on_outcome:
-            on_outcome(left)
-    return ScanRun(
-        tuple(results),
-        program.time_s,
-        time.perf_counter() - started,
-        program.rig.peak_torque,
-        tuple(outcomes),
-    )
-
-
 class Program:
-    """State of a running scan; with `after` it goes on where an earlier one ended."""
+    """State of a running scan."""
 
     def __init__(
         self,
@@ -132,12 +59,8 @@ class Program:
         on_frame: Callable[[Frame], None] | None,
         mechanisms: Mechanisms,
         motion: Motion | None = None,
-        after: Program | None = None,
-        check: bool = True,
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
-        if check:
-            self._refuse(plan, body, settings)
         laboratory = plan_scene(plan, settings)
         motion = motion or plan_motion(plan, laboratory, settings)
         self.presses = motion.require_all()
@@ -163,50 +86,7 @@ class Program:
         self.posture = laboratory.home
         self.wanted, self.phase = 0.0, TRANSIT
         self.joints = len(laboratory.home)
-        if after is not None:
-            self._go_on(after)
-        self._rows, self._used = np.empty((8192, 10 + 2 * self.joints)), 0
-
-    def _refuse(self, plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
-        """Refuse forces below the touch, and presses that would go too deep."""
-        weakest = min(plan.force_of(press) for press in range(len(plan)))
-        if settings.touch_force_n > 0.5 * weakest:
-            raise InputError(
-                f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
-                f"force of {weakest:g} N; press harder or lower touch_force_n."
-            )
-        refuse_too_deep(plan, body, settings)
-
-    def step(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Move freely for one time step towards a configuration and its rate."""
-        self._step(TRANSIT, q, v)
-        self.posture = q
-
-    def arrive(self, planned: PlannedPress) -> None:
-        """Go to a planned press and touch."""
-        self.number, self.planned, self._used, self.wanted = 0, planned, 0, 0.0
-        self._transit(planned.waypoints)
-        self._tare(TARE_S)
-        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
-        self.contact.start(0, planned.point_m, planned.direction, self.plan.force_of(0))
-        self.control.rest(-self.settings.lift_m)
-        self._touch()
-
-    def slide(self, q: np.ndarray, v: np.ndarray, wanted_n: float, rate_n_per_s: float) -> None:
-        """Make one step in contact, and follow a wanted force."""
-        self.control.press(wanted_n, rate_n_per_s, learn=False)
-        self._step(HOLD, q - self.control.force_n * self.sideways, v)
-        self.posture = q
-        self.control.feel(self.rig.wrist_n[2])
-        self.contact.follow(self.rig.contact_n, self.time_s)
-
-    def _go_on(self, after: Program) -> None:
-        """Take over arm, clock, stiffness and noise of an earlier program."""
-        self.rig, self.control, self.encoder_rng = after.rig, after.control, after.encoder_rng
-        self.steps, self.posture = after.steps, after.posture
-        self.rig.live = self.live
-        self.watchdog = Watchdog(self.rig, self.settings)
-        self.contact = MatchedContact(self.rig.laboratory, self.rig.data, self.body)
+        self.recorder = PressRecorder(self.joints)
 
     @property
     def time_s(self) -> float:
@@ -254,13 +134,14 @@ class Program:
     @property
     def _peak_n(self) -> float:
         """Largest true force of the last attempt."""
-        return float(np.nanmax(self._rows[: self._used, 3], initial=0.0))
+        return float(np.nanmax(self.recorder["true_force_n"], initial=0.0))
 
     def _attempt(self, number: int, planned: PlannedPress, again: bool) -> None:
         self.number, self.planned = number, planned
         settings, control, force = self.settings, self.control, self.plan.force_of(number)
         ramp_s, hold_s, unload_s, pause_s = self._times(number)
-        self._used, self.wanted = 0, 0.0
+        self.wanted = 0.0
+        self.recorder.begin()
         self._renew_live(number, planned)
         self.mechanisms.begin(number, self.time_s)
         if self.rig.unstable:
@@ -282,7 +163,7 @@ class Program:
             self._tick(RETRACT, touched=True)
         self.contact.release()
         self.watchdog.check_forces()
-        free = self._rows[self._used - round(FREE_S / self.dt) : self._used, 6]
+        free = self.recorder["wrist_n"][-round(FREE_S / self.dt) :, 2]
         self.zero_after_n = self.watchdog.zero_moved(free - self.zero_n, force)
 
     def _renew_live(self, number: int, planned: PlannedPress) -> None:
@@ -303,24 +184,17 @@ class Program:
 
     def _reduced(self, number: int, planned: PlannedPress, again: bool) -> PressResult:
         """Return the result of the press just made."""
-        rows, n = self._rows[: self._used].copy(), self.joints
-        clock = np.array([self.mechanisms.clock(t) for t in rows[:, 0]])
+        columns = self.recorder.columns()
+        true_s, clock = columns["time_s"], self.mechanisms.clock
         log = PressLog(
-            number,
-            self.contact.calls,
-            rows[:, 0],
-            clock if self.mechanisms.has_clock else rows[:, 0],
-            rows[:, 1].astype(np.int8),
-            rows[:, 2],
-            rows[:, 3],
-            rows[:, 4:7],
-            rows[:, 7:10],
-            rows[:, 10 : 10 + n],
-            rows[:, 10 + n :],
-            self.touch_depth_m,
-            float(self.rig.tare_n[2]),
-            self.zero_after_n,
-            "retried" if again else "made",
+            press=number,
+            fem_calls=self.contact.calls,
+            clock_s=np.array([clock(t) for t in true_s]) if self.mechanisms.has_clock else true_s,
+            touch_depth_m=self.touch_depth_m,
+            tare_n=float(self.rig.tare_n[2]),
+            zero_after_n=self.zero_after_n,
+            outcome="retried" if again else "made",
+            **columns,
         )
         return press_result(
             log,
@@ -451,19 +325,11 @@ class Program:
         self.contact.follow(self.rig.contact_n, self.time_s)
 
     def _step(self, phase: int, q: np.ndarray, v: np.ndarray, a: np.ndarray | float = 0.0) -> None:
-        rig, n = self.rig, self.joints
+        rig = self.rig
         self.phase = phase
         self.live.touched = TOUCH <= phase <= UNLOAD
         rig.step(q, v, a)
-        if self._used == len(self._rows):
-            self._rows = np.vstack([self._rows, np.empty_like(self._rows)])
-        row = self._rows[self._used]
-        row[:4] = (self.steps * self.dt, phase, self.wanted, rig.contact_n)
-        row[4:7] = rig.wrist_n
-        row[7:10] = rig.tip_m
-        row[10 : 10 + n] = rig.q_seen
-        row[10 + n :] = rig.q_read
-        self._used += 1
+        self.recorder.add(self.steps * self.dt, phase, self.wanted, rig)
         if self.on_frame and self.steps % self.every == 0:
             self.on_frame(self._frame(PHASES[phase]))
         self.steps += 1

@@ -22,10 +22,12 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
+from sim.scan.continued_program import ContinuedProgram
 from sim.scan.outcome import PressOutcome
 from sim.scan.path_log import PathLog, PathResult
 from sim.scan.result import ScanRun
-from sim.scan.scan_program import DWELL_S, Program, make_presses
+from sim.scan.scan_program import DWELL_S
+from sim.scan.whole_scan import make_presses, refuse_presses
 
 STEP_M = 0.002  # of a path, between two solutions of the inverse kinematics
 STEEPEST_TURN = 0.5  # part of the joints' speed limits that a path may use
@@ -67,7 +69,7 @@ class Session:
         self.laboratory = plan_scene(plan, settings)
         self._kinematics = TipKinematics(self.laboratory.arm)
         self._clearance = Clearance(self.laboratory, plan.body, plan.body_in_world)
-        self._program: Program | None = None
+        self._program: ContinuedProgram | None = None
 
     @property
     def time_s(self) -> float:
@@ -95,10 +97,9 @@ class Session:
         self._program = self._next(plan, body, motion)
         return make_presses(self._program, None, on_outcome, started)
 
-    def _next(self, plan: ScanPlan, body: PressedBody, motion: Motion) -> Program:
-        return Program(
-            plan, body, self.settings, None, self._mechanisms, motion, after=self._program
-        )
+    def _next(self, plan: ScanPlan, body: PressedBody, motion: Motion) -> ContinuedProgram:
+        refuse_presses(plan, body, self.settings)
+        return ContinuedProgram(plan, body, self.settings, self._mechanisms, motion, self._program)
 
     def follow(self, points_m: np.ndarray, axes: np.ndarray, speed_m_per_s: float) -> PathResult:
         """Move the tip through poses in straight lines; the body does not resist, the table does.
@@ -211,7 +212,7 @@ class Session:
             tips=(known.tip_of(0),),
         )
 
-    def _lift_off(self, program: Program, q: np.ndarray) -> None:
+    def _lift_off(self, program: ContinuedProgram, q: np.ndarray) -> None:
         """Take the tip off the body along its axis."""
         tip, turn = self._kinematics.pose(q)
         program.contact.release()
@@ -220,7 +221,9 @@ class Session:
             program.step(q + (3 * s**2 - 2 * s**3) * (back.q - q), np.zeros_like(q))
         program.control.rest(-self.settings.lift_m)
 
-    def _back(self, program: Program, spline: CubicSpline, when: float, log: PathLog) -> None:
+    def _back(
+        self, program: ContinuedProgram, spline: CubicSpline, when: float, log: PathLog
+    ) -> None:
         """Go back along a path until nothing is touched, at most 1 s of it."""
         for i in range(round(1.0 / program.dt)):
             at = max(when - i * program.dt, 0.0)
@@ -228,16 +231,16 @@ class Session:
             if log.add(0.0) < self.settings.touch_force_n / 2 and i * program.dt > DWELL_S:
                 break
 
-    def _idle(self) -> Program:
+    def _idle(self) -> ContinuedProgram:
         """Return the program in which the arm moves; without presses if there was none yet."""
         if self._program is None:
             nothing = SweptBody(np.array([0.0, 1.0]), np.ones(2))
-            self._program = Program(
-                self._plan, nothing, self.settings, None, self._mechanisms, Motion(()), check=False
+            self._program = ContinuedProgram(
+                self._plan, nothing, self.settings, self._mechanisms, Motion(()), None
             )
         return self._program
 
-    def _log(self, program: Program) -> PathLog:
+    def _log(self, program: ContinuedProgram) -> PathLog:
         return PathLog(program, self._clearance, self._plan.body_in_world)
 
     def _world(self, points: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from sim.motion.settings import ScanSettings
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
 from sim.robot.pinocchio_model import pinocchio_model
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 from tests.sim.springs import Spring
 
 TOLERANCE = 1e-9

@@ -15,7 +15,7 @@ from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
 from sim.robot.force_control import rounded_line
 from sim.robot.laboratory import build_laboratory
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 
 SIZE = (0.096, 0.096, 0.048)
 POINTS = np.array([[0.030, 0.041, 0.048], [0.052, 0.060, 0.048]])

@@ -18,7 +18,7 @@ from sim.planted.mechanisms import FIELDS
 from sim.robot.mechanism import Mechanisms
 from sim.scan.plant_on_robot import mechanisms_of
 from sim.scan.result import PHASES
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 
 COARSE = (5, 5, 3)
 SIZE = (0.096, 0.096, 0.048)

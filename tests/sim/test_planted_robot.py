@@ -27,7 +27,7 @@ from sim.body.true_body import HiddenBody
 from sim.motion.scan_plan import program_plan
 from sim.motion.settings import ScanSettings
 from sim.scan.plant_on_robot import plant_on_robot, program_of
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 
 SIZE = (0.096, 0.096, 0.048)
 HEADER = "x_m,y_m,radius_m,force_n,ramp_s,hold_s"

@@ -11,7 +11,7 @@ from models.scan_file import read_scan, write_scan
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.mechanism import Mechanism, Mechanisms
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 from tests.sim.springs import Spring
 
 POINTS = np.array([[0.030, 0.041, 0.048], [0.040, 0.041, 0.048], [0.052, 0.050, 0.048]])

@@ -14,7 +14,7 @@ from sim.body.true_map import TruthMap
 from sim.motion.scan_plan import ScanPlan, grid_plan
 from sim.motion.settings import ScanSettings
 from sim.robot.laboratory import Placement, build_laboratory
-from sim.scan.scan_program import run_scan
+from sim.scan.whole_scan import run_scan
 
 SIZE = (0.096, 0.096, 0.048)
 PRESSES = 41

@@ -28,7 +28,7 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
 from models import InputError
 
-Answer = Literal["another_map", "either", "rough_map", "no_map"]
+Answer = Literal["another_map", "either", "rough_map", "no_map", "undecided"]
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,10 @@ class OtherMap:
         `either`: it leaves noise, but has less evidence: an effect that the catalogue lacks, or
         that acts on compliances, may be imitated. `rough_map`: it leaves noise only with an error
         of its own in each press (`map_error`), so that places, tips or contacts may differ from
-        press to press. `no_map`: structure remains, so that its cause is none of stiffness
-    chi2_per_dof : of the free map, or of the presses with a compliance each where those suffice to
-        exclude every map
+        press to press. `no_map`: structure remains, so that its cause is none of stiffness.
+        `undecided`: the presses alone leave a map possible, and no free map was found
+    chi2_per_dof : of the free map, or of the presses with a compliance each where no free map was
+        needed or found
     left : share of the unexplained chi-square that remains
     map_error : relative error of the free map in each press's compliance; 0 where none is needed
     more_evidence : logarithm of the free map's evidence less that of the inclusions; None where no
@@ -77,7 +78,7 @@ def other_map(
     Returns
     -------
     OtherMap or None
-        None where the question does not arise, or no free map was found.
+        None where the question does not arise.
     """
     last = explained.final.fit
     if explained.verdict != "unexplained" or last.field is not None:
@@ -101,8 +102,10 @@ def other_map(
         free = replace(open_free(), effects=tuple(effects))
         fit = fit_free_map(free)
     except (InputError, InadmissibleError):
-        return None
-    return _answer(fit, last, free, excess, settings) if fit.success else None
+        fit = None
+    if fit is None or not fit.success:
+        return OtherMap("undecided", alone.chi2_per_dof, max(left, 0.0), effects=alone.names)
+    return _answer(fit, last, free, excess, settings)
 
 
 def _alone(

@@ -156,8 +156,8 @@ class FreeMapFit:
                 break
             moved = np.clip(posterior.moved(), -s.longest_move, s.longest_move)
             at = readings.s + moved
-            if number > s.evidence_rounds and step > 0.8 * last:
-                pace = max(s.slowed * pace, s.slowest)
+            if number > s.evidence_rounds:
+                pace = self._pace(pace, step / last)
             last = step
             after, share = self._stepped(point, posterior, pace)
             if share == 0:
@@ -169,6 +169,16 @@ class FreeMapFit:
         else:
             message = f"limit of {s.iterations} iterations reached"
         return self._result(point, readings, posterior, message, success)
+
+    def _pace(self, pace: float, ratio: float) -> float:
+        """Return the share of the next step; `ratio` is the length of this one over the last.
+
+        Where the readings are as linear as they seem, a share p leaves 1 - p of a step.
+        """
+        s = self.settings
+        if ratio > 1 - s.falls_short * pace:
+            return max(s.slowed * pace, s.slowest)
+        return min(pace / s.slowed, 1.0) if ratio < 1 - s.as_promised * pace else pace
 
     def _point(self, model: MeasurementModel, field: np.ndarray, u: np.ndarray) -> _Point:
         self.spent += 1

@@ -104,6 +104,11 @@ each press has a stiffness of its own. The missing cause is no stiffness.'
             f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
             "remains with a free map. The missing cause is more than stiffness."
         )
+    if other.answer == "undecided":
+        return (
+            "Whether a map of another form would do is not decided: the single presses do not "
+            "exclude it, but the search for a free map did not end."
+        )
     more = f"chi-square per degree of freedom {other.chi2_per_dof:.3g}"
     if other.more_evidence is not None:
         side = "above" if other.more_evidence > 0 else "below"

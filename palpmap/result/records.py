@@ -194,9 +194,9 @@ class WithoutSuspectsRecord(Record):
 class OtherMapRecord(Record):
     """Residual of an unexplained scan beside maps of any form."""
 
-    answer: Literal["another_map", "either", "rough_map", "no_map"] = Field(
+    answer: Literal["another_map", "either", "rough_map", "no_map", "undecided"] = Field(
         description="a map of another form leaves noise, with more evidence or with less; only one "
-        "with an error of its own in each press does; or none does"
+        "with an error of its own in each press does; none does; or none was found"
     )
     chi2_per_dof: float = Field(description="chi-square per degree of freedom with such a map")
     left: float = Field(description="share of the unexplained chi-square that remains")

@@ -39,7 +39,9 @@ class FreeMapSettings:
     longest_move : of ln C from where the readings are linear
     own_steps : Newton steps of each press's compliance beside the map
     slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the
-        least
+        least share of a step
+    falls_short, as_promised : shares of what a step promises to shorten the next one by, below and
+        above which the steps become shorter and longer
     longest_step : largest change of the map's logarithm in one
     shortest_step : share of a step below which none is tried
     worse : tolerated relative rise of the misfit in a step
@@ -76,6 +78,8 @@ class FreeMapSettings:
     own_steps: int = 2
     slowed: float = 0.6
     slowest: float = 0.2
+    falls_short: float = 0.2
+    as_promised: float = 0.8
     evidence_presses: int = 150
     lengths: int = 6
     length_tol: float = 0.1

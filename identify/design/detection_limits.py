@@ -21,6 +21,7 @@ from identify.design.pattern_at_size import at_its_size
 from identify.design.seen_pattern import SeenPattern, seen_patterns
 from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import BodyEffect, Effect
+from identify.effects.units import digits, percent
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
@@ -131,8 +132,8 @@ def _limit(
     if seen.most is not None:
         sizes *= seen.length / settings.sigmas
         reason = (
-            f"even the largest that is possible, {100 * seen.most:.2g} % of the signal, "
-            f"would be only {seen.length:.2g} standard errors in this scan"
+            f"even the largest that is possible, {percent(seen.most)} of the signal, "
+            f"would be only {digits(seen.length)} standard errors in this scan"
         )
     is_seen = np.isfinite(seen.share) and reason is None
     return Limit(

@@ -10,7 +10,7 @@ from identify.effects.base import (
     advice,
 )
 from identify.effects.readings import Readings
-from identify.effects.units import force, length, more, percent
+from identify.effects.units import digits, force, length, more, percent
 
 __all__ = [
     "COUNTED_FROM",
@@ -21,6 +21,7 @@ __all__ = [
     "Readings",
     "WorkedExample",
     "advice",
+    "digits",
     "force",
     "length",
     "more",

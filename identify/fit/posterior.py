@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from identify.effects.units import digits
 from identify.fit.settings import POSTERIOR, PosteriorSettings
 from identify.optimize.result import InadmissibleError
 from models import InputError, replaced
@@ -58,8 +59,8 @@ def refuse_samples(fit: FitResult) -> None:
         )
     if fit.is_gross:
         raise InputError(
-            f"no samples: the residual is {fit.chi2_per_dof**0.5:.2g} times the noise, which then "
-            "says nothing of the parameters; find what is missing with `palpmap explain`"
+            f"no samples: the residual is {digits(fit.chi2_per_dof**0.5)} times the noise, which "
+            "then says nothing of the parameters; find what is missing with `palpmap explain`"
         )
     if not fit.covariance_names or not np.isfinite(fit.covariance).all():
         raise InputError("no samples: the scan determines no parameter, or not every one")

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
+from identify.effects.units import digits
 from identify.fit.result import FitResult
 from identify.residual.binned_means import residual_levels
 from identify.residual.comparison import Comparison, Reading, ResidualTest
@@ -265,13 +266,13 @@ def _notes(view: ResidualView, tests: dict[str, ResidualTest]) -> tuple[str, ...
         notes.append("The noise was estimated from this scan, as the study does not give it.")
     if view.scale > 1:
         notes.append(
-            f"From one reading to the next the residual scatters {view.scatter:.2g} times as much "
-            f"as the noise {source}; the questions of pattern are judged with this larger scatter."
+            f"From one reading to the next the residual scatters {digits(view.scatter)} times as "
+            f"much as the noise {source}; the questions of pattern are judged with this larger one."
         )
     elif special.chdtr(view.dof, view.chi2) < view.settings.alpha / 2:
         notes.append(
-            f"The residual is {np.sqrt(view.chi2 / view.dof):.2g} times the noise {source}: that "
-            "noise seems too large, so small effects may have been missed."
+            f"The residual is {digits(np.sqrt(view.chi2 / view.dof))} times the noise {source}: "
+            "that noise seems too large, so small effects may have been missed."
         )
     return tuple(notes)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
-from identify.effects.units import force, length
+from identify.effects.units import force, length, percent
 from identify.residual.directions import PHASES, since_touch
 from identify.residual.hypothesis_tests import project_out
 from identify.residual.projected import ResidualView
@@ -60,7 +60,7 @@ _ALONG = {
 _QUANTITIES = {
     "travel": ("a length", length),
     "force": ("a force", force),
-    "share": ("a share of the travel", lambda size: f"{100 * size:.2g} %"),
+    "share": ("a share of the travel", lambda size: percent(size)),
 }
 
 

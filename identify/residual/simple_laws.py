@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identify.effects.units import digits, percent
 from identify.residual.hypothesis_tests import project_out, score_test
 from identify.residual.projected import ResidualView
 from identify.residual.whitened import Whitened
@@ -105,9 +106,8 @@ def session(w: Whitened) -> np.ndarray | None:
 
 def _late(seconds: float) -> str:
     late, early = ("force", "displacement") if seconds > 0 else ("displacement", "force")
-    return (
-        f"the speed of the tip, as if the {late} lagged the {early} by {1e3 * abs(seconds):.2g} ms"
-    )
+    by = digits(1e3 * abs(seconds))
+    return f"the speed of the tip, as if the {late} lagged the {early} by {by} ms"
 
 
 def _friction(metres: float) -> str:
@@ -122,7 +122,7 @@ def _share(share: float) -> str:
 
 def _ageing(share: float) -> str:
     grows = "softer" if share > 0 else "stiffer"
-    return f"the time of the session, as if all grew {grows} by {100 * abs(share):.2g} % within it"
+    return f"the time of the session, as if all grew {grows} by {percent(abs(share))} within it"
 
 
 LAWS = (

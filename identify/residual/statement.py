@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from identify.effects.units import digits
 from identify.residual.comparison import Comparison, Level
 from identify.residual.per_press import LARGEST_SIGMAS, PressResidual
 from identify.residual.settings import RESIDUAL, ResidualSettings
@@ -32,9 +33,9 @@ def length(metres: float, *, signed: bool = True) -> str:
     return f"{micro:{sign}.0f} µm" if abs(micro) >= 9.95 else f"{micro:{sign}.1f} µm"
 
 
-def sigmas(press: PressResidual, digits: str = ".2g") -> str:
+def sigmas(press: PressResidual, form: str = ".2g") -> str:
     """Say a press's misfit in standard deviations; beyond 37 its chance is below any number."""
-    return "> 37" if press.sigmas >= LARGEST_SIGMAS else f"{press.sigmas:{digits}}"
+    return "> 37" if press.sigmas >= LARGEST_SIGMAS else f"{press.sigmas:{form}}"
 
 
 def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
@@ -47,8 +48,9 @@ def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
     if c.varies_with is None:
         times = c.test("size").times_noise
         text = (
-            f"The residual has no main pattern but is {times:.2g} times the noise given ({size}): "
-            "either the noise is larger than stated, or something varies from reading to reading"
+            f"The residual has no main pattern but is {digits(times)} times the noise given "
+            f"({size}): either the noise is larger than stated, or something varies from "
+            "reading to reading"
         )
     else:
         text = f"The residual is not noise ({size}): {_finding(c, settings)}"
@@ -83,7 +85,7 @@ def _finding(c: Comparison, settings: ResidualSettings) -> str:
 
 def _times(c: Comparison, name: str) -> str:
     test = c.test(name)
-    return f", {test.times_noise:.2g} times that of noise" if test.fires else ""
+    return f", {digits(test.times_noise)} times that of noise" if test.fires else ""
 
 
 def _span(levels: tuple[Level, ...], name: str) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from identify.effects import digits
 from identify.residual import Comparison, Level
 from palpmap.figures.style import (
     BLUE,
@@ -172,4 +173,4 @@ def _verdict(c: Comparison, name: str) -> str:
         return "cannot be tested"
     if not test.fires:
         return "like noise"
-    return f"{test.times_noise:.2g} times the noise"
+    return f"{digits(test.times_noise)} times the noise"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.effects import digits
 from identify.residual import Comparison, length, sigmas
 from palpmap import units
 from palpmap.report.draw import write_page
@@ -75,7 +76,7 @@ def _test_table(c: Comparison) -> Table:
         (
             t.question,
             "cannot be tested" if t.untestable else Cell("yes", "bad") if t.fires else "no",
-            f"{t.times_noise:.2g}" if t.times_noise else "",
+            digits(t.times_noise) if t.times_noise else "",
             "" if t.untestable else units.p_value(t.p_adjusted),
         )
         for t in c.tests

@@ -22,13 +22,16 @@ def next_steps(
     """
     source = study or run / "study.toml"
     steps = [f"{record.finer_cells}."] if record.finer_cells else []
-    if record.next_presses:
-        steps.append(_presses(record, run))
     if record.other_map and record.other_map.answer == "another_map":
         steps.append(
             f'Set kind = "free" under [map] of {source}, and `{to_type("explain", source)}` again: '
             "effects are then sought beside a map of any form."
         )
+    # Presses without which the scan is as unexplained are not why
+    other, best = record.without_suspects, record.next_presses[:1]
+    no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
+    if best and not no_use:
+        steps.append(_presses(record, run))
     if explained.verdict == "unexplained":
         steps.append(_own_effect(run, source))
     elif explained.verdict == "ambiguous" and explained.within_laws:

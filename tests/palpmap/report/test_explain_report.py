@@ -32,7 +32,13 @@ from palpmap.result.explain_record import limit_record
 from palpmap.result.explain_words import CANDIDATES, _name_notes, verdict_detail
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import finer_cells
-from palpmap.result.records import ExplainRecord, NextPressesRecord
+from palpmap.result.next_step import next_steps
+from palpmap.result.records import (
+    ExplainRecord,
+    NextPressesRecord,
+    OtherMapRecord,
+    WithoutSuspectsRecord,
+)
 from palpmap.result.tables import candidate_table
 from palpmap.result.truth import read_truth
 from palpmap.run_files.explain_run import explain_pictures
@@ -274,6 +280,27 @@ def test_next_presses_and_what_could_hide_are_told_where_the_record_has_them(tol
     assert "force_gainnever" in page.text
     plain = written(told, tmp_path)
     assert "Which presses to make next" not in plain.headings
+
+
+def test_presses_that_change_nothing_are_not_asked_for_first(told, tmp_path):
+    repeat = NextPressesRecord(
+        change="Repeat presses 3", why="they are outliers", discrimination=None, presses=1,
+        duration_s=4.0, program="repeat_presses.csv",
+    )  # fmt: skip
+    wrong = OtherMapRecord(answer="another_map", chi2_per_dof=1.0, left=0.0, map_error=0.0,
+                           more_evidence=90.0, effects=())  # fmt: skip
+    explained = replace(told.explained, verdict="unexplained")
+
+    def steps(other, without):
+        rest = WithoutSuspectsRecord(
+            verdict=without, added=(), ambiguous=(), chi2_per_dof=9.0, parameters={}, residual=""
+        )
+        record = told.record.changed(next_presses=(repeat,), other_map=other, without_suspects=rest)
+        return " | ".join(next_steps(record, explained, tmp_path))
+
+    assert steps(None, "explained").startswith("Next: Repeat presses 3")
+    assert "Repeat" not in steps(None, "unexplained")
+    assert steps(wrong, "explained").startswith("Next: Set kind")
 
 
 def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):

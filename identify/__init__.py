@@ -3,9 +3,9 @@
 from identify.experiment import (
     FEWEST_PRESSES,
     BodyModel,
-    Experiment,
     FieldGuess,
     MapGuess,
+    PlacedExperiment,
     Progress,
     contacts_of,
     different_presses,
@@ -16,9 +16,9 @@ from identify.settings import Settings
 __all__ = [
     "FEWEST_PRESSES",
     "BodyModel",
-    "Experiment",
     "FieldGuess",
     "MapGuess",
+    "PlacedExperiment",
     "Progress",
     "Settings",
     "contacts_of",

@@ -137,7 +137,7 @@ class MapGuess:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class PlacedExperiment:
     """A placed scan and its models.
 
     Attributes
@@ -176,7 +176,7 @@ class Experiment:
         enough = len(self.scan.used().press_ids) >= FEWEST_PRESSES
         return enough and presses >= self.map.unknowns
 
-    def without(self, presses: tuple[int, ...], refill: bool = True) -> Experiment:
+    def without(self, presses: tuple[int, ...], refill: bool = True) -> PlacedExperiment:
         """Return the experiment without some presses (ids), on the same meshes, with its noise.
 
         Parameters

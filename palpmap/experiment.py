@@ -10,8 +10,7 @@ from typing import Literal
 
 from pydantic import ValidationError
 
-from identify import Experiment as Opened
-from identify import Progress, silent
+from identify import PlacedExperiment, Progress, silent
 from identify.effects import Effect
 from identify.measurement import Noise as ScanNoise
 from models import MOST_PRESSES, InputError, Scan, read_scan
@@ -59,7 +58,7 @@ class Experiment:
     scan: Scan = field(repr=False)
     study: Study
     source: Path | None
-    _open: dict[bool, Opened] = field(repr=False)
+    _open: dict[bool, PlacedExperiment] = field(repr=False)
 
     def __init__(
         self,
@@ -130,7 +129,7 @@ class Experiment:
 
     def opened(
         self, say: Progress = silent, thin: bool = True, noise: ScanNoise | None = None
-    ) -> Opened:
+    ) -> PlacedExperiment:
         """Return the placed scan with the models of the body; meshed once.
 
         Parameters

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from identify import Experiment as Opened
-from identify import Progress, silent
+from identify import PlacedExperiment, Progress, silent
 from identify.catalogue import CATALOGUE
 from identify.design import BetterScans, assess, better_scans, detection_limits, other_map
 from identify.effects import Effect
@@ -99,7 +98,7 @@ def explain(
     problem = start(experiment, effects, progress, on_iteration)
     found, without = explain_scan(problem, seed, on_step)
 
-    def free() -> Opened:
+    def free() -> PlacedExperiment:
         known = problem.experiment.noise
         return experiment.of_kind("free").opened(progress, noise=known)
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from fem import PalpationModel, RefinedModel, block_mesh
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import Assessment, assess
-from identify.experiment import BodyModel, Experiment, contacts_of
+from identify.experiment import BodyModel, PlacedExperiment, contacts_of
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import scan_noise
@@ -198,7 +198,7 @@ def explained_case(tmp_path_factory) -> Explained:
     )
     wanted = ("viscoelasticity", "contact_offset", "force_drift", "hysteresis")
     problem = Problem(
-        Experiment(placement.scan, body, noise, origin_m=placement.origin_m),
+        PlacedExperiment(placement.scan, body, noise, origin_m=placement.origin_m),
         Catalogue(effect for effect in CATALOGUE if effect.name in wanted),
         fit,
         measurement_model(placement.scan, body, fit),

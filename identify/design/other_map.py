@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import chdtrc
 
-from identify.experiment import Experiment
+from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map_start import fit_free_map
@@ -63,7 +63,7 @@ class OtherMap:
 def other_map(
     explained: Explanation,
     start: StartFit,
-    open_free: Callable[[], Experiment],
+    open_free: Callable[[], PlacedExperiment],
     settings: SelectionSettings = SELECTION,
 ) -> OtherMap | None:
     """Ask whether a map of another form explains an unexplained scan.
@@ -117,7 +117,11 @@ def _alone(
 
 
 def _answer(
-    fit: FitResult, last: FitResult, free: Experiment, excess: float, settings: SelectionSettings
+    fit: FitResult,
+    last: FitResult,
+    free: PlacedExperiment,
+    excess: float,
+    settings: SelectionSettings,
 ) -> OtherMap:
     assert fit.field is not None
     error, more = fit.field.hyper.error, float(fit.field.log_evidence + last.bic / 2)

@@ -11,7 +11,7 @@ from fem import Mesh
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.readings import Readings
-from identify.experiment import Experiment
+from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map.field_evidence import Hyper
@@ -29,7 +29,7 @@ from models import InputError, LabelVolume
 
 
 def fit_free_map(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     progress: Progress | None = None,
     settings: FreeMapSettings = FREE_MAP,
     weight: np.ndarray | None = None,

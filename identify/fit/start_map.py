@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.experiment import Experiment, different_presses
+from identify.experiment import PlacedExperiment, different_presses
 from identify.fit.free_compliance_start import free_compliance, straight
 from identify.fit.free_map.settings import FREE_MAP
 from identify.fit.free_map_start import fit_free_map
@@ -19,7 +19,7 @@ from identify.optimize.optimizers import Optimizer
 
 
 def fit_map(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     optimizer: Optimizer = minimize_gauss_newton,
     callback: Callable[[FitIteration], None] | None = None,
     rough: bool = False,
@@ -68,7 +68,7 @@ def fit_map(
     )  # fmt: skip
 
 
-def _quick_fit(experiment: Experiment, inclusions: int, settings: FitSettings) -> FitResult:
+def _quick_fit(experiment: PlacedExperiment, inclusions: int, settings: FitSettings) -> FitResult:
     body = experiment.body
     return fit_scan(
         experiment.scan, body.coarse, inclusions=inclusions, noise=experiment.noise,
@@ -76,7 +76,7 @@ def _quick_fit(experiment: Experiment, inclusions: int, settings: FitSettings) -
     )  # fmt: skip
 
 
-def _best_number(experiment: Experiment, settings: FitSettings) -> GaussianMap:
+def _best_number(experiment: PlacedExperiment, settings: FitSettings) -> GaussianMap:
     """Return the map of the number of inclusions with the least information criterion."""
     used = experiment.scan.used()
     best, least = None, np.inf

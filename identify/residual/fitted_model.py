@@ -11,7 +11,7 @@ from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.experiment import Experiment
+from identify.experiment import PlacedExperiment
 from identify.fit.result import FitResult
 from identify.map import FreeMap, GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
@@ -22,7 +22,7 @@ from models import Catalogue, InputError
 
 
 def fitted_model(
-    experiment: Experiment, fit: FitResult, catalogue: Catalogue[Effect]
+    experiment: PlacedExperiment, fit: FitResult, catalogue: Catalogue[Effect]
 ) -> MeasurementModel:
     """Return the model of a fit, also of one that was read from a file, at its estimate.
 

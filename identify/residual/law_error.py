@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.effects.readings import Readings
-from identify.experiment import Experiment
+from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance_start import free_compliance
 from identify.measurement.chain import judge
 from identify.measurement.linearised import Linearised
@@ -26,7 +26,7 @@ class LawError(NamedTuple):
 
 
 def law_error(
-    experiment: Experiment, model: MeasurementModel, at: Linearised, reach: float
+    experiment: PlacedExperiment, model: MeasurementModel, at: Linearised, reach: float
 ) -> LawError:
     """Error that the laws of a fit make at depths that it has not seen.
 
@@ -67,7 +67,9 @@ def law_error(
     return LawError(common / reach, float(np.hypot(np.sqrt(excess), UNEVEN * common)) / reach)
 
 
-def _beyond(experiment: Experiment, model: MeasurementModel, shallow: np.ndarray) -> np.ndarray:
+def _beyond(
+    experiment: PlacedExperiment, model: MeasurementModel, shallow: np.ndarray
+) -> np.ndarray:
     """Residual (m,) m of laws and compliances that follow the shallow (m,) readings alone."""
     whole = free_compliance(experiment.scan, experiment.body, model.noise)
     part = replace(

@@ -27,7 +27,7 @@ from scipy.special import chdtr, chdtrc, ndtr
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.experiment import Experiment
+from identify.experiment import PlacedExperiment
 from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.result import FitResult
@@ -114,7 +114,11 @@ class Prediction:
 
 
 def predict(
-    experiment: Experiment, fit: FitResult, catalogue: Catalogue[Effect], scan: Scan, noise: Noise
+    experiment: PlacedExperiment,
+    fit: FitResult,
+    catalogue: Catalogue[Effect],
+    scan: Scan,
+    noise: Noise,
 ) -> Prediction:
     """Predict a scan.
 

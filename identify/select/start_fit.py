@@ -14,7 +14,7 @@ import numpy as np
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
-from identify.experiment import BodyModel, Experiment, MapGuess
+from identify.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance_start import (
     curved_again,
@@ -53,7 +53,7 @@ class StartFit:
     law : contact law of the presses alone, None where it was not needed
     """
 
-    experiment: Experiment
+    experiment: PlacedExperiment
     catalogue: Catalogue[Effect]
     fit: FitResult
     model: MeasurementModel
@@ -79,7 +79,7 @@ class StartFit:
 
 
 def start_fit(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
     settings: StartSettings = START,
@@ -120,7 +120,7 @@ class KindOfMap:
 
 
 def kind_of_map(
-    experiment: Experiment, on_iteration: Callable[[FitIteration], None] | None = None
+    experiment: PlacedExperiment, on_iteration: Callable[[FitIteration], None] | None = None
 ) -> KindOfMap:
     """Decide between inclusions, of a number by the information criterion, and a free map.
 
@@ -144,7 +144,7 @@ def kind_of_map(
 
 
 def contact_law_of(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     catalogue: Catalogue[Effect],
     settings: ContactLawSettings = CONTACT_LAW,
 ) -> ContactLaw | None:
@@ -155,7 +155,7 @@ def contact_law_of(
 
 
 def rough_fit(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
     settings: StartSettings = START,
@@ -188,7 +188,7 @@ def rough_fit(
 
 
 def fit_effects(
-    experiment: Experiment,
+    experiment: PlacedExperiment,
     fit: FitResult,
     starts: Mapping[str, Values] = MappingProxyType({}),
     press_error: float = 0.0,
@@ -211,7 +211,7 @@ def fit_effects(
     return model, start
 
 
-def with_effects(experiment: Experiment, found: FitResult) -> FitResult:
+def with_effects(experiment: PlacedExperiment, found: FitResult) -> FitResult:
     """Fit the experiment's effects jointly with a map that was fitted without them.
 
     Appends the joint estimate to the history of that fit.

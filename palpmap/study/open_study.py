@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import PalpationModel
-from identify import Experiment, FieldGuess, MapGuess, Progress, silent
+from identify import FieldGuess, MapGuess, PlacedExperiment, Progress, silent
 from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
 from identify.measurement import Noise, scan_noise
@@ -42,7 +42,7 @@ def open_study(
     thin: bool = True,
     say: Progress = silent,
     noise: Noise | None = None,
-) -> Experiment:
+) -> PlacedExperiment:
     """Place the scan on the study's body, mesh the body, estimate the noise.
 
     Presses that met no body (`models.touching`) are left out.
@@ -72,7 +72,7 @@ def open_study(
 
     body, given = build_body_model(study, used), study.noise
     regions = _regions(study, body.coarse, origin_m)
-    return Experiment(
+    return PlacedExperiment(
         placement.scan,
         body,
         noise or scan_noise(used, given.displacement_m, given.force_n, given.touch_m or 0.0),

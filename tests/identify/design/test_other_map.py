@@ -11,7 +11,7 @@ import pytest
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
 from identify.design import other_map
-from identify.experiment import BodyModel, Experiment, FieldGuess, MapGuess
+from identify.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.map import GaussianMap
 from identify.measurement.noise import Noise
 from identify.optimize.result import InadmissibleError
@@ -41,9 +41,9 @@ def contacts() -> Contacts:
     return Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.003))
 
 
-def experiment(scan: Scan, guess: MapGuess, cells: tuple[int, int, int]) -> Experiment:
+def experiment(scan: Scan, guess: MapGuess, cells: tuple[int, int, int]) -> PlacedExperiment:
     model = PalpationModel(block_mesh(SIZE_M, cells), NU, contacts())
-    return Experiment(scan, BodyModel(model, model, model, ""), NOISE, guess)
+    return PlacedExperiment(scan, BodyModel(model, model, model, ""), NOISE, guess)
 
 
 def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_none=False):
@@ -65,7 +65,7 @@ def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_no
     explained = forward_selection(start.model, start.start, start.scan, [])
     explained = replace(explained, verdict="unexplained")
 
-    def free() -> Experiment:
+    def free() -> PlacedExperiment:
         if found_none:
             raise InadmissibleError("no positive energy")
         return experiment(scan, MapGuess(field=FieldGuess()), (8, 8, 4))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import PalpationModel, RefinedModel, block_mesh
-from identify.experiment import BodyModel, Experiment, MapGuess, contacts_of
+from identify.experiment import BodyModel, MapGuess, PlacedExperiment, contacts_of
 from identify.fit.start_map import fit_map
 from identify.measurement.noise import Noise
 from models.scan import Scan
@@ -45,7 +45,7 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
         PalpationModel(block_mesh(SIZE, cells), NU, contacts) for cells in ((8, 8, 3), (12, 12, 4))
     )
     body = BodyModel(coarse, coarse, RefinedModel(coarse, finer), note)
-    experiment = Experiment(scan, body, NOISE, MapGuess(0))
+    experiment = PlacedExperiment(scan, body, NOISE, MapGuess(0))
     fit = fit_map(experiment)
     found = fit.parameters["background_pa"]
     assert fit.success

@@ -10,7 +10,7 @@ import pytest
 
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
-from identify.experiment import BodyModel, Experiment, FieldGuess, MapGuess
+from identify.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.fit import read_fit, write_fit
 from identify.fit.free_map_start import fit_free_map
 from identify.map import GaussianMap, Grid, LabelledGrid, MaternField
@@ -40,7 +40,7 @@ class Labelled(GaussianMap):
 
 
 @pytest.fixture(scope="module")
-def experiment(regions) -> Experiment:
+def experiment(regions) -> PlacedExperiment:
     x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0.009, 0.051, 5)] * 2))
     points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
     at = Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.004))
@@ -57,7 +57,7 @@ def experiment(regions) -> Experiment:
     )  # fmt: skip
     model = PalpationModel(block_mesh(SIZE_M, (11, 11, 6)), 0.45, at)
     guess = MapGuess(field=FieldGuess(regions=regions))
-    return Experiment(scan, BodyModel(model, model, model, ""), NOISE, guess)
+    return PlacedExperiment(scan, BodyModel(model, model, model, ""), NOISE, guess)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.catalogue import CATALOGUE
 from identify.effects import Readings
-from identify.experiment import BodyModel, Experiment, MapGuess
+from identify.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.fit import FitResult
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
@@ -56,8 +56,8 @@ def scan_of(model: PalpationModel, truth: GaussianMap, rng, reach: float = 1.0) 
     )  # fmt: skip
 
 
-def experiment_of(scan: Scan) -> Experiment:
-    return Experiment(scan, BodyModel(FITTED, FITTED, FITTED, ""), NOISE, MapGuess(1))
+def experiment_of(scan: Scan) -> PlacedExperiment:
+    return PlacedExperiment(scan, BodyModel(FITTED, FITTED, FITTED, ""), NOISE, MapGuess(1))
 
 
 def fitted(scan: Scan) -> FitResult:

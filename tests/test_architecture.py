@@ -15,8 +15,8 @@ OURS = ("models", "fem", "sim", "identify", "palpmap")
 ALLOWED = {
     "models": {"numpy", "pyarrow"},
     "fem": {"numpy", "scipy", "numba", "pypardiso", "pytetwild", "pyvista"},
-    "sim": {"models", "numpy", "scipy", "mujoco", "pinocchio", "coal"},
-    "identify": {"models", "fem", "numpy", "scipy", "arviz_base", "arviz_stats"},
+    "sim": {"models", "numpy", "scipy", "numba", "mujoco", "pinocchio", "coal"},
+    "identify": {"models", "fem", "numpy", "scipy", "numba", "arviz_base", "arviz_stats"},
 }
 FEM_DOORS_OF_SIM = ("sim.body.block_compliance", "sim.body.soft_body")
 ORDER = {

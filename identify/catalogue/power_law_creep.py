@@ -1,5 +1,6 @@
 """Creep of the whole body without a time constant: a power of time."""
 
+import numba
 import numpy as np
 
 from identify.body.state import BodyState
@@ -76,17 +77,22 @@ class PowerLawCreep(Effect):
 
 def _power_creep(readings: Readings, travel_m: np.ndarray, alpha: float) -> np.ndarray:
     """Integral (m,) of (t - s)^alpha du(s) since touch, times in s, u straight between readings."""
-    press = readings.press
-    place = np.arange(len(press)) - readings.first[press] + 1  # 0 is the touch
-    shape = readings.presses, int(place.max()) + 1
-    time = np.tile(readings.touch_time_s[:, None], shape[1])
-    time[press, place] = readings.timed_s
-    travel = np.zeros(shape)
-    travel[press, place] = travel_m
-    step = np.diff(time, axis=1)
-    rate = np.divide(np.diff(travel, axis=1), step, out=np.zeros_like(step), where=step > 0)
-    crept = np.zeros(shape)
-    for i in range(1, shape[1]):
-        age = np.maximum(time[:, i : i + 1] - time[:, : i + 1], 0.0) ** (1 + alpha)
-        crept[:, i] = np.sum(rate[:, :i] * (age[:, :-1] - age[:, 1:]), axis=1) / (1 + alpha)
-    return crept[press, place]
+    u = np.ascontiguousarray(travel_m, float)
+    return _crept(readings.first, readings.timed_s, readings.touch_time_s, u, float(alpha))
+
+
+@numba.njit(cache=True)
+def _crept(first, time_s, touch_s, travel_m, alpha):
+    crept = np.zeros_like(travel_m)
+    for j in range(len(first)):
+        begin = first[j]
+        for i in range(begin, first[j + 1] if j + 1 < len(first) else len(crept)):
+            since, u = touch_s[j], 0.0
+            age = max(time_s[i] - since, 0.0) ** (1 + alpha)
+            for k in range(begin, i + 1):
+                step, older = time_s[k] - since, age
+                age = max(time_s[i] - time_s[k], 0.0) ** (1 + alpha)
+                if step > 0:
+                    crept[i] += (travel_m[k] - u) / step * (older - age) / (1 + alpha)
+                since, u = time_s[k], travel_m[k]
+    return crept

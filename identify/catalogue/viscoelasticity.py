@@ -1,5 +1,8 @@
 """Creep of the whole body: one relaxation time, the same at soft and stiff places."""
 
+import math
+
+import numba
 import numpy as np
 
 from identify.body.state import BodyState
@@ -113,26 +116,21 @@ def lagging(readings: Readings, travel_m: np.ndarray, tau_s: float) -> np.ndarra
     Closed form over a step h from (u0, z0) to u: z = u - (u0 - z0) e - (u - u0) (1 - e) tau / h,
     e = exp(-h / tau).
     """
+    u = np.ascontiguousarray(travel_m, float)
+    return _lagging(readings.first, readings.timed_s, readings.touch_time_s, u, float(tau_s))
+
+
+@numba.njit(cache=True)
+def _lagging(first, time_s, touch_s, travel_m, tau_s):
     z = np.zeros_like(travel_m)
-    before = readings.touch_time_s
-    u_before = np.zeros(readings.presses)
-    z_before = np.zeros(readings.presses)
-    for rows in readings.layers:
-        press = readings.press[rows]
-        x = (readings.timed_s[rows] - before[press]) / tau_s
-        u, u0, z0 = travel_m[rows], u_before[press], z_before[press]
-        mean = np.ones_like(x)  # of exp(-s / tau) over the step
-        np.divide(-np.expm1(-x), x, out=mean, where=x > 0)
-        z[rows] = u - (u0 - z0) * np.exp(-x) - (u - u0) * mean
-        before = _put(before, press, readings.timed_s[rows])
-        u_before, z_before = _put(u_before, press, u), _put(z_before, press, z[rows])
+    for j in range(len(first)):
+        before, u0, z0 = touch_s[j], 0.0, 0.0
+        for i in range(first[j], first[j + 1] if j + 1 < len(first) else len(z)):
+            x, u = (time_s[i] - before) / tau_s, travel_m[i]
+            mean = -math.expm1(-x) / x if x > 0 else 1.0  # of exp(-s / tau) over the step
+            z[i] = u - (u0 - z0) * math.exp(-x) - (u - u0) * mean
+            before, u0, z0 = time_s[i], u, z[i]
     return z
-
-
-def _put(array: np.ndarray, index: np.ndarray, new: np.ndarray) -> np.ndarray:
-    changed = array.copy()
-    changed[index] = new
-    return changed
 
 
 def time_constants(readings: Readings) -> tuple[float, float]:

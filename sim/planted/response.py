@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gamma
@@ -23,15 +24,21 @@ def follow(
     Of several time constants (k,) the sum, each with its weight. Stepped by the trapezoidal rule on
     the bench's own grid (about 1 ms).
     """
-    tau = np.atleast_1d(time_constant_s)[:, None]
-    weight = np.broadcast_to(weights, len(tau))
-    steps = np.diff(within_s, axis=1).T
-    twice = (driver[:, 1:] + driver[:, :-1]).T
-    z, summed = np.zeros((len(tau), len(driver))), np.zeros_like(driver)
-    for i in range(len(steps)):
-        half = steps[i] / (2 * tau)
-        z = ((1 - half) * z + half * twice[i]) / (1 + half)
-        summed[:, i + 1] = weight @ z
+    tau = np.atleast_1d(np.asarray(time_constant_s, float))
+    weight = np.array(np.broadcast_to(weights, len(tau)), float)
+    return _follow(np.ascontiguousarray(driver, float), np.diff(within_s, axis=1), tau, weight)
+
+
+@numba.njit(cache=True)
+def _follow(driver, steps, tau, weight):
+    summed = np.zeros_like(driver)
+    for j in range(driver.shape[0]):
+        for k in range(len(tau)):
+            z = 0.0
+            for i in range(steps.shape[1]):
+                half = steps[j, i] / (2 * tau[k])
+                z = ((1 - half) * z + half * (driver[j, i] + driver[j, i + 1])) / (1 + half)
+                summed[j, i + 1] += weight[k] * z
     return summed
 
 
@@ -90,10 +97,16 @@ def power_law_creep(bench, travel_m, values):
 
 def lag_behind(travel_m: np.ndarray, half_m: np.ndarray) -> np.ndarray:
     """Play (j, t) of a travel: follows it at a distance of `half_m` (j,) once that is used up."""
+    return _lag_behind(np.ascontiguousarray(travel_m, float), half_m)
+
+
+@numba.njit(cache=True)
+def _lag_behind(travel_m, half_m):
     behind = np.zeros_like(travel_m)
-    for i in range(1, travel_m.shape[1]):
-        now = travel_m[:, i]
-        behind[:, i] = np.clip(behind[:, i - 1], now - half_m, now + half_m)
+    for j in range(travel_m.shape[0]):
+        for i in range(1, travel_m.shape[1]):
+            low, high = travel_m[j, i] - half_m[j], travel_m[j, i] + half_m[j]
+            behind[j, i] = min(max(behind[j, i - 1], low), high)
     return behind
 
 

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.settings import DETECTION, DetectionSettings
@@ -13,7 +14,10 @@ from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
-BODY = replace(mechanics(), fine=None, ratio=1.0)
+
+@cache
+def body() -> BodyMechanics:
+    return replace(mechanics(), fine=None, ratio=1.0)
 
 
 def effect(name):
@@ -22,13 +26,13 @@ def effect(name):
 
 @cache
 def fit() -> FitResult:
-    return fit_jointly(model(measured(), BODY), TRUE)
+    return fit_jointly(model(measured(), body()), TRUE)
 
 
 def measured(**changes):
     """The scan of a body that is changed, always with the same noise."""
     press, _, _, force = timing(0)
-    compliance = BODY.evaluate(TRUE, BODY.state().changed(**changes)).compliance
+    compliance = body().evaluate(TRUE, body().state().changed(**changes)).compliance
     return scan(compliance[press] * force, force, 0)
 
 
@@ -39,12 +43,12 @@ def limit(name: str, settings: DetectionSettings = DETECTION) -> Limit:
 
 def left_by_a_whole_fit(**changes) -> float:
     """Length of what a change of the body leaves unexplained, in standard errors."""
-    found = fit_jointly(model(measured(**changes), BODY), TRUE)
+    found = fit_jointly(model(measured(**changes), body()), TRUE)
     return float(np.linalg.norm(found.at.residual - fit().at.residual))
 
 
 def test_an_edge_that_takes_the_map_far_is_seen_from_the_size_that_a_whole_fit_leaves():
-    shape = BODY.state().inclusion_shape
+    shape = body().state().inclusion_shape
 
     def left(own: Limit) -> float:
         return left_by_a_whole_fit(inclusion_shape=replace(shape, edge=own.sizes["edge"]))

@@ -21,21 +21,23 @@ def test_the_mean_residual_of_a_decay_is_that_of_many_noises():
     true, sigma = np.array([1.0, 1.2]), 0.1
 
     def prediction(p):
-        return p[0] * np.exp(-p[1] * t) / sigma
+        return p[..., :1] * np.exp(-p[..., 1:] * t) / sigma
 
     def slope(p):
-        e = np.exp(-p[1] * t) / sigma
-        return np.column_stack([e, -p[0] * t * e])
+        e = np.exp(-p[..., 1:] * t) / sigma
+        return np.stack([e, -p[..., :1] * t * e], axis=-1)
 
-    def left(noise):
-        data, p = prediction(true) + noise, true.copy()
+    def left(noises):
+        data, p = prediction(true) + noises, np.tile(true, (len(noises), 1))
         for _ in range(20):
-            p = p + np.linalg.lstsq(slope(p), data - prediction(p))[0]
+            jac = slope(p)
+            across = jac.swapaxes(1, 2)
+            p += np.linalg.solve(across @ jac, across @ (data - prediction(p))[..., None])[..., 0]
         return data - prediction(p)
 
     rng = np.random.default_rng(0)
     noises = rng.standard_normal((4000, len(t)))
-    mean = np.mean([(left(e) + left(-e)) / 2 for e in noises], axis=0)
+    mean = (left(noises) + left(-noises)).mean(axis=0) / 2
     jac = slope(true)
     predicted = expected_residual(
         lambda p: -prediction(p), true, -prediction(true), np.linalg.inv(jac.T @ jac), ANYWHERE

@@ -73,7 +73,9 @@ def put(folder: Path, table: Scan) -> Path:
     background = 1.04 * values.pop("background_pa")
     study = Study(
         study=About(name=folder.name, scan=folder / "scan.csv"),  # pyright: ignore[reportCallIssue]
-        body=Body(shape="block", size_m=SIZE, poisson_ratio=NU),  # pyright: ignore[reportCallIssue]
+        body=Body(  # pyright: ignore[reportCallIssue]
+            shape="block", size_m=SIZE, poisson_ratio=NU, cell_size_m=0.01
+        ),
         probe=Probe(tip="flat", radius_m=0.004),
         noise=Noise(displacement_m=NOISE.displacement_m, force_n=NOISE.force_n),
         map=Map(inclusions=1, initial={"background_pa": background}, fixed=values),

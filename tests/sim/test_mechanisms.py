@@ -77,6 +77,8 @@ def values_of(bench, effect):
     drawn = effect.draw(bench, np.random.default_rng(3))
     if effect.name == "outside_slipped_presses":
         drawn = {"press_0": 1.0, "press_1": 2.0}
+    if effect.name == "skin_layer":
+        drawn["thickness_m"] = 2.4e-3  # a thinner one has many small cells
     if "session_s" in drawn:
         drawn["session_s"] = 200.0  # as of a scan of some size
     if effect.name == "preconditioning_nearby":

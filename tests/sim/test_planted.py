@@ -40,7 +40,7 @@ def bench():
 
 
 def values_of(bench, effect, amplitude=None):
-    drawn = effect.draw(bench, np.random.default_rng(3))
+    drawn = effect.draw(bench, np.random.default_rng(10))  # of a skin 2.4 mm thick
     return {**drawn, effect.amplitude: effect.typical if amplitude is None else amplitude}
 
 
@@ -160,9 +160,12 @@ def test_an_upright_tip_is_stiffer_at_edges_and_flanks_as_the_quick_formula_has_
     places = [(0.012, 0.048), (0.012, 0.012), (0.036, 0.046), (0.040, 0.058), (0.08, 0.03)]
     points = np.array(places)
     press = (body, points, np.full(len(points), radius))
-    lost = 1 - block_compliance(*press, upright=True) / block_compliance(*press)
+    level, free = (
+        block_compliance(*press, divisions=(10, 10, 5), upright=u) for u in (True, False)
+    )
+    lost = 1 - level / free
     contacts = Contacts(np.column_stack([points, np.full(5, 0.048)]), (0, 0, -1), radius)
-    model = PalpationModel(block_mesh(body.size_m, (12, 12, 6)), body.poisson_ratio, contacts)
+    model = PalpationModel(block_mesh(body.size_m, (10, 10, 5)), body.poisson_ratio, contacts)
     response = model.evaluate(body.modulus(model.points_m))
     quick = shape_gain(response, body.modulus(contacts.points_m)) / response.compliance
     assert_allclose(lost, quick, rtol=0.06, atol=0.003)

@@ -49,7 +49,7 @@ def experiment(scan: Scan, guess: MapGuess, cells: tuple[int, int, int]) -> Plac
 def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_none=False):
     """Scan a body of `Cubes`, fit Gaussians, and ask for other maps."""
     at, rng = contacts(), np.random.default_rng(5)
-    found = compliance(PalpationModel(block_mesh(SIZE_M, (11, 11, 6)), NU, at), Cubes(8e3))
+    found = compliance(PalpationModel(block_mesh(SIZE_M, (9, 9, 5)), NU, at), Cubes(8e3))
     found = found * np.exp(rough * rng.standard_normal(len(found)))
     n = len(FORCES_N)
     press, force = np.repeat(np.arange(len(at)), n), np.tile(FORCES_N, len(at))
@@ -61,14 +61,14 @@ def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_no
         point_m=at.points_m[press], direction=at.directions[press],
         probe_radius_m=at.radius_m[press],
     )  # fmt: skip
-    start: StartFit = start_fit(experiment(scan, MapGuess(inclusions), (6, 6, 3)), Catalogue(()))
+    start: StartFit = start_fit(experiment(scan, MapGuess(inclusions), (5, 5, 3)), Catalogue(()))
     explained = forward_selection(start.model, start.start, start.scan, [])
     explained = replace(explained, verdict="unexplained")
 
     def free() -> PlacedExperiment:
         if found_none:
             raise InadmissibleError("no positive energy")
-        return experiment(scan, MapGuess(field=FieldGuess()), (8, 8, 4))
+        return experiment(scan, MapGuess(field=FieldGuess()), (6, 6, 3))
 
     return other_map(explained, start, free)
 

@@ -21,7 +21,7 @@ from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
 
 BALL, THICKNESS, NU = 3e-3, 0.025, 0.45
-DEPTH_M, LEVELS, PRESSES = 1.5e-3, 10, 40
+DEPTH_M, LEVELS, PRESSES = 1.5e-3, 10, 24
 NOISE = Noise(2e-6, 2.5e-3)
 
 
@@ -43,7 +43,7 @@ def presses(displacement: np.ndarray, force: np.ndarray, seed: int) -> FreeCompl
     """Noisy readings (j, levels) under what a study with a flat tip takes for its contact."""
     rng = np.random.default_rng(100 + seed)
     count = displacement.shape[1]
-    x, y = np.meshgrid(np.linspace(0.01, 0.08, 8), np.linspace(0.01, 0.05, 5))
+    x, y = np.meshgrid(np.linspace(0.01, 0.08, 6), np.linspace(0.01, 0.05, 4))
     point = np.column_stack([x.ravel(), y.ravel(), np.full(PRESSES, THICKNESS)])
     size = displacement.size
     readings = Readings(

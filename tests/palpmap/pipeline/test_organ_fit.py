@@ -13,13 +13,18 @@ from tests.paths import ROOT
 ORGAN = ROOT / "examples" / "organ"
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory) -> Path:
+@pytest.fixture(
+    scope="module", params=["larger cells", pytest.param("as it stands", marks=pytest.mark.slow)]
+)
+def run(request, tmp_path_factory) -> Path:
     """Run folder of the example's fit, with the truth beside it."""
-    folder = tmp_path_factory.mktemp("organ") / "run"
-    result = CliRunner().invoke(
-        app, ["fit", str(ORGAN / "study.toml"), "--out", str(folder), "--json"]
-    )
+    here = shutil.copytree(ORGAN, tmp_path_factory.mktemp("organ") / "example")
+    folder, study = here.with_name("run"), here / "study.toml"
+    if request.param == "larger cells":
+        text, nu = study.read_text(), "poisson_ratio = 0.45\n"
+        assert nu in text
+        study.write_text(text.replace(nu, f"{nu}cell_size_m = 0.012\n"))
+    result = CliRunner().invoke(app, ["fit", str(study), "--out", str(folder), "--json"])
     assert result.exit_code == 0, result.output
     shutil.copy(ORGAN / "truth.json", folder)
     return folder

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from identify.body.mechanics import BodyMechanics
 
 
+BESIDE_GROWTH = ("poisson_ratio", "shift_m", "mesh_error_share", "rigid_tip_share")
+"""Parts of a state that leave the growth of a ball's contact nearly as it is."""
+
+
 @dataclass(frozen=True)
 class BodyResponse:
     """Compliances of the j presses for a map of k parameters and a state.
@@ -43,6 +47,7 @@ class BodyResponse:
     _response: Response | ReducedResponse
     _scale: np.ndarray  # (j,) factor on the finite elements' own compliance
     _slack: float  # of the search that asked, see `BodyMechanics.evaluate`
+    _narrower: BodyResponse | None = None  # under narrower contacts, of balls
 
     @cached_property
     def by_map(self) -> np.ndarray:
@@ -50,6 +55,46 @@ class BodyResponse:
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
         return self._scale[:, None] * _gradient(self._near, gradient, self._state)
+
+    @cached_property
+    def growth(self) -> np.ndarray | None:
+        """(a/C) dC/da (j,) of a ball's contact, None where the mechanics does not follow it.
+
+        The law of `identify.effects.sphere` through the compliances of two contacts.
+        """
+        if self._narrower is None:
+            return None
+        own, nu = self._mechanics, self._mechanics.poisson_ratio
+        unit = 0.6 * (1 - nu**2) / (self.local_modulus * own.coarse.contacts.radius_m)
+        here = np.log(unit / self._response.compliance)
+        beside = np.log(unit / own.settings.narrower / self._narrower.compliance)
+        return -1 + self._by_levels(here, beside)
+
+    def _by_levels(self, here: np.ndarray, beside: np.ndarray) -> np.ndarray:
+        """Growth beyond -1 by the levels ln(0.6/(E* a C)) of both contacts; it is linear."""
+        narrower = self._mechanics.settings.narrower
+        return -here - (beside / narrower - here) / (narrower - 1)
+
+    @cached_property
+    def growth_by_map(self) -> np.ndarray:
+        """Derivative of `growth` by the map's parameters, (j, k)."""
+        assert self._narrower is not None
+        log_e = self.local_by_map / self.local_modulus[:, None]
+        log_c, log_narrow = (r.by_map / r.compliance[:, None] for r in (self, self._narrower))
+        return self._by_levels(-log_e - log_c, -log_e - log_narrow)
+
+    def growth_change(self, state: BodyState) -> np.ndarray:
+        """First-order change (j,) of `growth` to a state nearby."""
+        assert self._narrower is not None
+        narrow = self._narrower
+        here, there = (
+            state.changed(**{name: getattr(s, name) for name in BESIDE_GROWTH})
+            for s in (self._state, narrow._state)
+        )
+        by_own, e = self.change(here)
+        log_e, log_c = e / self.local_modulus, by_own / self.compliance
+        log_narrow = narrow.change(there)[0] / narrow.compliance
+        return self._by_levels(-log_e - log_c, -log_e - log_narrow)
 
     @cached_property
     def _full(self) -> Response:

@@ -23,6 +23,8 @@ class BodySettings:
         edges and steep inclusions
     curved_contact_error : relative error of the compliance of a contact on a curved surface, the
         same for all presses, of a flat tip and of a ball: see `benchmarks/curved.py`
+    narrower : contacts whose compliance tells how that of a ball's grows, of its own radius; wider
+        ones might not lie on the body
     error_at_zero : mesh error at Poisson's ratio zero, relative to the growth -ln(1 - 2 nu), see
         `mesh_error_growth`
     shifts : shifts of a block with a model, in side lengths; C is interpolated between them
@@ -47,6 +49,7 @@ class BodySettings:
     believed_ratio: tuple[float, float] = (0.6, 1.6)
     mesh_rate: float = 2.5
     curved_contact_error: tuple[float, float] = (0.006, 0.003)
+    narrower: float = 0.85
     error_at_zero: float = 0.12
     shifts: tuple[float, ...] = (0.01, 0.025, 0.06, 0.12)
     shift_room: float = 0.95

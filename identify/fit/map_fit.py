@@ -90,11 +90,14 @@ def fit_scan(
         raise InputError("fixed parameters need values: give the map to start from")
     box = model.mesh.box_m
     reference = GaussianMap(REFERENCE_PA)
+    mechanics = BodyMechanics.of(model, fine_model)
+    if not straight:
+        mechanics = mechanics.following_growth()
     whole = MeasurementModel(
         Readings.of(rows),
         rows.displacement_m,
         noise or scan_noise(rows),
-        BodyMechanics.of(model, fine_model),
+        mechanics,
         parameter_space(start or reference, box, free),
         straight=straight,
     )

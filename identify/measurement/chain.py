@@ -7,7 +7,7 @@ quotients: one more evaluation each, at no cost beside the finite elements.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -192,6 +192,21 @@ class Chain:
         up = self.predict(compliance, (1 + _STEP) * modulus, force_n, values)
         down = self.predict(compliance, (1 - _STEP) * modulus, force_n, values)
         return by_compliance, (up - down) / (2 * _STEP * modulus[self.readings.press])
+
+    def by_growth(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Return the derivative (m,) by the growth of the reading's press, m."""
+        assert self.growth is not None
+        up, down = (
+            replace(self, growth=self.growth + step).predict(compliance, modulus, force_n, values)
+            for step in (_STEP, -_STEP)
+        )
+        return (up - down) / (2 * _STEP)
 
 
 class Judged(NamedTuple):

@@ -86,6 +86,10 @@ class MeasurementModel:
             self.mechanics.tip.growth,
         )
 
+    def _chain(self, body: BodyResponse) -> Chain:
+        """Return the links beyond an evaluated body, which may know how a contact grows on it."""
+        return self.chain if body.growth is None else replace(self.chain, growth=body.growth)
+
     @cached_property
     def unknowns(self) -> ParameterSpace:
         """The map's free parameters, then those of the effects as `effect.parameter`."""
@@ -198,7 +202,7 @@ class MeasurementModel:
         c, e = body.compliance, body.local_modulus
         if self.unit_compliance is not None:
             e = self.unit_compliance / c
-        judged = judge(self.chain, c, e, self.displacement_m, self.noise, self.values(u))
+        judged = judge(self._chain(body), c, e, self.displacement_m, self.noise, self.values(u))
         touch = touch_errors(self.noise.touch_m, judged.sigma_m)
         white, _ = self._whitening(touch, touch)
         return white(judged.residual_m / judged.sigma_m)
@@ -272,17 +276,22 @@ class MeasurementModel:
         c, e = factor * body.compliance, body.local_modulus
         if self.unit_compliance is not None:
             e = self.unit_compliance / c
-        judged = judge(self.chain, c, e, self.displacement_m, self.noise, values)
+        chain = self._chain(body)
+        judged = judge(chain, c, e, self.displacement_m, self.noise, values)
         residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
-        by_c, by_e = self.chain.by_body(c, e, latent, values)
+        by_c, by_e = chain.by_body(c, e, latent, values)
         k = len(self.space.free)
         by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
+        by_growth = None
+        if body.growth is not None:
+            by_growth = chain.by_growth(c, e, latent, values)
+            by_map += self._by_press(by_growth, body.growth_by_map)
         columns = [by_map[:, list(self.space.free)] * self.unknowns.slope(u)[:k]]
         first = k
         for part in self.effects:
             for p, _ in enumerate(part.parameters):
-                columns.append(self._by_parameter(u, first + p, part, body, (c, e), latent,
-                                                  by_c, by_e)[:, None])  # fmt: skip
+                columns.append(self._by_parameter(u, first + p, part, body, chain, (c, e), latent,
+                                                  (by_c, by_e, by_growth))[:, None])  # fmt: skip
             first += len(part.parameters)
         press = self.readings.press
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
@@ -347,13 +356,13 @@ class MeasurementModel:
         index: int,
         part: EffectInModel,
         body: BodyResponse,
+        chain: Chain,
         moduli: tuple[np.ndarray, np.ndarray],
         latent: np.ndarray,
-        by_c: np.ndarray,
-        by_e: np.ndarray,
+        by: tuple[np.ndarray, np.ndarray, np.ndarray | None],
     ) -> np.ndarray:
         """Difference quotient (m,) of the prediction by one scaled parameter of an effect."""
-        c, e = moduli
+        (c, e), (by_c, by_e, by_growth) = moduli, by
         low, high = (side[index] for side in self.bounds)
         up, down = u.copy(), u.copy()
         up[index] = min(u[index] + _STEP, high)
@@ -366,6 +375,10 @@ class MeasurementModel:
             if self.unit_compliance is not None:
                 by_body[1] = -e / c * by_body[0]
             press = self.readings.press
-            return (by_c * by_body[0][press] + by_e * by_body[1][press]) / width
-        sides = [self.chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
+            change = by_c * by_body[0][press] + by_e * by_body[1][press]
+            if by_growth is not None:
+                changes = [body.growth_change(self.state(self.values(s))) for s in (up, down)]
+                change += by_growth * (changes[0] - changes[1])[press]
+            return change / width
+        sides = [chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
         return (sides[0] - sides[1]) / width

@@ -245,6 +245,8 @@ def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> Measuremen
     """Return the model without effects, corrected to the finer body at the fitted map."""
     coarse = body.coarse
     mechanics = BodyMechanics.of(coarse, body.fine)
+    if fit.field is None:
+        mechanics = mechanics.following_growth()
     if fit.solution is not None:
         mechanics = mechanics.sharing(fit.model.mechanics)
     free = [name for name, estimate in fit.parameters.items() if estimate.free]

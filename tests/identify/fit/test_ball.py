@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from fem import PalpationModel, RefinedModel, block_mesh
+from fem.palpation import by_contact_radius
+from identify.body.mechanics import BodyMechanics
 from identify.experiment import BodyModel, MapGuess, PlacedExperiment, contacts_of
 from identify.fit.start_map import fit_map
+from identify.map.gaussian_map import GaussianMap
 from identify.measurement.noise import Noise
 from models.scan import Scan
 from sim.body.soft_body import SoftBody
@@ -13,6 +17,7 @@ from sim.motion.tip import Tip
 
 SIZE, NU, E = (0.06, 0.06, 0.016), 0.45, 8000.0
 NOISE = Noise(1e-5, 1e-3)
+LUMP = np.array([E, 3 * E, 0.02, 0.03, 0.009, 0.005])
 
 
 def pressed_by_balls() -> Scan:
@@ -56,3 +61,28 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
     assert (growth < -1.05).all()  # the layer makes larger contacts stiffer
     lines = fit_map(experiment, rough=True)
     assert lines.chi2_per_dof > 10 * fit.chi2_per_dof
+
+
+def test_the_growth_of_a_contact_follows_the_map():
+    contacts, _ = contacts_of(pressed_by_balls(), sphere=True)
+    model = PalpationModel(block_mesh(SIZE, (8, 8, 3)), NU, contacts)
+    mechanics = BodyMechanics.of(model).following_growth()
+    state, stiffness = mechanics.state(), GaussianMap.from_values(LUMP)
+    body = mechanics.evaluate(stiffness, state)
+    own = model.evaluate(stiffness.modulus(model.points_m))
+    growth = by_contact_radius(own) / own.compliance
+    assert np.ptp(growth) > 0.05  # it differs over the lump
+    assert_allclose(body.growth, growth, atol=0.03)  # a law through two contacts, and a slope
+    for k, value in enumerate(LUMP):
+        step = 1e-4 * value * np.eye(6)[k]
+        up, down = (
+            mechanics.evaluate(GaussianMap.from_values(LUMP + s), state).growth
+            for s in (step, -step)
+        )
+        quotient = (up - down) / (2 * step[k])
+        assert_allclose(body.growth_by_map[:, k], quotient, rtol=1e-3, atol=1e-4 / value)
+    skins = [state.changed(skin_thickness_m=1e-3, skin_factor=f) for f in (1.5, 1.51)]
+    base, thicker = (mechanics.evaluate(stiffness, s) for s in skins)
+    change = thicker.growth - base.growth
+    assert np.abs(change).max() > 1e-4
+    assert_allclose(base.growth_change(skins[1]), change, rtol=0.1, atol=1e-5)

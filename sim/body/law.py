@@ -23,6 +23,9 @@ from sim.motion.tip import Tip
 SOLVED = (0.5, 1.0, 1.4)
 """Radii at which a punch is solved, in parts of that at the set force on a half-space."""
 
+HERTZ_WIDTH = 1.2
+"""Radius of the Hertz pressure that is as compliant as a flat punch, in radii of the punch."""
+
 LEAST, POINTS = 0.01, 300
 """Of a curve with growing contact: first radius, in parts of the last one, and number of points."""
 
@@ -79,7 +82,9 @@ def solved_radii(tip: Tip, force_n: float, plane_modulus_pa: float) -> np.ndarra
     if tip.kind == "cone":  # Sneddon: F = 2/pi E* cot(angle) a^2, d depth... with its own slope
         slope = 1 / np.tan(np.radians(tip.angle_deg))
         expected = max(expected, float(np.sqrt(2 * force_n / (np.pi * plane_modulus_pa * slope))))
-    expected = min(expected, tip.widest_m / SOLVED[-1])
+    # No wider than the ball itself, for which its place on the body was planned
+    widest = min(tip.widest_m, tip.radius_m / HERTZ_WIDTH) if tip.kind == "ball" else tip.widest_m
+    expected = min(expected, widest / SOLVED[-1])
     return expected * np.array(SOLVED)
 
 

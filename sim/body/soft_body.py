@@ -29,7 +29,7 @@ from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
 from fem.palpation import RefinedResponse, Response
 from models import InputError
-from sim.body.law import Creep, LawCurve, growing_contact, solved_radii
+from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
 from sim.motion import Tip
 
 DIVISIONS = (14, 14, 7)
@@ -39,7 +39,6 @@ CELLS = float(np.prod(DIVISIONS))
 CHANGED, LEAST_FORCE_N, CREPT_M = 0.02, 1e-5, 2e-8  # from which the contact asks for the law again
 LEVELS = (0.125, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.08)  # of the set force, of a hyperelastic path
 RING_PATCHES = 40  # across a ring
-HERTZ_WIDTH = 1.2  # radius of the Hertz pressure that is as compliant as a flat one
 SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
 Divisions = tuple[int, int, int]
 

@@ -5,7 +5,7 @@ import pytest
 
 from fem.finite_strain import Fung
 from models.errors import InputError
-from sim.body.law import Creep, LawCurve, growing_contact, solved_radii
+from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
 from sim.body.soft_body import SoftBody, ring_share
 from sim.motion import ScanPlan, ScanSettings, Tip, read_tips
 from sim.scan import run_scan
@@ -126,3 +126,9 @@ def test_tips_take_turns_and_are_changed_once_at_home():
 def test_tips_that_make_no_sense_are_refused(text):
     with pytest.raises(InputError):
         read_tips(text)
+
+
+@pytest.mark.parametrize("force", [0.01, 0.3, 3.0])
+def test_contacts_of_a_ball_are_solved_no_wider_than_the_ball(force):
+    tip = Tip("ball", 8e-3)
+    assert HERTZ_WIDTH * solved_radii(tip, force, 2e3).max() <= tip.radius_m * (1 + 1e-12)

@@ -84,7 +84,7 @@ class Neighbourhood(NamedTuple):
     frame : (3, 3) two tangents and the press direction
     local : (n, 3) m, the mesh's nodes in that frame, from the contact point
     cells : (c,) enriched cells
-    shape : (6,) the surface's paraboloid, see `fem.contact.paraboloid`
+    shape : (7,) the surface's paraboloid, see `fem.contact.paraboloid`
     radius : m
     """
 

@@ -282,6 +282,7 @@ def _integrate_cells(vertices, volumes, rule_points, rule_weights, leaf, tube, s
 
 @numba.njit(cache=True, error_model="numpy")
 def _rim_distance(p, shape, radius):
+    """Return the distance of a point from the rim, as it lies on the surface under the tip."""
     out = np.sqrt(p[0] * p[0] + p[1] * p[1]) - radius
     depth = p[2] - height(shape, p[0], p[1])
     return np.sqrt(out * out + depth * depth)

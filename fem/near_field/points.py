@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from fem.contact import half_space
-from fem.contact.paraboloid import depth_below, slope
+from fem.contact.paraboloid import bending, depth_below, slope
 
 FUNCTIONS = 4  # v times 1, x, y, z
 BATCH = 64  # quadrature points that are evaluated together
@@ -123,7 +123,7 @@ def _strains(eps, count, place, shape, radius, nu, profile):
         xz, yz, zx, zy = rz * cx, rz * cy, zr * cx, zr * cy
         # Derivatives by the body's x, y, z: those of the foot are (p, q), (q, s) across, h along
         h_x, h_y = slope(shape, place[0, k], place[1, k])
-        h_xx, h_xy, h_yy = 2 * shape[3], shape[4], 2 * shape[5]
+        h_xx, h_xy, h_yy = bending(shape, place[0, k], place[1, k])
         p, q, s = 1 - h_x * h_x + z * h_xx, z * h_xy - h_x * h_y, 1 - h_y * h_y + z * h_yy
         xx, xy, xz, yx, yy, yz, zx, zy, zz = (
             xx * p + xy * q - xz * h_x, xx * q + xy * s - xz * h_y, xx * h_x + xy * h_y + xz,

@@ -45,7 +45,7 @@ _SMOOTH = 0.01  # of the press's largest force: below it F^(2/3) is a straight l
 _DEEPEST = 0.9999  # contact radius, of the ball's, up to which the contact grows
 _HOLLOW = -0.8  # least curvature of the surface, of the ball's: in a closer one it would not fit
 _STIFFENS = 0.1  # least growth of a punch's stiffness with its radius, in logarithms
-_ROUNDS, _SETTLED = 30, 1e-12
+_ROUNDS, _SETTLED = 15, 1e-5  # steps towards the radius, and the last one's logarithm
 _SERIES = 0.02  # contact radius, of the ball's, below which the gap is a series
 
 
@@ -62,36 +62,51 @@ def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> 
     # Without a growth, what is distant feels the force alone: C less the half-space's is constant
     slope = stiffer - 1 if pressing.growth is None else -1 - pressing.growth
     bent = slope - level
-    first = level - bent
     curvature = np.maximum(pressing.curvature_per_m * ball, _HOLLOW)
-
-    def contact(a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Force, its logarithm's slope by that of a, and S, at contact radii (m,)."""
-        t, share = a / unit, a / ball
-        gap, gap_slope = _gap_slope(share)
-        gap, gap_slope = gap + 2 / 3 * curvature * share, gap_slope + 2 / 3 * curvature
-        stiffness = 2 * plane * a * np.exp(first * t + bent * t**2)
-        grown = 1 + first * t + 2 * bent * t**2
-        more = np.where(grown > _STIFFENS, first * t + 4 * bent * t**2, 0.0)
-        grown = np.maximum(grown, _STIFFENS)
-        steep = share * gap_slope / gap + 1 + grown - more / grown
-        return gap * a * stiffness / grown, np.maximum(steep, 1.0), stiffness
-
+    first, bent = (level - bent) / unit, bent / unit**2
+    law = np.array(np.broadcast_arrays(plane, ball, curvature, first, bent))
     smooth = np.hypot(force_n, _SMOOTH * np.maximum(readings.peak_force_n, 1e-9))
-    end = _DEEPEST * ball
     hertz = np.cbrt(0.75 * smooth * ball / plane / (1 + curvature))
     log_a = np.log(np.minimum(hertz, 0.9 * ball))
+    end, rows = np.log(_DEEPEST * ball), np.arange(len(smooth))
     for _ in range(_ROUNDS):
-        force, steep, _ = contact(np.exp(log_a))
-        step = np.log(smooth / force) / steep
-        log_a = np.minimum(log_a + step, np.log(end))
-        if np.abs(np.where(log_a < np.log(end), step, 0.0)).max(initial=0.0) < _SETTLED:
+        force, steep = _under(np.exp(log_a[rows]), *law[:, rows])
+        step = np.log(smooth[rows] / force) / steep
+        before = log_a[rows]
+        log_a[rows] = np.minimum(before + step, end[rows])
+        rows = rows[np.abs(log_a[rows] - before) > _SETTLED]
+        if not len(rows):
             break
+    # At the true radius the travel is stationary: an error of it counts by its square.
+    # Near the equator, where the contact has ended, the tip is as a cylinder
     a = np.exp(log_a)
-    force, _, stiffness = contact(a)
-    beyond = np.maximum(smooth - force, 0.0)  # near the equator, as a tip that is a cylinder
-    travel = (force + beyond) / stiffness + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
+    sunk = smooth / (2 * plane * a * np.exp(a * (first + bent * a)))
+    travel = sunk + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
     return travel * force_n / smooth
+
+
+def _under(
+    a: np.ndarray,
+    plane: np.ndarray,
+    ball: np.ndarray,
+    curvature: np.ndarray,
+    first: np.ndarray,
+    bent: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force (n,) at contact radii (n,), and the slope of its logarithm by that of the radius.
+
+    A punch is as stiff as 2 `plane` a exp(`first` a + `bent` a^2).
+    """
+    share = a / ball
+    gap, gap_slope = _gap_slope(share)
+    own = 2 / 3 * curvature
+    gap, gap_slope = gap + own * share, gap_slope + own
+    linear, square = first * a, bent * a**2
+    grown = 1 + linear + 2 * square
+    more = np.where(grown > _STIFFENS, linear + 4 * square, 0.0)
+    grown = np.maximum(grown, _STIFFENS)
+    steep = share * gap_slope / gap + 1 + grown - more / grown
+    return 2 * plane * gap * a**2 * np.exp(linear + square) / grown, np.maximum(steep, 1.0)
 
 
 def _gap(share: np.ndarray) -> np.ndarray:

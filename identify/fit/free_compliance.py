@@ -276,9 +276,12 @@ class FreeCompliance:
     ) -> tuple[np.ndarray, Judged, np.ndarray]:
         """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
         press, presses = self.readings.press, self.readings.presses
-        most, widest = self.settings.longest_step, self.settings.widest
+        most, widest = np.full(presses, self.settings.longest_step), self.settings.widest
         usual = float(np.median(np.log(self._slopes)))
-        for _ in range(self.settings.compliance_steps):
+        kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
+        for number in range(self.settings.compliance_steps + 1):
+            if number == self.settings.compliance_steps:
+                log_c = kept
             c = np.exp(log_c)
             e = self.unit_compliance / c
             judged = judge(chain, c, e, self.displacement_m, self.noise, values)
@@ -289,9 +292,17 @@ class FreeCompliance:
             step = np.clip(np.bincount(press, own * r, presses) / square, -most, most)
             if not np.isfinite(step).all():
                 raise InadmissibleError("the effects leave a press without a finite compliance")
-            if np.abs(step).max() < self.settings.compliance_tol:
+            # Under a strong stiffening Newton's steps overshoot: to and fro, or to where no slope
+            # leads back; one such press would end the whole search
+            misfit = np.bincount(press, r**2, presses)
+            lost = misfit > self.settings.lost * least
+            kept, least = np.where(lost, kept, log_c), np.where(lost, least, misfit)
+            step = np.where(lost, (kept - log_c) / 2, step)
+            most, last = np.where(step * last < 0, most / 2, most), step
+            moved = np.clip(log_c + step, usual - widest, usual + widest) - log_c
+            if np.max(np.abs(moved) * np.sqrt(square)) < self.settings.compliance_tol:
                 break
-            log_c = np.clip(log_c + step, usual - widest, usual + widest)
+            log_c = log_c + moved
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
         columns = self._white(judged, columns)
         for k in range(columns.shape[1]):

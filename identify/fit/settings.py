@@ -130,8 +130,9 @@ class FreeComplianceSettings:
     Attributes
     ----------
     compliance_steps, compliance_tol : largest number of Gauss-Newton steps towards the compliances
-        for given effects, and relative change of a compliance that ends them
+        for given effects, and change of a compliance, in its standard errors, that ends them
     longest_step : of ln C
+    lost : growth of a press's chi-square by such a step, from which on it goes half way back
     widest : largest difference of ln C from the middle press
     felt, softest : a press met resistance if its force rises above so many standard deviations, and
         its compliance is not so many times that of the middle one
@@ -142,8 +143,9 @@ class FreeComplianceSettings:
     """
 
     compliance_steps: int = 12
-    compliance_tol: float = 1e-4
+    compliance_tol: float = 0.01
     longest_step: float = 0.5
+    lost: float = 3.0
     widest: float = 7.0
     felt: float = 6.0
     softest: float = 10.0

@@ -5,6 +5,7 @@ The curves are those of the exact contact of a paraboloid on a bonded layer
 search knows no layer's contact.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -160,3 +161,35 @@ def test_one_effect_alone_is_found_alone():
     assert law.names == ("contact_offset",)
     assert law.found.values["contact_offset"]["offset_m"] == pytest.approx(-3e-4, rel=0.05)
     assert law.candidates("contact_offset") == []
+
+
+def soft_tissue(missed: int) -> FreeCompliance:
+    """A ball's presses on soft, stiffening tissue; the first few met none."""
+    rng, own, law = np.random.default_rng(0), flat(0), {
+        "strain_stiffening": {"b": 1.0},
+        "touch_threshold": {"threshold_n": 0.015},
+    }  # fmt: skip
+    radius, noise = 0.6 * BALL, Noise(3e-6, 7e-3)
+    place = Contacts(own.contacts.points_m, own.contacts.directions, radius, "hertz")
+    unit = np.full(PRESSES, 0.6 * (1 - NU**2) / (1.15 * radius))
+    own = replace(own, noise=noise, contacts=place, unit_compliance=unit)
+    modulus = 2.5e4 * np.exp(rng.normal(0, 0.6, PRESSES))
+    force = np.linspace(0.02, 0.3, LEVELS) * np.exp(rng.normal(0, 0.5, (PRESSES, 1)))
+    chain = own.chain([CATALOGUE[name] for name in law])
+    travel = chain.predict(unit / modulus, modulus, force.ravel(), law)
+    read = force.ravel() + noise.force_n * rng.standard_normal(force.size)
+    none = own.readings.press < missed
+    read[none] = 0.02 * np.abs(rng.standard_normal(none.sum()))
+    travel[none] = np.tile(np.linspace(1e-4, 2e-3, LEVELS), missed)
+    travel += noise.displacement_m * rng.standard_normal(force.size)
+    return replace(own, displacement_m=travel, readings=replace(own.readings, force_n=read))
+
+
+@pytest.mark.parametrize("missed", [0, 3])
+def test_presses_that_met_nothing_do_not_end_the_search_for_the_law_of_the_others(missed):
+    own = soft_tissue(missed)
+    touch = own.begun(CATALOGUE["touch_threshold"], {})
+    found = own.fit([own.begun(CATALOGUE["strain_stiffening"], {}), touch])
+    assert found.values["strain_stiffening"]["b"] == pytest.approx(1.0, abs=0.15)
+    assert found.values["touch_threshold"]["threshold_n"] == pytest.approx(0.015, abs=0.003)
+    assert found.misfit < 0.5 * own.fit([touch]).misfit

@@ -193,3 +193,20 @@ def test_presses_that_met_nothing_do_not_end_the_search_for_the_law_of_the_other
     assert found.values["strain_stiffening"]["b"] == pytest.approx(1.0, abs=0.15)
     assert found.values["touch_threshold"]["threshold_n"] == pytest.approx(0.015, abs=0.003)
     assert found.misfit < 0.5 * own.fit([touch]).misfit
+
+
+def test_compliances_beside_an_effect_do_not_depend_on_where_they_start():
+    # Six presses whose contact hardly grows stiffer, as an ill-shaped body has them
+    own, growth = soft_tissue(3), np.full(PRESSES, -1.05)
+    growth[3:9] = -0.4
+    unit = np.where(growth > -1, 1.15 / 1.8, 1.0) * own.unit_compliance
+    own = replace(own, growth=growth, unit_compliance=unit)
+    values = {"strain_stiffening": {"b": 1.2}, "touch_threshold": {"threshold_n": 0.012}}
+    parts = [own.part(CATALOGUE[name], start) for name, start in values.items()]
+    u = np.concatenate([part.to_scaled() for part in parts])
+    chain, misfits = own.chain([part.effect for part in parts]), []
+    for far in (1.0, np.e):
+        start = np.log(far * own.fit(()).compliance)
+        _, judged, _ = own._eliminate(chain, parts, u, values, start)
+        misfits.append(np.sum((judged.residual_m / judged.sigma_m) ** 2))
+    assert misfits[1] == pytest.approx(misfits[0], rel=0.01)

@@ -130,7 +130,7 @@ class Counted:
 
 def test_a_mesh_twice_as_fine_needs_hardly_more_iterations_with_two_grids():
     calls = []
-    for parts in ((20, 16, 10), (40, 32, 20)):
+    for parts in ((14, 11, 7), (28, 22, 14)):
         body = Body(0.4, order=1, parts=parts)
         counted = Counted(body.two_grids())
         conjugate_gradients(body.matrix, counted, body.loads(), TwoGrid.most)

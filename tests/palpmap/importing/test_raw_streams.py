@@ -14,7 +14,7 @@ from palpmap.importing.streams.path import smooth_path
 from palpmap.importing.streams.stream import Stream
 from tests.palpmap.importing.raw_streams import RIG, draw, faults, lag_bound
 
-QUICK, ALL = range(20), range(500)
+QUICK, ALL = range(12), range(500)
 LAG_S = 0.002
 SHARP_S = 1.1e-3
 """Stated standard deviation of a lag that the data give to 2 ms."""

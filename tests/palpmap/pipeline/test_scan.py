@@ -27,11 +27,6 @@ def spaced(run_command, tmp_path_factory):
     return run, here / "first run"
 
 
-@pytest.fixture(scope="module")
-def again(run_command):
-    return run_command(*SMALL, "--seed", "5")
-
-
 def test_a_scan_works_in_and_into_a_folder_with_a_space_in_its_name(spaced):
     run, folder = spaced
     assert run.exit_code == 0, run.stderr
@@ -73,8 +68,9 @@ def test_the_papers_force_presses_so_deep_that_it_is_said(run_here, tmp_path):
     assert max(read_scan(tmp_path / "run" / "scan.csv").displacement_m) < 0.048
 
 
-def test_one_seed_gives_one_scan_bit_for_bit(spaced, again):
-    _, folder = spaced
+def test_one_seed_gives_one_scan_bit_for_bit(spaced, run_here, tmp_path):
+    _, folder = spaced  # by a process of its own, and again by this one
+    again = run_here(*SMALL, "--seed", "5", folder=tmp_path / "again")
     assert again.exit_code == 0, again.stderr
     assert sha256(folder / "scan.csv") == sha256(again.folder / "scan.csv")
 

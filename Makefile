@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 # the tests in up to four processes, so each with one thread; they and the commands that they start
 # read compiled modules, whatever the shell says
-PYTEST := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= "$(BIN)/python" -m pytest -n auto --maxprocesses 4 \
+PYTEST := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
+	"$(BIN)/python" -m pytest -n auto --maxprocesses 4 \
 	--no-loadscope-reorder
 
 .PHONY: demo test validate bench docs style lint clean

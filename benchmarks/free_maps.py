@@ -1,23 +1,26 @@
 """Free maps of bodies that no smooth prior draws: coverage of their bands, and odds of their spots.
 
-    python benchmarks/free_maps.py [--seeds 0 8] [--workers 2] [--out free_maps.jsonl]
+    python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--out free_maps.jsonl]
 
 For every seed a body of each kind: a cube, a torus, two lobes, a layer, nothing, and a ball of
-10 mm with three times the modulus around it, the last at a depth drawn from its radius to the
-depth of sight that a scan of the even body prints. Edges are sharp; the truth has a finer mesh of
-its own. 49 presses with a flat tip of 4 mm on a bonded block of 80 x 80 x 40 mm. Every line goes to
-a file, from which an interrupted run goes on.
+10 mm with three times the modulus around it, the last at a depth of 5 to 18 mm. Edges are sharp;
+the truth has a finer mesh of its own. 49 presses with a flat tip of 4 mm on a bonded block of
+80 x 80 x 40 mm. Every line goes to a file, from which an interrupted run goes on.
 
 Coverage: share of the seen points of the map's grid at which ln E lies in its 95 % band. A spot is
 found if its probability is `SpotSettings.probable`; it is the ball's if its centre lies within
 7 mm. The area under the curve (AUC) compares the probability of the ball's own spot with that of
-any spot in the bodies of nothing.
+any spot in the bodies of nothing, for balls above and below the depth of sight of such a ball that
+their scan prints. A spot is false if it is found where no ball is, in bodies with a ball, a layer
+or nothing.
 """
 
 import argparse
 import json
 import multiprocessing
 import time
+from collections.abc import Iterator
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -33,7 +36,7 @@ SIZE_M, NU, TIP_M, PER_SIDE = (0.08, 0.08, 0.04), 0.45, 0.004, 7
 NOISE_M, NOISE_N, FORCES_N = 1e-5, 3e-3, np.linspace(0.04, 0.3, 8)
 KINDS = ("cube", "torus", "lobes", "layer", "nothing", "ball")
 BALL_M, CONTRAST, NEAR_M = 0.005, 3.0, 0.007
-SIGHT_M = 0.018  # printed for the even body, rounded down
+DEEPEST_M = 0.018
 
 
 class Body(GaussianMap):
@@ -46,7 +49,7 @@ class Body(GaussianMap):
         deep = rng.uniform(0.008, 0.016)
         place = np.append(rng.uniform(0.025, size[:2] - 0.025), size[2] - deep)
         if kind == "ball":
-            place[2] = size[2] - rng.uniform(BALL_M, SIGHT_M)
+            place[2] = size[2] - rng.uniform(BALL_M, DEEPEST_M)
         given = {
             "factor": float(np.exp(rng.choice([-1, 1]) * rng.uniform(np.log(1.5), np.log(4)))),
             "place": place,
@@ -123,7 +126,7 @@ def trial(job: tuple[str, int]) -> dict:
         "held_seen": float(held[seen].mean()), "held": float(held.mean()),
         "seen": float(seen.mean()), "sight_m": field.sight_m, "ball_sight_m": field.ball_sight_m,
         "depth_m": float(SIZE_M[2] - body.place[2]), "factor": body.factor,
-        "spots": [(s.probability, s.contrast, d) for s, d in zip(field.spots, apart, strict=True)],
+        "spots": [asdict(s) | {"apart_m": d} for s, d in zip(field.spots, apart, strict=True)],
         "cpu_s": time.process_time() - started,
     }  # fmt: skip
 
@@ -142,30 +145,53 @@ def summary(lines: list[dict]) -> str:
                 f"| {kind} | {len(own)} | {sum(line['success'] for line in own)} "
                 f"| {100 * np.mean(held):.1f} % | {100 * min(held):.0f} % |"
             )
-    balls = [line for line in lines if line["kind"] == "ball"]
-    empty = [line for line in lines if line["kind"] == "nothing"]
-    own = [max((p for p, c, d in b["spots"] if d < NEAR_M and c > 1), default=0.0) for b in balls]
-    none = [max((p for p, _, _ in b["spots"]), default=0.0) for b in empty]
-    if own and none:
-        auc = np.mean([(a > b) + 0.5 * (a == b) for a in own for b in none])
-        found = sum(p >= SPOTS.probable for p in own)
-        false = [
-            sum(p >= SPOTS.probable and not (line["kind"] == "ball" and d < NEAR_M)
-                for p, _, d in line["spots"])
-            for line in [*balls, *empty]
-        ]  # fmt: skip
-        says.append(
-            f"\nBalls: AUC {auc:.3f}, {found} of {len(own)} offered as found; "
-            f"{np.mean(false):.3f} false spots a scan."
-        )
+    says += ["", *spots_summary(lines)]
     says.append(f"{np.mean([line['cpu_s'] for line in lines]):.0f} s of CPU a scan.")
     return "\n".join(says)
+
+
+def spots_summary(lines: list[dict]) -> Iterator[str]:
+    """Yield what became of the balls, and the false spots."""
+    balls = [line for line in lines if line["kind"] == "ball"]
+    none = [
+        max((s["probability"] for s in line["spots"]), default=0.0)
+        for line in lines if line["kind"] == "nothing"
+    ]  # fmt: skip
+    for name, above in (("above", True), ("below", False)):
+        some = [b for b in balls if (b["depth_m"] <= b["ball_sight_m"]) == above]
+        own = [[s for s in b["spots"] if is_of_ball(s)] for b in some]
+        odds = [max((s["probability"] for s in spots), default=0.0) for spots in own]
+        if odds and none:
+            auc = np.mean([(a > b) + 0.5 * (a == b) for a in odds for b in none])
+            held = [
+                (s["lower95"] < CONTRAST < s["upper95"],
+                 s["diameter_lower95_m"] < 2 * BALL_M < s["diameter_upper95_m"])
+                for spots in own for s in spots[:1]
+            ]  # fmt: skip
+            yield (
+                f"Balls {name} their depth of sight: AUC {auc:.3f}, "
+                f"{sum(p >= SPOTS.probable for p in odds)} of {len(odds)} found; of {len(held)} "
+                f"listed, contrast and diameter in their intervals: {np.sum(held, axis=0)}."
+            )
+    for kind in ("ball", "layer", "nothing"):
+        own = [line["spots"] for line in lines if line["kind"] == kind]
+        false = [
+            s for spots in own for s in spots
+            if s["probability"] >= SPOTS.probable and not (kind == "ball" and is_of_ball(s))
+        ]  # fmt: skip
+        yield f"False spots, {kind}: {len(false)} in {len(own)} scans."
+
+
+def is_of_ball(spot: dict) -> bool:
+    """Whether a spot is the hard ball of its body."""
+    return spot["apart_m"] < NEAR_M and spot["contrast"] > 1
 
 
 def main() -> None:
     """Play the trials that are missing, and print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 8))
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("free_maps.jsonl"))
     given = parser.parse_args()
@@ -173,7 +199,7 @@ def main() -> None:
         [json.loads(t) for t in given.out.read_text().splitlines()] if given.out.exists() else []
     )
     played = {(line["kind"], line["seed"]) for line in lines}
-    jobs = [(k, s) for s in range(*given.seeds) for k in KINDS if (k, s) not in played]
+    jobs = [(k, s) for s in range(*given.seeds) for k in given.kinds if (k, s) not in played]
     with (
         multiprocessing.get_context("spawn").Pool(given.workers) as pool,
         given.out.open("a") as file,

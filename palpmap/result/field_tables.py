@@ -33,8 +33,8 @@ def _spot_table(spots: Sequence[Spot], success: bool, origin_m: np.ndarray) -> T
             ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
             f"{1e3 * s.place_sd_m:.1f} mm",
             _size(s),
-            f"{s.contrast:.2f}",
-            f"{s.lower95:.2f} to {s.upper95:.2f}",
+            f"{s.contrast:.3g}",
+            f"{s.lower95:.2g} to {s.upper95:.3g}",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found else "dim"),
         )
@@ -60,10 +60,10 @@ def _region_table(regions: Sequence[RegionEstimate]) -> Table:
 
 
 def _size(spot: Spot) -> str:
-    """Return the diameter without the smearing, or its upper limit."""
-    if spot.size_m is None:
-        return f"at most {1e3 * spot.diameter_m:.0f} mm"
-    return f"{1e3 * spot.size_m:.0f} mm"
+    """Return the interval of the diameter, or its upper limit."""
+    most = f"{1e3 * spot.diameter_upper95_m:.0f} mm"
+    least = 1e3 * spot.diameter_lower95_m
+    return f"{least:.0f} to {most}" if least else f"at most {most}"
 
 
 def _listed(presses: Sequence[int], most: int = 8) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identify.fit.free_map.ball_search import BallSearch, share_inside
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import SPOTS
@@ -107,6 +108,7 @@ class Field:
         seen = posterior.share >= SPOTS.seen
         mean, sd, _ = _mean_of(posterior, seen if seen.any() else np.ones_like(seen))
         directions, gain = posterior.modes
+        search = BallSearch(posterior, hyper, lengths_m[1])
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -116,8 +118,8 @@ class Field:
             log_sd=posterior.sd,
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
-            ball_sight_m=_ball_sight_m(posterior, model),
-            spots=find_spots(posterior) if converged else (),
+            ball_sight_m=_ball_sight_m(search, model),
+            spots=find_spots(search, posterior) if converged else (),
             press_error=press_error,
             left_out=posterior.left_out(fifths(len(press_error))),
             errs=errs,
@@ -173,9 +175,9 @@ def fifths(presses: int) -> np.ndarray:
     return np.random.default_rng(31).permutation(presses) % 5
 
 
-def _ball_sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:
-    """Depth, m, of the deepest ball that the readings would show; the prior's field is noise."""
-    contacts, grid = model.mechanics.coarse.contacts, posterior.prior.grid
+def _ball_sight_m(search: BallSearch, model: MeasurementModel) -> float:
+    """Depth, m, of the deepest ball that the readings would show."""
+    contacts, grid = model.mechanics.coarse.contacts, search.grid
     low, high = model.mechanics.coarse.mesh.box_m
     away = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
     middle, step, found = int(np.argmin(away)), min(grid.spacing_m) / 2, 0.0
@@ -184,9 +186,8 @@ def _ball_sight_m(posterior: FieldPosterior, model: MeasurementModel) -> float:
         centre = contacts.points_m[middle] + depth * contacts.directions[middle]
         if np.any(centre < low) or np.any(centre > high):
             break
-        apart = np.linalg.norm(grid.points_m - centre, axis=1)
-        ball = np.clip((radius - apart) / max(grid.spacing_m) + 0.5, 0.0, 1.0)
-        if posterior.shown_by(np.log(SPOTS.ball_contrast) * ball) < SPOTS.sure:
+        ball = share_inside(grid, centre[None], np.array([radius])).toarray()[:, 0]
+        if search.shown_by(np.log(SPOTS.ball_contrast) * ball) < SPOTS.sure:
             break
         found = depth
     return found

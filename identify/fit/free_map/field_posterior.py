@@ -84,14 +84,6 @@ class FieldPosterior:
         """Share of the prior's variance about its level that the readings take away, (g,)."""
         return np.clip(1 - self.sd**2 / self.prior.variance, 0.0, 1.0)
 
-    def shown_by(self, change: np.ndarray) -> float:
-        """Size of a change (g,) of the field in the readings, in standard deviations.
-
-        Noise, the map's own error and the prior's field count as deviations.
-        """
-        own = self.data.root.T @ (self.data.by_field @ change)
-        return float(np.linalg.norm(solve_triangular(self._factor, own, lower=True)))
-
     def moved(self) -> np.ndarray:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""
         return self._of_s @ self.weights - self.data.offset

@@ -106,27 +106,44 @@ class SpotSettings:
     Attributes
     ----------
     seen : share of the prior's variance that the readings take away where a place counts as seen
-    least_contrast : ratio of moduli from which on a difference counts
-    largest_share : of the body's width, from which on a region is a layer
-    draws : of the posterior
-    most : regions of either sign
-    levels : heights of a region's edge over that of its peak, in turn
-    resolved : diameter in widths of smearing from which on the size is told
+    growth : ratio of a ball's radius to that of the next smaller one; the least is the grid's
+        spacing
+    largest_radius : ... and the largest in the body's width
+    apart : distance of balls of a radius, in it
+    expected : balls that are expected in a body before any reading, among those that may show
+    amplitude : standard deviation of their change of ln E
+    shows : standard deviations of the readings' noise from which on a ball may show
+    scales : of the prior's spread and of the map's error, those that were fitted being 1
+    longer : exponents of the way from the prior's length to the longest
+    most, patience : balls that are added, and the most in turn that do not raise the log evidence
+    alike : cosine of the patterns of two balls from which on they are one spot
+    splits, kept : times that the lattice is made finer for a spot, and most balls that are split
+    unlikely : how far below the largest the log evidence of a prior may be that is kept for that
+    draws : of a ball, its radius and contrast
     ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
         and standard deviations of the readings from which on it is seen
     possible, probable : probability from which on a spot is listed, and offered
     """
 
     seen: float = 0.5
-    least_contrast: float = 1.2
-    largest_share: float = 0.6
-    draws: int = 200
+    growth: float = 1.5
+    largest_radius: float = 0.2
+    apart: float = 0.7
+    expected: float = 1.0
+    amplitude: float = 1.2
+    shows: float = 3.0
+    scales: tuple[float, ...] = (2.0, 1.0, 0.5, 0.2, 0.0)
+    longer: tuple[float, ...] = (0.5, 1.0)
     most: int = 8
-    levels: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9)
-    resolved: float = 1.3
+    patience: int = 2
+    alike: float = 0.6
+    splits: int = 2
+    kept: int = 300
+    unlikely: float = 10.0
+    draws: int = 2000
     ball_m: float = 0.01
     ball_contrast: float = 3.0
-    sure: float = 5.0
+    sure: float = 7.0
     possible: float = 0.5
     probable: float = 0.95
 

@@ -1,38 +1,42 @@
-"""Spots of a free map: places that are harder or softer than all around them.
+"""Spots of a free map: balls that make its readings more probable, with the odds of each.
 
-A spot is a region of the most probable field at more than half the height of a peak over the
-median of the seen part of the body, in the seen part itself, or less of it where the region would
-reach to a higher peak. Its contrast is that of the means of
-ln E inside and in a shell around it; the probability of the spot is the share of posterior draws in
-which this contrast is real. Regions that reach across most of the body are layers, not spots.
+Balls are added one after another to the model of the readings
+(`identify.fit.free_map.ball_search`). Each spot is then judged beside all the others: its
+probability is the sum over all balls that look like it, against one elsewhere and none; place, size
+and contrast are those of the same balls, each with its own weight. Balls that overlap are one spot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
+from identify.fit.free_map.ball_search import Balls, BallSearch, Beside
 from identify.fit.free_map.field_posterior import FieldPosterior
-from identify.fit.free_map.settings import SPOTS, SpotSettings
-from identify.map import Grid
+from identify.fit.free_map.settings import SPOTS
+
+_STRAIN = 0.4  # fall of the strain in a ball by its contrast
+_ACTS = (
+    -1.6,
+    2.4,
+)  # change of ln E as which a ball acts that is as good as a hole, as good as rigid
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A place that is harder or softer than its surroundings.
+    """A place that is harder or softer than the smooth map around it.
 
     Attributes
     ----------
     x_m, y_m, z_m : centre, body frame
     place_sd_m : standard deviation of the centre, root mean square over the axes
-    diameter_m : of a ball of the same volume, at half height, in the map as it is smeared
+    diameter_m : of a ball, the median
+    diameter_lower95_m, diameter_upper95_m : interval of the diameter; a lower end of 0 is open
     width_m : over which the map is smeared there
-    contrast : mean modulus inside over that around it (geometric means)
+    contrast : modulus inside over that of the smooth map there
     lower95, upper95 : interval of the contrast
-    probability : that the contrast is at least that of `SpotSettings.least_contrast`
+    probability : of a ball there, against one elsewhere and none
     depth_seen : share of the prior's variance at the centre that the readings take away
     """
 
@@ -41,6 +45,8 @@ class Spot:
     z_m: float
     place_sd_m: float
     diameter_m: float
+    diameter_lower95_m: float
+    diameter_upper95_m: float
     width_m: float
     contrast: float
     lower95: float
@@ -49,125 +55,122 @@ class Spot:
     depth_seen: float
 
     @property
-    def size_m(self) -> float | None:
-        """Diameter without the smearing; None for a spot that is hardly wider than that."""
-        if self.diameter_m < SPOTS.resolved * self.width_m:
-            return None
-        return float(np.sqrt(self.diameter_m**2 - self.width_m**2))
-
-    @property
     def found(self) -> bool:
         """Whether the spot is offered as one."""
         return self.probability >= SPOTS.probable
 
 
-def find_spots(posterior: FieldPosterior, settings: SpotSettings = SPOTS) -> tuple[Spot, ...]:
-    """Return the spots of a posterior, the most probable first; draws are always the same."""
-    draws = posterior.draws(np.random.default_rng(0), settings.draws)
-    grid = posterior.prior.grid
-    seen = posterior.share > settings.seen
-    if not seen.any():
+def find_spots(search: BallSearch, posterior: FieldPosterior) -> tuple[Spot, ...]:
+    """Return the spots in the readings of a posterior, the most probable first."""
+    if not search.balls.radius_m.size:
         return ()
-    found = []
-    for sign in (1.0, -1.0):
-        for inside in _regions(posterior.mean, seen, grid, sign, settings):
-            spot = _spot(posterior, draws, inside, seen, sign, settings)
-            if spot is not None and spot.probability >= settings.possible:
-                found.append(spot)
-    own: list[Spot] = []
-    for spot in sorted(found, key=lambda spot: -abs(np.log(spot.contrast))):
-        if not any(_is_halo(spot, stronger) for stronger in own):
-            own.append(spot)
-    return tuple(sorted(own, key=lambda spot: -spot.probability))
+    balls = _added(search)
+    groups = _groups(search, balls)
+    while True:
+        found = []
+        for group in groups:
+            beside = search.alone
+            for ball in (ball for other in groups if other is not group for ball in other):
+                beside = search.added(beside, balls[ball])
+            found.append(_spot(search, beside, balls[group[0]], posterior))
+        if all(spot.probability >= search.settings.possible for spot in found):
+            return tuple(sorted(found, key=lambda spot: -spot.probability))
+        # The others were judged beside one that is hardly there
+        del groups[int(np.argmin([spot.probability for spot in found]))]
 
 
-def _is_halo(spot: Spot, other: Spot) -> bool:
-    """Whether a spot is the rim of a stronger one of the other sign: sharp steps overshoot."""
-    own, more = np.log(spot.contrast), np.log(other.contrast)
-    apart = np.linalg.norm([spot.x_m - other.x_m, spot.y_m - other.y_m, spot.z_m - other.z_m])
-    near = apart < (spot.diameter_m + other.diameter_m) / 2 + other.width_m
-    return bool(own * more < 0 and near)
+def _added(search: BallSearch) -> list[Balls]:
+    """Return balls in the order in which they explain most; as many as are most probable."""
+    beside, balls, total = search.alone, [], [0.0]
+    for _ in range(search.settings.most):
+        odds = search.log_odds(beside)
+        total.append(total[-1] + _log_sum(odds))
+        if int(np.argmax(total)) <= len(balls) - search.settings.patience:
+            break
+        best = search.balls.some(np.array([np.argmax(odds)]))
+        finer = search.finer(beside, np.flatnonzero(search.balls.overlap(best)))
+        balls.append(finer.balls.some(np.array([np.argmax(search.log_odds(finer))])))
+        beside = search.added(beside, balls[-1])
+    return balls[: int(np.argmax(total[: len(balls) + 1]))]
 
 
-def _regions(
-    field: np.ndarray, seen: np.ndarray, grid: Grid, sign: float, settings: SpotSettings
-) -> Iterator[np.ndarray]:
-    """Yield the regions (g,) bool around the peaks, the highest first.
-
-    A region is what lies above half of the peak's height, or, where that reaches to a higher peak,
-    above the lowest level that does not.
-    """
-    height = np.where(seen, sign * (field - np.median(field[seen])), -np.inf)
-    cube = height.reshape(grid.counts)
-    tops = (cube == ndimage.maximum_filter(cube, size=3)).ravel()
-    least = np.log(settings.least_contrast)
-    peaks = [p for p in np.argsort(-height).tolist() if tops[p] and height[p] >= least]
-    labels, higher, found = np.empty(grid.counts, dtype=int), np.zeros(len(height), bool), 0
-    for peak in peaks:
-        for share in settings.levels:
-            if height[peak] * (1 - share) < least / 2:
-                break  # hardly rises above its surroundings
-            ndimage.label(cube > share * height[peak], output=labels)
-            inside = labels.ravel() == labels.ravel()[peak]
-            if not (inside & higher).any():
-                if _is_compact(inside, grid, settings):
-                    found += 1
-                    yield inside
+def _groups(search: BallSearch, balls: list[Balls]) -> list[list[int]]:
+    """Group balls with those before them that they overlap with, or that act alike: form or rim."""
+    if not balls:
+        return []
+    together = search.instead(search.alone, Balls.joined(balls))
+    groups: list[list[int]] = []
+    for number, ball in enumerate(balls):
+        alike = np.abs(search.alike(together, number)) > search.settings.alike
+        one = np.flatnonzero(alike | together.balls.overlap(ball))
+        for group in groups:
+            if np.isin(group, one).any():
+                group.append(number)
                 break
-        higher[peak] = True
-        if found == settings.most:
-            return
+        else:
+            groups.append([number])
+    return groups
 
 
-def _is_compact(inside: np.ndarray, grid: Grid, settings: SpotSettings) -> bool:
-    """Whether a region is short against the body, along both horizontal axes."""
-    places = np.argwhere(inside.reshape(grid.counts))
-    extent = np.ptp(places, axis=0) / (np.array(grid.counts) - 1)
-    return bool((extent[:2] < settings.largest_share).all())
-
-
-def _dilated(inside: np.ndarray, grid: Grid, steps: int = 1) -> np.ndarray:
-    return ndimage.binary_dilation(inside.reshape(grid.counts), iterations=steps).ravel()
-
-
-def _spot(
-    posterior: FieldPosterior,
-    draws: np.ndarray,
-    inside: np.ndarray,
-    seen: np.ndarray,
-    sign: float,
-    settings: SpotSettings,
-) -> Spot | None:
-    grid = posterior.prior.grid
-    diameter = 2 * np.cbrt(0.75 / np.pi * inside.sum() * grid.cell_m3)
-    steps = max(round(diameter / 2 / min(grid.spacing_m)), 2)
-    wide = _dilated(inside, grid, steps)
-    around = wide & ~_dilated(inside, grid) & seen
-    if not around.any():
-        return None
-    contrast = draws[:, inside].mean(axis=1) - draws[:, around].mean(axis=1)
-    own = posterior.mean[inside].mean() - posterior.mean[around].mean()
-    centre = _centre(posterior.mean, inside, around, grid, sign)
-    places = np.array([_centre(draw, inside, around, grid, sign) for draw in draws])
-    at = int(np.argmin(np.linalg.norm(grid.points_m - centre, axis=1)))
-    low, high = np.exp(np.percentile(contrast, [2.5, 97.5])).tolist()
+def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPosterior) -> Spot:
+    """Judge a ball beside others."""
+    s, balls, odds = search.settings, search.balls, search.log_odds(beside)
+    best = int(np.argmax(np.where(balls.overlap(ball), odds, -np.inf)))
+    alike = search.alike(beside, best) > s.alike
+    own = np.flatnonzero(alike | balls.overlap(balls.some(np.array([best]))))
+    there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, 0.0))))
+    # The lattice tells the odds; places and radii between its own tell the likely ones apart
+    beside, part = search.finer(beside, own), 0.5**s.splits
+    finer = beside.balls
+    # Draws of prior and ball, and of the change of ln E, which is normal for each of them
+    rng = np.random.default_rng(0)
+    joint = beside.evidence[:, None] + search.gain(beside) + finer.log_prior
+    joint = np.exp(joint - joint.max()).ravel()
+    chosen = rng.choice(joint.size, s.draws, p=joint / joint.sum())
+    drawn = chosen % len(finer.radius_m)
+    precision = (beside.power + s.amplitude**-2).ravel()[chosen]
+    change = beside.match.ravel()[chosen] / precision
+    change = change + rng.standard_normal(s.draws) / np.sqrt(precision)
+    # ... and of the radius beside each, with the same change times volume
+    wider = s.growth ** (part * rng.uniform(-0.5, 0.5, s.draws))
+    radius = finer.radius_m[drawn] * wider
+    least, most = np.percentile(radius, [2.5, 97.5]).tolist()
+    ratio = _contrast(change / wider**3, rng)
+    low, middle, high = np.percentile(ratio, [2.5, 50, 97.5]).tolist()
+    place = finer.centre_m[drawn]
+    centre = place.mean(axis=0)
+    points = posterior.prior.grid.points_m
+    at = int(np.argmin(np.linalg.norm(points - centre, axis=1)))
     x, y, z = centre.tolist()
     return Spot(
         x, y, z,
-        place_sd_m=float(np.sqrt(np.mean((places - centre) ** 2))),
-        diameter_m=float(diameter),
+        place_sd_m=float(np.sqrt(np.mean((place - centre) ** 2))),
+        diameter_m=float(2 * np.median(radius)),
+        diameter_lower95_m=2 * least if least > balls.radius_m.min() else 0.0,
+        diameter_upper95_m=2 * most,
         width_m=float(posterior.smearing_m(np.array([at]))[0]),
-        contrast=float(np.exp(own)),
+        contrast=middle,
         lower95=low,
         upper95=high,
-        probability=float(np.mean(sign * contrast > np.log(settings.least_contrast))),
+        probability=there,
         depth_seen=float(posterior.share[at]),
     )  # fmt: skip
 
 
-def _centre(
-    field: np.ndarray, inside: np.ndarray, around: np.ndarray, grid: Grid, sign: float
-) -> np.ndarray:
-    """Centre (3,) of a region, weighted with its height over the shell around it."""
-    weight = np.maximum(sign * (field[inside] - field[around].mean()), 0.0) + 1e-9
-    return weight @ grid.points_m[inside] / weight.sum()
+def _contrast(change: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Contrasts (n,) of balls by the changes of ln E that act as they do, linear around a field.
+
+    Around a field that holds the ball already, the change itself; around one that does not, the
+    strain in it falls with its contrast k, so that it acts by (k - 1) / (1 + 0.4 (k - 1)) (Eshelby,
+    Proc. R. Soc. A 241, 1957, of a ball that keeps its volume). A fitted field lies in between:
+    half of the draws each.
+    """
+    falls = np.clip(change, *_ACTS)
+    falls = np.log1p(falls / (1 - _STRAIN * falls))
+    held = rng.random(len(change)) < 0.5
+    return np.exp(np.where(held | (change > _ACTS[1]), change, falls))
+
+
+def _log_sum(values: np.ndarray) -> float:
+    """Logarithm of the sum of exponentials."""
+    return float(np.logaddexp.reduce(values))

@@ -15,7 +15,6 @@ from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import FREE_MAP
-from identify.fit.free_map.spots import find_spots
 from identify.fit.free_map_fit import FreeMapFit
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
@@ -309,52 +308,10 @@ def test_false_spots_on_bodies_without_any(body, grid):
     assert false <= 2
 
 
-def test_two_near_spots_are_two_and_the_rim_of_a_hard_one_is_none(grid):
-    """Peaks of unequal height whose half heights touch, one with a soft rim, in a known field."""
-    points, posterior = grid.points_m, known_field(grid)
-    one, two = np.array([0.024, 0.03, 0.024]), np.array([0.042, 0.03, 0.024])
-
-    def bump(centre: np.ndarray, width: float) -> np.ndarray:
-        return np.exp(-np.sum((points - centre) ** 2, axis=1) / (2 * width**2))
-
-    field = 2.4 * bump(one, 0.005) + 1.2 * bump(two, 0.005) - 0.9 * bump(one, 0.011)
-    found = find_spots(posterior(field))
-    hard = sorted((s.x_m, s.contrast) for s in found if s.contrast > 1 and s.found)
-    assert [round(1e3 * x) for x, _ in hard] == pytest.approx([24, 42], abs=3)
-    assert not [s for s in found if s.contrast < 1 and abs(s.x_m - one[0]) < 0.012]
-    for spot in found:
-        assert spot.size_m is None or spot.size_m < spot.diameter_m
-
-
-def known_field(grid: Grid):
-    """Posterior of a field that is seen everywhere, by a reading at each point of the grid."""
-    prior = MaternField(grid, 0.01, 1.0, 1.0)
-
-    def posterior(field: np.ndarray) -> FieldPosterior:
-        count, none = len(grid), np.zeros((len(grid), 1, 1))
-        root = 20.0 * np.eye(count)
-        sums = PressSums(none, none[:, :, 0], none[:, 0, 0])
-        data = FieldData(np.eye(count), root, root @ field, field, field, sums)
-        return FieldPosterior(data, prior)
-
-    return posterior
-
-
-def test_a_change_is_shown_by_what_noise_and_field_leave_of_it():
-    rng = np.random.default_rng(3)
+def test_layers_are_alike_at_one_height_with_the_covariance_of_their_own():
     grid = Grid((0.0, 0.0, 0.0), (0.01, 0.01, 0.01), (4, 3, 3))
     prior = MaternField(grid, 0.02, 0.3, 1.0, 0.5, 0.01)
-    by_field, root = rng.normal(size=(5, len(grid))), np.diag(rng.uniform(1, 3, 5))
-    sums = PressSums(np.array([[[v**2]] for v in np.diag(root)]), np.zeros((5, 1)), np.zeros(5))
-    data = FieldData.of(sums, by_field, np.zeros(len(grid)))
-    posterior = FieldPosterior(data, prior, 0.1)
-    change = rng.normal(size=len(grid))
     covariance = prior.product(np.eye(len(grid)))
-    of_s = by_field @ covariance @ by_field.T + 0.01 * np.eye(5) + np.linalg.inv(root @ root.T)
-    moved = by_field @ change
-    expected = np.sqrt(moved @ np.linalg.solve(of_s, moved))
-    assert posterior.shown_by(change) == pytest.approx(expected, rel=1e-6)
-    # Layers are alike at one height, with the covariance of their own
     layers = replace(prior, spread=1e-9, level_spread=0.0).product(np.eye(len(grid)))
     z = grid.points_m[:, 2]
     s = np.sqrt(3) * np.abs(z[:, None] - z) / 0.01

@@ -1,0 +1,152 @@
+"""Spots of a free map, in readings that are linear in the field, against direct formulas."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.fit.free_map.ball_search import BallSearch, share_inside
+from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import SPOTS
+from identify.fit.free_map.spots import find_spots
+from identify.map import GaussianMap, Grid
+
+SIZE_M, NOISE, LONGEST_M = (0.06, 0.06, 0.03), 0.003, 0.06
+HYPER = Hyper(0.02, 0.2, 0.003)
+QUICK = replace(SPOTS, apart=1.0, largest_radius=0.15, growth=1.6)
+ONE = replace(QUICK, scales=(1.0,), longer=())
+
+
+@pytest.fixture(scope="module")
+def grid() -> Grid:
+    return Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.003)
+
+
+@pytest.fixture(scope="module")
+def by_field(grid) -> np.ndarray:
+    """Derivative (36, g) of ln C by the field of an even body, of presses with a flat tip."""
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0.01, 0.05, 6)] * 2))
+    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
+    presses = Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.003))
+    model = PalpationModel(block_mesh(SIZE_M, (8, 8, 4)), 0.45, presses)
+    even = GaussianMap(8e3).modulus(model.points_m)
+    response = model.evaluate(even)
+    by_log = response.sensitivity @ grid.weights(model.points_m).multiply(even[:, None]).tocsr()
+    return by_log / response.compliance[:, None]
+
+
+def posterior(by_field, grid, of_press, doubt: np.ndarray | float = 0.0) -> FieldPosterior:
+    """Posterior of readings that give each ln C (j,) with a standard deviation of NOISE."""
+    precision = np.full((len(of_press), 1, 1), NOISE**-2)
+    sums = PressSums(precision, of_press[:, None] / NOISE**2, np.zeros(len(of_press)))
+    data = FieldData.of(sums, by_field, np.zeros(len(grid)), doubt=doubt)
+    return FieldPosterior(data, HYPER.prior(grid), HYPER.error)
+
+
+def spots(by_field, grid, of_press, seed=0, doubt: np.ndarray | float = 0.0):
+    noise = NOISE * np.random.default_rng(seed).standard_normal(len(by_field))
+    found = posterior(by_field, grid, of_press + noise, doubt)
+    return find_spots(BallSearch(found, HYPER, LONGEST_M, QUICK), found)
+
+
+def ball(grid, centre, radius=0.005) -> np.ndarray:
+    return share_inside(grid, np.array([centre]), np.array([radius])).toarray()[:, 0]
+
+
+def off(spot, centre) -> float:
+    return float(np.linalg.norm(np.subtract((spot.x_m, spot.y_m, spot.z_m), centre)))
+
+
+def test_a_ball_keeps_its_volume_on_the_grid(grid):
+    for radius in (0.003, 0.005, 0.009):
+        volume = ball(grid, (0.031, 0.0292, 0.0143), radius).sum() * grid.cell_m3
+        assert volume == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.1)
+
+
+def test_the_gain_of_a_ball_is_a_ratio_of_evidences_also_beside_others(by_field, grid):
+    rng = np.random.default_rng(1)
+    of_press = 0.02 * rng.standard_normal(len(by_field))
+    found = posterior(by_field, grid, of_press)
+    search = BallSearch(found, HYPER, LONGEST_M, ONE)
+    first, second = np.argsort(-search.log_odds(search.alone))[[0, 40]]
+    size = ONE.amplitude**2 * np.einsum("jc,kc->cjk", *[search.balls.pattern] * 2)
+    root = found.data.root
+    base = np.eye(len(root)) + root.T @ (found.of_field + HYPER.error**2 * np.eye(len(root))) @ root
+
+    def log_p(covariance) -> float:
+        return multivariate_normal(cov=covariance).logpdf(found.data.target)
+
+    alone = search.gain(search.alone)[0]
+    assert alone[first] == pytest.approx(log_p(base + size[first]) - log_p(base), abs=1e-6)
+    beside = search.added(search.alone, search.balls.some(np.array([first])))
+    both = log_p(base + size[first] + size[second]) - log_p(base + size[first])
+    assert search.gain(beside)[0, second] == pytest.approx(both, abs=1e-6)
+    again = search.instead(beside, search.balls.some(np.array([second])))
+    assert search.gain(again)[0, 0] == pytest.approx(both, abs=1e-6)
+    odds = search.log_odds(beside)[second] - search.balls.log_prior[second]
+    assert odds == pytest.approx(both, abs=1e-6)
+    assert np.exp(search.balls.log_prior).sum() == pytest.approx(SPOTS.expected)
+    # Standard deviations that a change is shown by
+    change = by_field[0] * 100
+    moved = root.T @ by_field @ change
+    shown = np.sqrt(moved @ np.linalg.solve(base, moved))
+    assert search.shown_by(change) == pytest.approx(shown, rel=1e-6)
+
+
+def test_parts_of_the_lattice_fill_what_they_split(by_field, grid):
+    search = BallSearch(posterior(by_field, grid, np.zeros(36)), HYPER, LONGEST_M, ONE)
+    one = search.balls.some(np.array([7]))
+    parts = search.split(search.split(one, 1.0), 0.5)
+    assert len(parts.radius_m) == 256
+    assert np.exp(parts.log_prior).sum() == pytest.approx(np.exp(one.log_prior[0]))
+    x = np.unique(np.round(parts.centre_m[:, 0], 12))
+    assert np.ptp(x) < ONE.apart * parts.radius_m.max()
+    assert x.mean() == pytest.approx(one.centre_m[0, 0], abs=1e-5)
+    ratio = parts.radius_m.max() / parts.radius_m.min()
+    assert ratio == pytest.approx(ONE.growth**0.75)
+
+
+def test_two_balls_are_two_spots_and_their_numbers_lie_in_their_intervals(by_field, grid):
+    hard, soft = (0.021, 0.022, 0.022), (0.041, 0.038, 0.023)
+    change = 1.2 * ball(grid, hard) - 0.9 * ball(grid, soft)
+    found = spots(by_field, grid, by_field @ change)
+    assert len(found) == 2
+    for spot, centre, contrast in zip(
+        sorted(found, key=lambda s: -s.contrast), (hard, soft), (np.exp(1.2), np.exp(-0.9)),
+        strict=True,
+    ):  # fmt: skip
+        assert spot.found
+        assert off(spot, centre) < 3 * spot.place_sd_m < 0.012
+        assert spot.lower95 < contrast < spot.upper95
+        assert spot.diameter_lower95_m < 0.01 < spot.diameter_upper95_m
+
+
+def test_a_layer_or_one_wrong_press_is_no_spot(by_field, grid):
+    height = grid.points_m[:, 2]
+    layer = np.where((height > 0.014) & (height < 0.021), 1.0, 0.0)
+    assert not any(spot.found for spot in spots(by_field, grid, by_field @ layer))
+    wrong = np.where(np.arange(36) == 14, 0.06, 0.0)  # 20 standard deviations, known to err
+    assert not any(spot.found for spot in spots(by_field, grid, wrong, doubt=wrong**2))
+
+
+def test_odds_under_the_null_are_as_stated(by_field, grid):
+    """Even bodies, rough ones and calmer ones, 40 each: odds of 19 to 1 in at most one of 20."""
+    rng, false = np.random.default_rng(100), []
+    data = posterior(by_field, grid, np.zeros(36)).data
+    quick = replace(QUICK, apart=1.4, scales=(1.0, 0.3, 0.0), longer=(1.0,))
+    search = BallSearch(posterior(by_field, grid, np.zeros(36)), HYPER, LONGEST_M, quick)
+    for hyper in (Hyper(0.02, 1e-6, 0.0), HYPER, Hyper(0.05, 0.1, 0.001)):
+        prior = replace(hyper.prior(grid), level_spread=0.3)
+        of_press = prior.product(by_field) @ by_field.T
+        drawn = rng.multivariate_normal(np.zeros(36), of_press, 40, method="eigh")
+        drawn = drawn + np.hypot(NOISE, hyper.error) * rng.standard_normal(drawn.shape)
+        for target in drawn @ data.root:
+            search.data = replace(data, target=target)
+            search.__dict__.pop("alone", None)
+            false.append(np.exp(search.log_odds(search.alone)).sum())
+    assert np.mean(np.array(false) > 19) <= 0.05
+    assert np.mean(false) < 1.5  # a mean of ratios of evidence is one

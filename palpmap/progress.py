@@ -18,14 +18,20 @@ class Stage(NamedTuple):
     words : with which its steps begin
     seconds : that it usually takes, beside the other stages
     steps : usual number of steps that are said in it
+    asked : only some scans have it; left over, it counts for nothing
     """
 
     words: tuple[str, ...]
     seconds: float
     steps: int = 1
+    asked: bool = False
 
 
-_OPEN = (Stage(("meshing",), 3), Stage(("fitting", "trying"), 12, 2))
+_OPEN = (
+    Stage(("meshing",), 3),
+    Stage(("fitting the presses",), 60, 110, asked=True),
+    Stage(("fitting", "trying"), 12, 2),
+)
 _SCORED = Stage(("analysing", "scoring"), 15, 45)
 _TRIED = Stage(("trying", "refitting"), 5, 20)
 FIT = (Stage(("meshing",), 3), Stage(("fitting",), 20, 12), Stage(("comparing",), 4))
@@ -52,6 +58,7 @@ class Course:
     def __init__(self, stages: Sequence[Stage]) -> None:
         self._stages = stages
         self._now, self._step = 0, -1
+        self._seconds = [stage.seconds * (not stage.asked) for stage in stages]
 
     def at(self, text: str) -> float:
         """Return the share done when a step begins, 0 to 1; it never falls."""
@@ -59,6 +66,7 @@ class Course:
         stage = next((k for k in following if text.startswith(self._stages[k].words)), self._now)
         self._step = self._step + 1 if stage == self._now else 0
         self._now = stage
+        self._seconds[stage] = self._stages[stage].seconds
         return self.share()
 
     def again(self) -> float:
@@ -68,8 +76,7 @@ class Course:
 
     def share(self) -> float:
         """Return the share done, 0 to 1."""
-        seconds = [stage.seconds for stage in self._stages]
-        now = self._stages[self._now]
+        seconds, now = self._seconds, self._stages[self._now]
         within = now.seconds * min(max(self._step, 0) / now.steps, 0.95)
         return (sum(seconds[: self._now]) + within) / sum(seconds)
 

@@ -24,17 +24,16 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
 
 
 def _spot_table(spots: Sequence[Spot], success: bool, origin_m: np.ndarray) -> Table:
-    """Return the spots; a row says so if there are none."""
-    head = ("Spot", *map(number, ("x, y, z in mm", "+-", "Diameter", "Modulus, around = 1",
-            "95 % interval", "Probability")))  # fmt: skip
+    """Return the spots; a row says so if there are none. It fits into a terminal of 80 columns."""
+    head = ("Spot", *map(number, ("x, y, z in mm", "+- mm", "Size, mm", "Contrast (95 %)",
+            "Probability")))  # fmt: skip
     rows = [
         (
             Cell("hard" if s.contrast > 1 else "soft", "good" if s.found else "dim"),
             ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
-            f"{1e3 * s.place_sd_m:.1f} mm",
+            f"{1e3 * s.place_sd_m:.1f}",
             _size(s),
-            f"{s.contrast:.3g}",
-            f"{s.lower95:.2g} to {s.upper95:.3g}",
+            f"{s.contrast:.3g} ({s.lower95:.2g} to {s.upper95:.3g})",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found else "dim"),
         )
@@ -60,8 +59,8 @@ def _region_table(regions: Sequence[RegionEstimate]) -> Table:
 
 
 def _size(spot: Spot) -> str:
-    """Return the interval of the diameter, or its upper limit."""
-    most = f"{1e3 * spot.diameter_upper95_m:.0f} mm"
+    """Return the interval of the diameter, or its upper limit, mm."""
+    most = f"{1e3 * spot.diameter_upper95_m:.0f}"
     least = 1e3 * spot.diameter_lower95_m
     return f"{least:.0f} to {most}" if least else f"at most {most}"
 

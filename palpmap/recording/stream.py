@@ -1,5 +1,6 @@
 """One .rrd file under construction: places on the timelines, flushes, layout."""
 
+import ctypes
 import errno
 from collections.abc import Callable
 from contextlib import suppress
@@ -29,6 +30,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, name: str, live: str | None = None) -> None:
         self._path = path
+        self._stopped: OSError | None = None
         self.stream = rr.RecordingStream(parts.APPLICATION)
         self.stream.save(path)
         self._streams = [self.stream]
@@ -80,11 +82,15 @@ class RecordingFile:
         OSError
             The disk is full, so that the writer has stopped; it does not always say so.
         """
+        if self._stopped is not None:
+            raise self._stopped
         try:
             self.stream.flush(timeout_sec=LONGEST_FLUSH_S)
         except (RuntimeError, ValueError) as error:
+            _keep_for_ever(self.stream)
             reason = f"no answer from the disk: {str(error).splitlines()[0]}"
-            raise OSError(errno.EIO, reason, str(self._path)) from error
+            self._stopped = OSError(errno.EIO, reason, str(self._path))
+            raise self._stopped from error
         for stream in self._streams[1:]:
             try:
                 stream.flush(timeout_sec=LONGEST_LIVE_S)
@@ -111,3 +117,9 @@ class RecordingFile:
         if not examine(self._path).closed:
             reason = "the recording could not be written whole; make room on the disk"
             raise OSError(errno.ENOSPC, reason, str(self._path))
+
+
+def _keep_for_ever(stream: rr.RecordingStream) -> None:
+    """Let a stream whose writer has stopped outlive the process: its end waits for the writer."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    rr.unregister_shutdown()

@@ -140,7 +140,7 @@ def test_a_full_disk_ends_a_scan_in_a_sentence_and_its_recording_is_readable(lim
     words = words_of("scan", tmp_path)
     done = subprocess.run(
         [sys.executable, "-c", LIMITED, str(limit), "scan", *words],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr

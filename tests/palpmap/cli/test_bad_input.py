@@ -44,7 +44,7 @@ def study(tmp_path) -> Path:
         ("inclusions = 1", "inclusions = 10000000", "a whole number from 0 to 100, or"),
         ("[body]", "[uncertainty]\nsamples = -5\n[body]", "a whole number from 1000 to 1000000"),
         ("[body]", "[uncertainty]\nsamples = 'many'\n[body]", "found 'many', expected a whole"),
-        ("[body]", "[body]\ncell_size_m = 1e-110", "key body.cell_size_m: found 1e-110 m"),
+        ("cell_size_m = 0.01", "cell_size_m = 1e-110", "key body.cell_size_m: found 1e-110 m"),
         ('name = "twelve_presses"', f"name = {'[' * 5000}{']' * 5000}", "nested too deep"),
         ('name = "twelve_presses"', f"{'a.' * 3000}b = 1", "key study.a: unknown key"),
         ('"scan.csv"', f'"{"a" * 300}.csv"', "cannot be read or written (File name too long)"),

@@ -60,6 +60,8 @@ def _region_table(regions: Sequence[RegionEstimate]) -> Table:
 
 def _size(spot: Spot) -> str:
     """Return the interval of the diameter, or its upper limit, mm."""
+    if spot.diameter_lower95_m is None or spot.diameter_upper95_m is None:
+        return f"{1e3 * spot.diameter_m:.0f}"
     most = f"{1e3 * spot.diameter_upper95_m:.0f}"
     least = 1e3 * spot.diameter_lower95_m
     return f"{least:.0f} to {most}" if least else f"at most {most}"

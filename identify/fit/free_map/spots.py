@@ -17,10 +17,8 @@ from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import SPOTS
 
 _STRAIN = 0.4  # fall of the strain in a ball by its contrast
-_ACTS = (
-    -1.6,
-    2.4,
-)  # change of ln E as which a ball acts that is as good as a hole, as good as rigid
+# Change of ln E as which a ball acts that is as good as a hole, as good as rigid
+_ACTS = (-1.6, 2.4)
 
 
 @dataclass(frozen=True)
@@ -32,12 +30,13 @@ class Spot:
     x_m, y_m, z_m : centre, body frame
     place_sd_m : standard deviation of the centre, root mean square over the axes
     diameter_m : of a ball, the median
-    diameter_lower95_m, diameter_upper95_m : interval of the diameter; a lower end of 0 is open
     width_m : over which the map is smeared there
     contrast : modulus inside over that of the smooth map there
     lower95, upper95 : interval of the contrast
     probability : of a ball there, against one elsewhere and none
     depth_seen : share of the prior's variance at the centre that the readings take away
+    diameter_lower95_m, diameter_upper95_m : interval of the diameter; a lower end of 0 is open.
+        None in files that were written before there was one
     """
 
     x_m: float
@@ -45,14 +44,14 @@ class Spot:
     z_m: float
     place_sd_m: float
     diameter_m: float
-    diameter_lower95_m: float
-    diameter_upper95_m: float
     width_m: float
     contrast: float
     lower95: float
     upper95: float
     probability: float
     depth_seen: float
+    diameter_lower95_m: float | None = None
+    diameter_upper95_m: float | None = None
 
     @property
     def found(self) -> bool:

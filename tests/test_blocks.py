@@ -28,6 +28,7 @@ JUDGED = (
     "diagnose",
     "explain",
     "reveal",
+    "scan",
 )  # exit code 1: a criterion failed
 
 

@@ -8,6 +8,7 @@ from identify.effects.readings import Readings
 from identify.effects.units import percent
 
 _WIDTHS = (0.02, 0.06, 0.15, 0.4)
+_LARGEST = 0.5  # of a share: shares of more than the whole travel would turn the tip about
 
 
 class SeveralPlays(Effect):
@@ -34,8 +35,8 @@ class SeveralPlays(Effect):
     cure = "Take the loading branch only, or press each place to and fro until the loop repeats."
     parameters = tuple(
         EffectParameter(f"share_{100 * width:.0f}", "1",
-                        f"part of the travel with a play of {100 * width:.0f} %", 0.0, 0.0, 1.0,
-                        0.05)
+                        f"part of the travel with a play of {100 * width:.0f} %", 0.0, 0.0,
+                        _LARGEST, 0.05)
         for width in _WIDTHS
     )  # fmt: skip
     needs = ("unloading",)

@@ -46,7 +46,6 @@ def several_plays(d, f, t, phase, press):
     [
         (three_times, "viscoelasticity"),
         pytest.param(logarithmic_zero, "force_drift", marks=pytest.mark.slow),
-        pytest.param(several_plays, "hysteresis", marks=pytest.mark.slow),
     ],
 )
 def test_a_foreign_form_is_named_by_its_family(change, family):
@@ -55,3 +54,13 @@ def test_a_foreign_form_is_named_by_its_family(change, family):
     assert {CATALOGUE[name].family for name in found.added} == {family}
     assert found.verdict == "explained"
     assert all(effect.decided for effect in found.accepted)
+
+
+@pytest.mark.slow
+def test_plays_of_other_widths_are_named_beside_friction_that_does_the_same():
+    table = planted(8, several_plays)
+    found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
+    assert found.verdict == "ambiguous"
+    ((*group,),) = found.ambiguous
+    assert set(group) == {"guide_friction", "play", "several_plays"}
+    assert found.final.fit.chi2_per_dof < 1.1

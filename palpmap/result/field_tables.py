@@ -85,7 +85,9 @@ def _sight_table(field: Field, scan: Scan) -> Table:
         "the map follows the presses no closer"
     )  # fmt: skip
     errs = [p for p, errs in zip(scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
-    ball = "seen at no depth"
+    ball = "seen at no depth for sure, as the map may vary as much by itself"
+    if any(spot.found for spot in field.spots):
+        ball += "; the spots found are harder, softer or larger"
     if field.ball_sight_m:
         ball = f"seen down to {units.quantity(field.ball_sight_m, 'm')} under the middle press"
     rows = (

@@ -280,19 +280,21 @@ def test_a_search_that_did_not_end_has_no_spots(body, grid):
 
 @pytest.mark.slow
 def test_95_percent_bands_hold_the_truth_on_draws_of_the_prior(body, grid):
-    """40 bodies, prior as given: 95 % of all places lie inside, 90 to 98 % of the seen ones."""
+    """40 bodies, prior as given, layers included: about 95 % of all places lie inside.
+
+    Of the seen ones a little fewer: strong layers bend what the bands take for straight.
+    """
     rng, inside, seen = np.random.default_rng(7), [], []
-    for _ in range(40):
-        prior = MaternField(grid, 0.02, 0.4)
-        true = prior.draws(rng, 1)[0]
+    hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
+    prior = replace(hyper.prior(grid, FREE_MAP), level_spread=0.0)
+    for true in prior.draws(rng, 40):
         model = model_of(body, grid, FreeMap(grid, LEVEL + true), rng)
-        hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
         fit = FreeMapFit(model, hyper, (0.009, 0.06)).run()
         hit = np.abs(fit.map.log_pa - LEVEL - true) < 1.96 * fit.field.log_sd
         inside.append(hit.mean())
         seen.append(hit[fit.field.share > 0.5].mean())
     assert 0.92 < np.mean(inside) < 0.98, np.mean(inside)
-    assert 0.90 < np.mean(seen) < 0.98, np.mean(seen)
+    assert 0.88 < np.mean(seen) < 0.98, np.mean(seen)
 
 
 @pytest.mark.slow

@@ -1,6 +1,8 @@
 """The free map against closed forms, differences, direct formulas and an independent solver."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -276,6 +278,15 @@ def test_a_search_that_did_not_end_has_no_spots(body, grid):
     assert ended.field.spots
     assert not stopped.success
     assert stopped.field.spots == ()
+
+
+def test_a_search_goes_faster_where_steps_keep_their_promise_and_slower_where_not():
+    pace = partial(FreeMapFit._pace, SimpleNamespace(settings=FREE_MAP))
+    assert pace(0.2, 0.8) > 0.2  # a share of 0.2 leaves 0.8: as promised
+    assert pace(0.2, 0.9) == 0.2
+    assert pace(0.2, 1.0) == FREE_MAP.slowest
+    assert pace(1.0, 0.9) < 1
+    assert pace(1.0, 0.1) == 1
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 Results go to stdout, progress and errors to stderr, so that `palpmap ... --json | jq` works.
 """
 
-import ctypes
 import errno
 import functools
 import json
@@ -12,31 +11,19 @@ import shlex
 import shutil
 import sys
 import sysconfig
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.progress import Progress
 
-    from palpmap.progress import Stage
+    from palpmap.progress import ShownTask, Stage
 
 FAILED_CRITERION = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
-LINE_S = 5.0
-
-
-class Task(NamedTuple):
-    """Calls of a shown task: new words, one step more, a line printed above it."""
-
-    say: Callable[[str], None]
-    advance: Callable[..., None]
-    print: Callable[..., None]
 
 
 @dataclass(frozen=True)
@@ -70,88 +57,11 @@ class Output:
         else:
             self.say(*renderables)
 
-    def progress(self) -> "Progress":
-        """Return a bar with share, time so far and left, on stderr (a context); silent if quiet."""
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            Progress,
-            TaskProgressColumn,
-            TextColumn,
-            TimeElapsedColumn,
-        )
+    def task(self, stages: "Sequence[Stage]" = ()) -> "ShownTask":
+        """Show a task on stderr (a context), silent if quiet; see `palpmap.progress.ShownTask`."""
+        from palpmap.progress import ShownTask
 
-        from palpmap.progress import CountColumn, LeftColumn
-
-        return Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            CountColumn(),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            LeftColumn(),
-            console=Console(stderr=True),
-            disable=self.quiet,
-        )
-
-    @contextmanager
-    def task(self, stages: "Sequence[Stage]" = ()) -> Iterator[Task]:
-        """Show a task on stderr, while the context lasts: share and time left by its stages.
-
-        Where stderr is no terminal, each stage is a line with the seconds so far, the share and
-        the time left; a long stage tells its steps `LINE_S` apart.
-        """
-        from palpmap.progress import Course, in_words, seconds_left
-
-        start = time.monotonic()
-        course = Course(stages) if stages else None
-        with self.progress() as progress:
-            total = 1.0 if course else None
-            number = progress.add_task("reading", total=total, ends_s=None)
-            told: tuple[str, int, float] = ("reading", -1, -LINE_S)
-
-            def show(share: float, text: str | None = None) -> float | None:
-                now = time.monotonic()
-                left = seconds_left(share, now - start)
-                progress.update(
-                    number, description=text, completed=share,
-                    ends_s=None if left is None else now + left,
-                )  # fmt: skip
-                return left
-
-            def say(text: str) -> None:
-                nonlocal told
-                _give_memory_back()
-                left = show(course.at(text), text) if course else None
-                if not course:
-                    progress.update(number, description=text)
-                seconds, stage = time.monotonic() - start, course.stage if course else 0
-                new = stage != told[1] or seconds - told[2] >= LINE_S or not course
-                if progress.console.is_terminal or self.quiet or text == told[0] or not new:
-                    return
-                told = (text, stage, seconds)
-                share = f"{100 * course.share():3.0f} %  " if course else ""
-                also = "" if left is None else f" (about {in_words(left)} left)"
-                line = f"{seconds:6.1f} s  {share}{text}{also}"
-                progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-            def advance(*_: object) -> None:
-                if course:
-                    show(course.again())
-
-            yield Task(say, advance, progress.console.print)
-            progress.update(number, description="done", total=1, completed=1)
-
-
-def _give_memory_back() -> None:
-    """Return freed memory to the system, where the C library is glibc.
-
-    It keeps freed arrays of up to 32 MB, a third of the memory of `explain`.
-    """
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).malloc_trim(0)
+        return ShownTask(stages, quiet=self.quiet)
 
 
 def to_type(*words: object) -> str:

@@ -1,13 +1,27 @@
 """The share of a command that is done, told by the words of its steps, and the time left."""
 
+import ctypes
+import sys
 import time
 from collections.abc import Sequence
-from typing import NamedTuple
+from contextlib import suppress
+from typing import NamedTuple, Self
 
-from rich.progress import MofNCompleteColumn, ProgressColumn, Task, TimeRemainingColumn
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Column
 from rich.text import Text
 
 FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
+LINE_S = 5.0  # between two lines of a stage
 
 
 class Stage(NamedTuple):
@@ -34,6 +48,10 @@ _OPEN = (
 )
 _SCORED = Stage(("analysing", "scoring"), 15, 45)
 _TRIED = Stage(("trying", "refitting"), 5, 20)
+DEMO = (
+    Stage(("solving",), 40), Stage(("scanning",), 25, 81), Stage(("building",), 4),
+    Stage(("fitting",), 12, 6), Stage(("comparing",), 4),
+)  # fmt: skip
 FIT = (Stage(("meshing",), 3), Stage(("fitting",), 20, 12), Stage(("comparing",), 4))
 FIT_AND_SAMPLE = (*FIT[:2], Stage(("drawing",), 30, 80), FIT[2])
 DIAGNOSE = (*_OPEN, Stage(("analysing", "scoring"), 16, 45))
@@ -43,6 +61,16 @@ EXPLAIN = (
     Stage(("testing", "fitting", "without"), 4, 3),
     Stage(("computing",), 25), Stage(("looking",), 3),
 )  # fmt: skip
+
+
+def counted(words: str, steps: int) -> tuple[Stage]:
+    """Return the one stage of a task of counted steps."""
+    return (Stage((words,), 1, max(steps, 1)),)
+
+
+def scan_stages(presses: int) -> tuple[Stage, ...]:
+    """Return the stages of a scan of so many presses."""
+    return Stage(("meshing",), 40), Stage(("scanning",), 0.3 * presses, presses)
 
 
 class Course:
@@ -106,27 +134,94 @@ def in_words(seconds: float) -> str:
     return f"{round(seconds / 60)} min"
 
 
-class CountColumn(MofNCompleteColumn):
-    """Steps done of all; nothing for a course, whose steps nobody has counted."""
+class ShownTask:
+    """A task on stderr while its context lasts: share and time left by its stages.
 
-    def render(self, task: Task) -> Text:
-        """Return the column's text."""
-        return Text() if "ends_s" in task.fields else super().render(task)
+    In a terminal it is a bar. Elsewhere each stage is a line with the seconds so far, the share and
+    the time left; a long stage tells its steps `LINE_S` apart.
+
+    Parameters
+    ----------
+    stages : of the task; without them neither share nor time left is told
+    """
+
+    def __init__(self, stages: Sequence[Stage] = (), *, quiet: bool = False) -> None:
+        console = Console(stderr=True)
+        self.print = console.print
+        self._course = Course(stages) if stages else None
+        self._lines = not quiet and not console.is_terminal
+        self._bar = Progress(
+            TextColumn("{task.description}", table_column=Column(no_wrap=True, ratio=1)),
+            BarColumn(bar_width=16, table_column=Column(width=16)),
+            TaskProgressColumn(table_column=Column(width=4)),
+            TimeElapsedColumn(table_column=Column(width=7)),
+            LeftColumn(table_column=Column(width=len("about 90 min left"))),
+            console=console,
+            expand=True,  # the words take what the other columns leave
+            disable=quiet or self._lines,
+        )
+        self._text, self._told = "reading", (-1, -LINE_S)
+        total = 1.0 if stages else None
+        self._number = self._bar.add_task(self._text, total=total, ends_s=None)
+
+    def __enter__(self) -> Self:
+        self._start = time.monotonic()
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self._bar.update(self._number, description="done", total=1, completed=1)
+            if self._lines:
+                self._tell("100 %  done")
+        self._bar.stop()
+
+    def say(self, text: str) -> None:
+        """Begin a step, named by its words."""
+        _give_memory_back()
+        self._show(text, self._course.at(text) if self._course else 0.0)
+
+    def advance(self, *_: object) -> None:
+        """Count one more step of the present stage."""
+        if self._course:
+            self._show(self._text, self._course.again())
+
+    def _show(self, text: str, share: float) -> None:
+        now = time.monotonic()
+        left = seconds_left(share, now - self._start)
+        self._bar.update(
+            self._number, description=text, completed=share,
+            ends_s=None if left is None else now + left,
+        )  # fmt: skip
+        stage = self._course.stage if self._course else self._told[0] + (text != self._text)
+        self._text = text
+        if self._lines and (stage != self._told[0] or now - self._told[1] >= LINE_S):
+            self._told = (stage, now)
+            done = f"{100 * share:3.0f} %  " if self._course else ""
+            self._tell(done + text + ("" if left is None else f" (about {in_words(left)} left)"))
+
+    def _tell(self, text: str) -> None:
+        line = f"{time.monotonic() - self._start:6.1f} s  {text}"
+        self.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 class LeftColumn(ProgressColumn):
-    """The time left: of a course by its end, else by the pace of the steps."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._by_pace = TimeRemainingColumn()
+    """The time left of a course by its end."""
 
     def render(self, task: Task) -> Text:
         """Return the column's text."""
-        if "ends_s" not in task.fields:
-            return self._by_pace.render(task)
         ends = task.fields["ends_s"]
         if ends is None or task.finished:
-            return Text("" if task.finished else "...", style="progress.remaining")
+            return Text()
         left = max(ends - time.monotonic(), 1.0)
-        return Text(f"about {in_words(left)}", style="progress.remaining")
+        return Text(f"about {in_words(left)} left", style="progress.remaining")
+
+
+def _give_memory_back() -> None:
+    """Return freed memory to the system, where the C library is glibc.
+
+    It keeps freed arrays of up to 32 MB, a third of the memory of `explain`.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)

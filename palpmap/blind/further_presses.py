@@ -19,8 +19,8 @@ def run_press(*, trial: Path, program: Path, output: Output) -> bool:
     """
     unseal(trial)  # says so before anything else where this is no trial
     presses = read_program(program)
-    with output.progress() as progress:
-        progress.add_task("pressing", total=None)
+    with output.task() as task:
+        task.say("pressing")
         study = press_further(trial, presses)
     output.result(
         {"schema": 1, "study": str(study), "presses": len(presses)},

@@ -27,6 +27,7 @@ from palpmap.blind.seal import unseal
 from palpmap.blind.statistics import tally, tournament_record, tournament_screen
 from palpmap.blind.trial import PRESSES_PER_SIDE, Conditions, Trial, draw_trial, make_trial
 from palpmap.console import Output
+from palpmap.progress import counted
 from palpmap.result.next_scan import REPEAT
 from palpmap.run_folder import RunFolder
 
@@ -77,15 +78,16 @@ def run_tournament(
         done = earlier_games(run.path, settings)
         drawn = draw_games(run.path, count, conditions, seed, further)
         games = [game for game in drawn if game.number not in done]
-        with output.progress() as progress, (run / FILE).open("a", encoding="utf-8") as file:
-            task = progress.add_task("playing", total=count, completed=count - len(games))
+        stages = counted("playing", len(games))
+        with output.task(stages) as task, (run / FILE).open("a", encoding="utf-8") as file:
+            task.say("playing")
             players = workers or os.cpu_count() or 1
             played = play_dask(games, dask) if dask else play_here(games, players)
             for line in played:
                 done[line.number] = line
                 file.write(line.to_json() + "\n")
                 file.flush()
-                progress.update(task, advance=1, description=tally(list(done.values())))
+                task.say(f"{len(done)} of {count} played, {tally(list(done.values()))}")
         lines = [done[number] for number in sorted(done) if number < count]
         record = tournament_record(lines)
         record.write(run / "tournament.json")

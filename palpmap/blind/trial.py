@@ -88,11 +88,10 @@ def run_blind(conditions: Conditions, *, out: Path | None, seed: int, output: Ou
     trial = draw_trial(seed, conditions)
     with (
         RunFolder("blind", out, seed=seed, settings=conditions.settings()) as run,
-        output.progress() as progress,
+        output.task() as task,
     ):
-        task = progress.add_task("hiding an effect and pressing", total=1)
+        task.say("hiding an effect and pressing")
         presses = make_trial(run.path, trial)
-        progress.update(task, completed=1, description="done")
     study, radii = run.path / "study.toml", conditions.radii
     output.result(
         {"schema": 1, "run": str(run.path), "presses": presses, "seed": seed},

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from identify.fit import FitIteration
 from models import read_scan
@@ -13,6 +12,7 @@ from palpmap import api
 from palpmap.commands.scan import PAPER_FORCE_N, make_scan, planned_laboratory, scan_settings
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment
+from palpmap.progress import DEMO
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.report.scan_console import scan_table
@@ -24,9 +24,6 @@ from palpmap.run_files.fit_run import finish_fit, record_step, with_making
 from palpmap.run_folder import RunFolder
 from palpmap.study.press_plan import DEFAULT_FORCE_N, plan_presses
 from palpmap.study.virtual_lab import default_study
-
-if TYPE_CHECKING:
-    from rich.progress import Progress
 
 #: Largest deviation of a found parameter from the truth: relative, or in m, by the name's ending.
 TOLERANCES = {
@@ -50,27 +47,27 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
     force_n = PAPER_FORCE_N if paper_force else DEFAULT_FORCE_N
     with (
         RunFolder("demo", out, seed=seed, settings={"force_n": force_n}) as run,
-        output.progress() as progress,
+        output.task(DEMO) as task,
         Recording(run / "recording.rrd", "virtual phantom", seed=seed) as recording,
     ):
-        stage = _Stages(progress)
+        stage = _Stages(task.say)
         with stage("solving the body"):
             known = default_study()
             plan = plan_presses(known, force_n)
             laboratory, study = planned_laboratory(
                 run.path, known, plan, scan_settings(seed, paper_force)
             )
-        with stage("scanning", len(laboratory.plan)) as advance:
-            scanned = make_scan(run.path, laboratory, recording, advance)
+        with stage("scanning"):
+            scanned = make_scan(run.path, laboratory, recording, task.advance)
         del laboratory  # its body takes 0.7 GB
         experiment = Experiment.of(read_scan(study.scan), study)
         with stage("building the model"):
             box_m = experiment.opened(thin=False).body.coarse.mesh.box_m
-        with stage("fitting the map") as advance:
+        with stage("fitting the map"):
 
             def on_iteration(step: FitIteration) -> None:
                 record_step(recording, step, box_m)
-                advance()
+                task.advance()
 
             fit = api.fit(experiment, on_iteration=on_iteration)
         with stage("comparing and drawing"):
@@ -80,18 +77,18 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
 
 
 class _Stages:
-    """Stages of the demo: `with stages("scanning", 81) as advance`, and the seconds of each."""
+    """Stages of the demo: `with stages("scanning")` says its name and keeps its seconds."""
 
-    def __init__(self, progress: "Progress") -> None:
-        self._progress = progress
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
         self.seconds: dict[str, float] = {}
 
     @contextmanager
-    def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-        task, start = self._progress.add_task(name, total=total), time.perf_counter()
-        yield lambda: self._progress.advance(task)
+    def __call__(self, name: str) -> Iterator[None]:
+        self._say(name)
+        start = time.perf_counter()
+        yield
         self.seconds[name] = time.perf_counter() - start
-        self._progress.update(task, total=total or 1, completed=total or 1)
 
 
 def _said(

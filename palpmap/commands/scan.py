@@ -11,6 +11,7 @@ from models import InputError, Scan, write_scan
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, write_truth
 from palpmap.console import Output, to_type
+from palpmap.progress import scan_stages
 from palpmap.recording.recorder import Recording
 from palpmap.recording.viewer import ViewerError, live_viewer
 from palpmap.report.scan_console import refused_table, scan_table
@@ -119,7 +120,7 @@ def run_scan_command(
         output.say(refused_table(refused))
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
-        output.progress() as progress,
+        output.task(scan_stages(len(plan))) as task,
         Recording(
             run / "recording.rrd",
             "virtual scan",
@@ -129,14 +130,13 @@ def run_scan_command(
             live=_viewer(output) if live else None,
         ) as recording,
     ):
-        task = progress.add_task("meshing and solving the body", total=len(plan))
+        task.say("meshing and solving the body")
         laboratory, stated = planned_laboratory(
             run.path, known, plan, robot, plant, true_body, motion
         )
-        progress.update(task, description="scanning")
-        scanned = make_scan(run.path, laboratory, recording, lambda: progress.advance(task))
+        task.say("scanning")
+        scanned = make_scan(run.path, laboratory, recording, task.advance)
         write_study(with_touch_error(stated, scanned), run / "study.toml")
-        progress.update(task, description="done")
     record = scan_record(scanned)
     _show(record, run, plan, output)
     return record.kept

@@ -18,6 +18,7 @@ from palpmap.paper.identical_twin import (
     solve_tests,
     symbol,
 )
+from palpmap.progress import counted
 from palpmap.record import FileRecord, Record
 
 if TYPE_CHECKING:
@@ -42,9 +43,9 @@ def run_paper(
     chosen = _chosen(paper_tests(), tests)
     settings = {"optimizer": optimizer, "tests": [test.name for test in chosen]}
     with RunFolder("paper", out, settings=settings) as run:
-        with output.progress() as progress:
-            task = progress.add_task("the paper's tests", total=len(chosen))
-            results = solve_tests(chosen, OPTIMIZERS[optimizer], lambda _: progress.advance(task))
+        with output.task(counted("the paper's tests", len(chosen))) as task:
+            task.say("the paper's tests")
+            results = solve_tests(chosen, OPTIMIZERS[optimizer], task.advance)
         record = paper_record(results, optimizer)
         record.write(run / "paper.json")
         # Only now: drawing beside the solvers would hold up the interpreter that they share

@@ -1,19 +1,32 @@
 """A command tells its share and the time left: on a bar in a terminal, else a line a stage."""
 
+import io
 import re
 import time
+from functools import partial
 
+import pytest
 from rich.console import Console
 
 from palpmap.console import Output
-from palpmap.progress import DIAGNOSE, EXPLAIN, FIT, LIMITS, Course, in_words
+from palpmap.progress import (
+    DEMO,
+    DIAGNOSE,
+    EXPLAIN,
+    FIT,
+    LIMITS,
+    Course,
+    counted,
+    in_words,
+    scan_stages,
+)
 
 STEPS = ["meshing the body", "fitting the map", "analysing the residual"]
 STEPS += [f"scoring effect_{k}" for k in range(45)]
 
 
 def test_the_share_rises_to_one_and_never_falls():
-    for stages in (FIT, DIAGNOSE, LIMITS, EXPLAIN):
+    for stages in (DEMO, FIT, DIAGNOSE, LIMITS, EXPLAIN):
         course = Course(stages)
         rounds = [*STEPS, *(f"trying effect_{k}" for k in range(9)), "refitting with x"] * 3
         words = [*rounds, "computing detection limits", "planning a scan", "comparing and drawing"]
@@ -36,17 +49,44 @@ def test_without_a_terminal_each_stage_is_a_line_with_share_and_time_left(capsys
     assert max(map(len, said)) < 80
 
 
-def test_on_a_terminal_the_bar_has_share_and_time_left(monkeypatch):
-    console = Console(force_terminal=True, width=120, record=True)
-    with Output().progress() as bar:
-        number = bar.add_task("scoring", total=1.0, completed=0, ends_s=time.monotonic() + 61.0)
-        bar.update(number, completed=0.25)
-        console.print(bar.get_renderable())
-        bar.update(number, completed=0.0, ends_s=None)
-        console.print(bar.get_renderable())
-    first, second = console.export_text().splitlines()
-    assert re.search(r"scoring .* 25% .* left about 60 s", first)
-    assert re.search(r"scoring .* 0% .* left \.\.\.", second)
+def test_counted_steps_are_told_by_share_some_seconds_apart(capsys, monkeypatch):
+    clock = iter(range(10_000))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
+    with Output().task(scan_stages(81)) as task:
+        task.say("meshing the body")
+        task.say("scanning")
+        for _ in range(81):
+            task.advance()
+    lines = capsys.readouterr().err.splitlines()
+    assert 10 < len(lines) < 60
+    assert re.fullmatch(r" +\d+\.\d s +\d+ %  scanning \(about \d+ s left\)", lines[-3])
+    assert re.fullmatch(r" +\d+\.\d s  100 %  done", lines[-1])
+
+
+def test_a_task_that_fails_is_not_told_as_done(capsys):
+    with pytest.raises(AttributeError), Output().task(FIT) as task:
+        task.say(None)  # pyright: ignore[reportArgumentType]
+    assert "done" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("step", ["scoring tool_compliance_lateral and a name of 60 letters", "x"])
+def test_on_a_terminal_of_80_columns_share_and_time_left_are_seen_whole(monkeypatch, step):
+    screen = io.StringIO()
+    made = partial(Console, file=screen, force_terminal=True, width=80, color_system=None)
+    monkeypatch.setattr("palpmap.progress.Console", lambda **_: made())
+    real = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: 2000 * real())
+    with Output().task(counted(step, 3)) as task:
+        task.say(step)
+        time.sleep(0.2)
+        task.advance()
+        time.sleep(0.2)
+    seen = screen.getvalue()
+    shown = re.split(r"[\r\n]+|\x1b\[[0-9?]+[A-Za-z]", seen)
+    bar = next(line for line in shown if "left" in line)
+    assert len(bar) <= 80
+    assert re.search(r" 33% +\d:\d\d:\d\d +about \d+ min left", bar)
+    assert any(re.search(r"^done .*100% +\d:\d\d:\d\d *$", line) for line in shown)
 
 
 def test_durations_in_words():

@@ -101,12 +101,10 @@ def _said(
 ) -> bool:
     """Print the result; return whether it is as it has to be."""
     from rich.markup import escape
-    from rich.table import Table
 
     deviations = deviations_from_truth(finding)
     passed = presses.kept and all(deviation[2] for deviation in deviations.values())
-    times = Table.grid(padding=(0, 2))
-    times.add_row("[bold]seconds[/bold]", *(f"{name} {s:.1f}" for name, s in stage_s.items()))
+    times = ", ".join(f"{name} {s:.0f} s" for name, s in stage_s.items())
     report, recorded = run / "report.html", run / "recording.rrd"
     output.result(
         {
@@ -122,7 +120,7 @@ def _said(
         },
         scan_table(presses),
         *summary(finding),
-        times,
+        f"Time: {times}.",
         f"Report:    {escape(str(report))}",
         f"Recording: {escape(str(recorded))}",
         f"Open it:   {escape(to_type('review', run.path))}",

@@ -20,33 +20,49 @@ if TYPE_CHECKING:
 
 SCREEN_DPI = 88
 """Screen pixels an inch of a picture."""
-_LONGEST_WORD = 24
-"""Characters of a word that the console does not break."""
+_LONGEST_PART = 20
+"""Characters of a name that a narrow console does not break."""
 _STYLES = {"": "", "good": "green", "bad": "yellow", "dim": "dim"}
 
 
 def console(table: Table) -> "RenderableType":
-    """Return a table for the console; where it is narrow, headings fold, then words."""
-    return _Fitting(_grid(table, folded=False), _grid(table, folded=True))
+    """Return a table for the console; where it is narrow, headings fold, then names."""
+    return _Fitting(table)
 
 
 @dataclass(frozen=True)
 class _Fitting:
-    """A table as one line of headings, or with folded ones where it would not fit."""
+    """A table as one line of headings, or as narrow as it has to be."""
 
-    wide: "RenderableType"
-    narrow: "RenderableType"
+    table: Table
 
     def __rich_console__(
         self, console: "Console", options: "ConsoleOptions"
     ) -> "Iterator[RenderableType]":
         from rich.measure import Measurement
 
-        fits = Measurement.get(console, options.update(max_width=10_000), self.wide).maximum
-        yield self.wide if fits <= options.max_width else self.narrow
+        for folded in (False, True):
+            grid = _grid(self.table, folded=folded)
+            wide = Measurement.get(console, options.update(max_width=10_000), grid)
+            if (wide.minimum if folded else wide.maximum) <= options.max_width:
+                break
+        else:
+            grid = _grid(self.table, folded=True, broken=True)
+        yield grid
 
 
-def _grid(table: Table, *, folded: bool) -> "RenderableType":
+def _broken(text: str) -> str:
+    r"""Return a text whose names break after a dot, and after an underscore where still long.
+
+    >>> _broken("touch_threshold.threshold_n (preconditioning_nearby)").split("\n")
+    ['touch_threshold.', 'threshold_n (preconditioning_', 'nearby)']
+    """
+    text = re.sub(r"(?<=[a-z])\.(?=[a-z])", ".\n", text)
+    part = re.compile(rf"(.{{1,{_LONGEST_PART - 1}}}_)(?=.)")
+    return re.sub(rf"\S{{{_LONGEST_PART + 1},}}", lambda name: part.sub(r"\1\n", name[0]), text)
+
+
+def _grid(table: Table, *, folded: bool, broken: bool = False) -> "RenderableType":
     """Return a table whose numbers keep their width; headings fold to that of their cells."""
     from textwrap import fill
 
@@ -58,20 +74,21 @@ def _grid(table: Table, *, folded: bool) -> "RenderableType":
         box=box.SIMPLE, title=Text(table.title) if table.title else None, title_justify="left",
         show_header=table.has_head, pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
+    shown = _broken if broken else str
     for number, column in enumerate(table.columns):
-        texts = [row[number].text for row in table.rows]
+        texts = [shown(row[number].text) for row in table.rows]
         widest = max(map(len, texts), default=len(column.heading))
         longest = max((len(word) for text in texts for word in text.split()), default=0)
         heading = column.heading
         grid.add_column(
             fill(heading, max(widest, 1), break_long_words=False) if folded else heading,
             justify="right" if column.right else "left",
-            no_wrap=column.right,
-            min_width=min(longest, _LONGEST_WORD),
+            no_wrap=column.right and not broken,
+            min_width=widest if column.right and not broken else longest,
             overflow="fold",
         )
     for row in table.rows:
-        grid.add_row(*(Text(cell.text, style=_STYLES[cell.tone]) for cell in row))
+        grid.add_row(*(Text(shown(cell.text), style=_STYLES[cell.tone]) for cell in row))
     return grid
 
 

@@ -1,0 +1,59 @@
+"""Tables as a terminal of 80 columns shows them: no word cut, no name broken within a word."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from identify.design import UndetectedBias
+from identify.fit import Spot
+from palpmap.report.draw import console
+from palpmap.result.field_tables import _spot_table
+from palpmap.result.records import ParameterRecord
+from palpmap.result.tables import parameter_table
+
+
+def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
+    size = {"diameter_lower95_m": 0.008, "diameter_upper95_m": 0.012}
+    spots = [
+        Spot(-0.0384, 0.0398, -0.0574, 3e-4, 0.01, 0.01, 24.03, 11.58, 51.24, 0.999, 0.9, **size),
+        Spot(-0.0192, 0.1436, -0.1574, 2e-3, 0.01, 0.01, 0.7, 0.17, 2.35, 0.6, 0.9,
+             **(size | {"diameter_lower95_m": 0.0})),
+        Spot(-0.0192, 0.1436, -0.1574, 2e-3, 0.01, 0.01, 0.7, 0.17, 2.35, 0.6, 0.9),
+    ]  # fmt: skip
+    out = io.StringIO()
+    Console(file=out, width=80).print(console(_spot_table(spots, True, np.zeros(3))))
+    hard, soft, old = (line.split() for line in out.getvalue().splitlines()[-4:-1])
+    assert hard[:5] == ["hard", "-38.4,", "39.8,", "-57.4", "0.3"]
+    assert hard[5:] == ["8", "to", "12", "24", "(12", "to", "51.2)", ">", "0.99"]
+    assert soft[5:] == ["at", "most", "12", "0.7", "(0.17", "to", "2.35)", "0.60"]
+    assert old[5:] == ["10", "0.7", "(0.17", "to", "2.35)", "0.60"]  # of a file without interval
+    assert "Probability" in out.getvalue()
+    assert "+- mm" in out.getvalue()
+
+
+@pytest.mark.parametrize("unseen", [False, True])
+def test_parameters_keep_their_words_in_a_terminal_of_80_columns(unseen):
+    def row(value: float, unit: str, at_bound: bool = False) -> ParameterRecord:
+        low, high, std = 0.99 * value, 1.01 * value, 0.005 * value
+        return ParameterRecord(
+            value=value, std=std, unit=unit, lower95=low, upper95=high, at_bound=at_bound
+        )  # fmt: skip
+
+    found = {
+        "inclusion_1.radius_m": row(0.00999, "m"),
+        "touch_threshold.threshold_n": row(0.0867, "N"),
+        "tool_compliance.compliance_m_per_n": row(1e-4, "m/N", at_bound=True),
+    }
+    shifts = {
+        name: UndetectedBias(p.std, "preconditioning_nearby", 0.03) for name, p in found.items()
+    }
+    out = io.StringIO()
+    table = parameter_table(found, unseen=shifts if unseen else {})
+    Console(file=out, width=80).print(console(table))
+    words = set(out.getvalue().split())
+    assert {"inclusion", "radius", "touch_threshold.", "tool_compliance."} <= words
+    assert {"threshold_n", "compliance_m_per_n", "9.89", "10.09", "mm", "0.000101", "m/N"} <= words
+    assert {"at", "its", "bound", "mN"} <= words
+    assert not unseen or {"(preconditioning_", "nearby)"} <= words

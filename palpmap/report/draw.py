@@ -41,13 +41,11 @@ class _Fitting:
     ) -> "Iterator[RenderableType]":
         from rich.measure import Measurement
 
-        for folded in (False, True):
-            grid = _grid(self.table, folded=folded)
+        for narrowed in range(4):
+            grid = _grid(self.table, narrowed)
             wide = Measurement.get(console, options.update(max_width=10_000), grid)
-            if (wide.minimum if folded else wide.maximum) <= options.max_width:
+            if (wide.minimum if narrowed else wide.maximum) <= options.max_width:
                 break
-        else:
-            grid = _grid(self.table, folded=True, broken=True)
         yield grid
 
 
@@ -62,8 +60,8 @@ def _broken(text: str) -> str:
     return re.sub(rf"\S{{{_LONGEST_PART + 1},}}", lambda name: part.sub(r"\1\n", name[0]), text)
 
 
-def _grid(table: Table, *, folded: bool, broken: bool = False) -> "RenderableType":
-    """Return a table whose numbers keep their width; headings fold to that of their cells."""
+def _grid(table: Table, narrowed: int) -> "RenderableType":
+    """Return a table; by the steps 1 to 3 headings fold, names break, intervals break."""
     from textwrap import fill
 
     from rich import box
@@ -74,17 +72,22 @@ def _grid(table: Table, *, folded: bool, broken: bool = False) -> "RenderableTyp
         box=box.SIMPLE, title=Text(table.title) if table.title else None, title_justify="left",
         show_header=table.has_head, pad_edge=False, padding=(0, 1, 0, 0),
     )  # fmt: skip
-    shown = _broken if broken else str
+
+    def shown(text: str) -> str:
+        if narrowed > 2:
+            text = text.replace(" to ", " to\n")
+        return _broken(text) if narrowed > 1 else text
+
     for number, column in enumerate(table.columns):
-        texts = [shown(row[number].text) for row in table.rows]
-        widest = max(map(len, texts), default=len(column.heading))
-        longest = max((len(word) for text in texts for word in text.split()), default=0)
         heading = column.heading
+        texts = [shown(row[number].text) for row in table.rows]
+        widest = max((len(line) for text in texts for line in text.split("\n")), default=0)
+        longest = max((len(word) for text in texts for word in text.split()), default=0)
         grid.add_column(
-            fill(heading, max(widest, 1), break_long_words=False) if folded else heading,
+            fill(heading, widest or len(heading), break_long_words=False) if narrowed else heading,
             justify="right" if column.right else "left",
-            no_wrap=column.right and not broken,
-            min_width=widest if column.right and not broken else longest,
+            no_wrap=column.right,
+            min_width=widest if column.right else longest,
             overflow="fold",
         )
     for row in table.rows:

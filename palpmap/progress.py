@@ -206,7 +206,7 @@ class ShownTask:
 
 
 class LeftColumn(ProgressColumn):
-    """The time left of a course by its end."""
+    """Remaining time of a task, by its end."""
 
     def render(self, task: Task) -> Text:
         """Return the column's text."""

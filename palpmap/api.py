@@ -13,6 +13,7 @@ The commands call the same functions. Progress goes to the given callable; nothi
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -187,7 +188,6 @@ def scan(
     plant: Sequence[tuple[str, float]] = (),
     presses: int | None = None,
     tips: str | None = None,
-    skip_unreachable: bool = False,
     seed: int = 0,
     on_press: Callable[[PressResult], None] | None = None,
 ) -> Scan:
@@ -205,19 +205,20 @@ def scan(
         without)/rms(without); of faults, with the share of presses; of files of hooks (.py)
     presses : number of presses that cover the upper surface evenly, in place of a program
     tips : that take turns, as "3,10" or "flat:3,ball:8", radii in mm; not with a program
-    skip_unreachable : leave out presses that the arm cannot make
     seed : of noise and pauses, in place of the arm's own
     on_press : called after each press with all its samples and its quality
 
     Returns
     -------
     Scan
-        Readings in the frame of the program.
+        Readings in the frame of the program, of the presses that were made; a warning tells how
+        many were not, and why the first.
 
     Raises
     ------
     InputError
-        The arm cannot make a press, the laboratory has no such body, or there is no such effect.
+        No press can be made (or some cannot, with `on_fault="stop"`), the laboratory has no such
+        body, or there is no such effect.
 
     Examples
     --------
@@ -245,11 +246,17 @@ def scan(
     if map is not None:
         truth = virtual_lab.truth_of(map, np.zeros(3))
     settings = replace(arm or ScanSettings(), seed=seed)
-    plan, motion, _ = reachable(plan, settings, skip_unreachable)
+    plan, motion = reachable(plan, settings)
     laboratory = virtual_lab.build_laboratory(
         study, plan, settings, plant, truth and Truth(truth), motion
     )
-    _, made = laboratory.press(on_press=on_press and (lambda result, _: on_press(result)))
+    run, made = laboratory.press(on_press=on_press and (lambda result, _: on_press(result)))
+    missing = [outcome.sentence for outcome in run.outcomes if not outcome.delivered]
+    if missing:
+        warnings.warn(
+            f"{len(missing)} of {len(run.outcomes)} presses are not in the scan. {missing[0]}",
+            stacklevel=2,
+        )
     return made.moved(np.array(study.body.origin_m))
 
 

@@ -37,8 +37,8 @@ class Presses:
     Attributes
     ----------
     scan : readings of those that were made, press ids counting from 0 in this call; None if none
-    outcomes : of all that the arm could reach: made, retried, skipped or aborted, with the reason
-    unreachable : number of the press and the reason, of those that it could not
+    outcomes : made, retried, skipped or aborted, with the reason; those out of reach first
+    unreachable : number of the press and the reason, of those that cannot be made
     series : every time step of the presses that were made; None if none
 
     Examples
@@ -153,7 +153,8 @@ class Robot:
         points_m : (3,) or (j, 3) on the surface
         directions : (3,) or (j, 3) unit, into the body; None presses along the normals
         force_n : one, or (j,)
-        on_unreachable : "skip" leaves out presses that the arm cannot make; the result names them
+        on_unreachable : "skip" leaves out presses that cannot be made or would go too deep; their
+            outcomes say why
 
         Raises
         ------
@@ -161,20 +162,23 @@ class Robot:
             A press that cannot be made, would go too deep, or is not on the body.
         """
         plan = self._plan(points_m, directions, force_n)
+        from sim.motion import beyond_limits, refuse
+
         motion = self._session.reach(plan)
-        if motion.refused and (on_unreachable == "raise" or not motion.presses):
-            raise InputError(str(motion.refused[0]))
-        left = tuple((refusal.press, refusal.reason) for refusal in motion.refused)
-        kept = np.delete(np.arange(len(plan)), [number for number, _ in left])
-        plan, motion = plan.only(kept), replace(motion, refused=())
+        skip, count = on_unreachable == "skip", len(plan)
+        refuse(motion.refused, count, skip)
+        plan = plan.only(np.delete(np.arange(count), [one.press for one in motion.refused]))
         laboratory = virtual_lab.build_laboratory(
             self.study, plan, self.settings, truth=self._truth, motion=motion
         )
-        run = self._session.press(plan, laboratory.body, motion)
+        beyond = beyond_limits(plan, laboratory.body, self.settings)
+        left_out = (*motion.refused, *beyond)
+        refuse(left_out, count, skip)
+        run = self._session.press(plan, laboratory.body, motion, beyond)
         self._runs.append(run)
         scan = run.scan.moved(self._origin) if run.presses else None
-        outcomes = tuple(replace(one, press=int(plan.ids[one.press])) for one in run.outcomes)
-        return Presses(scan, outcomes, left, run.series if run.presses else None)
+        left = tuple((one.press, one.reason) for one in left_out)
+        return Presses(scan, run.outcomes, left, run.series if run.presses else None)
 
     def follow(
         self,
@@ -257,6 +261,8 @@ class Robot:
 def assert_force_kept(made: Presses | PathResult, tolerance: float = 0.01) -> None:
     """Assert that the set force was held: in every press, or in the second half of a sweep.
 
+    Presses that cannot be made, and were left out for that, are not asked about.
+
     Parameters
     ----------
     tolerance : of the force, relative; of a sweep, of its mean
@@ -273,7 +279,10 @@ def assert_force_kept(made: Presses | PathResult, tolerance: float = 0.01) -> No
     >>> pm.assert_force_kept(robot.press((0.04, 0.04, 0.04), force_n=0.2))
     """
     if isinstance(made, Presses):
+        unreachable = dict(made.unreachable)
         for outcome in made.outcomes:
+            if outcome.press in unreachable:
+                continue
             assert outcome.delivered, outcome.sentence
             assert outcome.judged is not None
             error = outcome.judged.force_error

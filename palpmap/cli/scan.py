@@ -77,7 +77,8 @@ AfterFault = Annotated[
     OnFault,
     typer.Option(
         "--on-fault",
-        help="After a press that fails: go on with the next, try it again first, or end the scan.",
+        help="After a press that fails or cannot be made: go on with the next, try it again first, "
+        "or end the scan.",
     ),
 ]
 Tips = Annotated[
@@ -101,7 +102,7 @@ Truth = Annotated[
 ]
 SkipUnreachable = Annotated[
     bool,
-    typer.Option("--skip-unreachable", help="Go on without the presses that the arm cannot make."),
+    typer.Option("--skip-unreachable", help="Same as --on-fault skip, the default.", hidden=True),
 ]
 Arm = Annotated[
     str | None,
@@ -177,7 +178,6 @@ def scan(
         presses=presses,
         truth=truth,
         tips=tips,
-        skip_unreachable=skip_unreachable,
         program=program,
         plant=[planted(text) for text in plant or []],
         on_fault=on_fault.value,

@@ -70,7 +70,6 @@ def run_scan_command(
     on_fault: OnFault = "skip",
     presses: int | None = None,
     truth: str | None = None,
-    skip_unreachable: bool = False,
     tips: str | None = None,
     arm: str | None = None,
     lab: Path | None = None,
@@ -85,7 +84,6 @@ def run_scan_command(
     truth : file of the true map, or "random" for one drawn by the seed; None is the phantom's,
         scaled into a block, and a random one in other bodies
     tips : that take turns, as "3,10" or "flat:3,ball:8" (mm); None is the study's
-    skip_unreachable : make the presses that can be made, where some cannot
     program : file of presses (`models.press_program`, in the study's frame) in place of a grid
     plant : effects to hide, with their sizes; said in truth.json, not in the study
     on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
@@ -115,17 +113,18 @@ def run_scan_command(
         settings["arm"] = arm
     robot = replace(place.settings(scan_settings(seed, paper_force, on_fault)), arm=arm)
     plan = place.placed(plan) if lab else plan
-    plan, motion, refused = reachable(plan, robot, skip_unreachable)
-    if refused:
-        output.say(refused_table(refused))
+    plan, motion = reachable(plan, robot)
+    if motion.refused:
+        output.say(refused_table(motion.refused))
+    count = len(plan) + len(motion.refused)
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
-        output.task(scan_stages(len(plan))) as task,
+        output.task(scan_stages(count)) as task,
         Recording(
             run / "recording.rrd",
             "virtual scan",
             seed=seed,
-            planned_presses=len(plan),
+            planned_presses=count,
             parts=SCAN_PARTS,
             live=_viewer(output) if live else None,
         ) as recording,
@@ -279,6 +278,7 @@ def make_scan(
 
     def on_outcome(outcome: "PressOutcome") -> None:
         records.append(press_record(outcome, statistics.get(outcome.press)))
+        records.sort(key=lambda record: record.press)
         told = PressesRecord(on_fault=laboratory.settings.on_fault, presses=tuple(records))
         told.write(run / PRESSES)
         if outcome.faults or not outcome.kept:
@@ -289,7 +289,7 @@ def make_scan(
         statistics[result.statistics.press] = result.statistics
         samples.append(result.series)
         write_scan(reported, run / "scan.csv")
-        told = reported.rows(reported.press == laboratory.plan.ids[result.statistics.press])
+        told = reported.rows(reported.press == result.statistics.press)
         used = told.used()
         recording.press_done(
             result.statistics.press,
@@ -305,5 +305,5 @@ def make_scan(
     finally:
         if samples:
             path = run / all_samples.FILE
-            all_samples.write_samples(samples, laboratory.plan.ids, path)
+            all_samples.write_samples(samples, path)
     return made

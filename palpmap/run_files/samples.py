@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 FILE = "samples.parquet"
 
 
-def write_samples(samples: "Sequence[Series]", ids: np.ndarray, path: Path) -> None:
+def write_samples(samples: "Sequence[Series]", path: Path) -> None:
     """Write every time step of the presses, as the robot reads them, into a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -23,7 +23,7 @@ def write_samples(samples: "Sequence[Series]", ids: np.ndarray, path: Path) -> N
         return np.concatenate([getattr(one, name) for one in samples])
 
     table = {
-        "press": np.asarray(ids)[column("press")],
+        "press": column("press"),
         "time_s": column("time_s"),
         "phase": pa.DictionaryArray.from_arrays(column("phase").astype(np.int8), SERIES_PHASES),
         "force_n": column("force_n").astype(np.float32),

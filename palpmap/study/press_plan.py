@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from models import InputError
 from palpmap.study.body_model import outside_of
 from palpmap.study.study import Probe, Study
 
 if TYPE_CHECKING:
     from models import PressProgram
-    from sim.motion import BodySurface, Motion, Refusal, ScanPlan, ScanSettings, Tip
+    from sim.motion import BodySurface, Motion, ScanPlan, ScanSettings, Tip
     from sim.robot import Placement
 
 DEFAULT_FORCE_N = 0.3
@@ -127,37 +126,24 @@ def stand_of(surface: BodySurface) -> Placement:
     return Placement((float(x), float(y), float(-low[2])))
 
 
-def reachable(
-    plan: ScanPlan, settings: ScanSettings, skip: bool = False
-) -> tuple[ScanPlan, Motion, tuple[Refusal, ...]]:
+def reachable(plan: ScanPlan, settings: ScanSettings) -> tuple[ScanPlan, Motion]:
     """Plan the motion of all presses, before any body is solved.
-
-    Parameters
-    ----------
-    skip : leave out presses that cannot be made
 
     Returns
     -------
-    the plan and the motion of the presses that can be made, and those that cannot
+    the plan of the presses that can be made, and the motion, which names those that cannot
 
     Raises
     ------
     InputError
-        No press can be made, or, without `skip`, some cannot.
+        No press can be made or, where a fault stops the scan, some cannot.
     """
-    from sim.motion import Motion, plan_motion, plan_scene
+    from sim.motion import plan_motion, plan_scene, refuse
 
-    arm = plan_scene(plan, settings)
-    motion = plan_motion(plan, arm, settings)
-    if not motion.refused:
-        return plan, motion, ()
-    if not motion.presses or not skip:
-        count = len(motion.refused)
-        more = f" ({count} of {len(plan)} presses cannot be made)" if count > 1 else ""
-        hint = "" if not motion.presses else "; --skip-unreachable makes the others"
-        raise InputError(f"{motion.refused[0]}{more}{hint}")
-    kept = np.delete(np.arange(len(plan)), [refusal.press for refusal in motion.refused])
-    return plan.only(kept), Motion(motion.presses), motion.refused
+    motion = plan_motion(plan, plan_scene(plan, settings), settings)
+    refuse(motion.refused, len(plan), settings.on_fault != "stop")
+    made = ~np.isin(plan.ids, [one.press for one in motion.refused])
+    return plan.only(np.flatnonzero(made)), motion
 
 
 def program_plan_of(study: Study, program: PressProgram, **settings: object) -> ScanPlan:

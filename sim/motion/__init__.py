@@ -1,7 +1,8 @@
 """Motion of the arm: planner, clearance, paths, scripted motions; the surface it moves over."""
 
 from sim.motion.body_surface import BodySurface
-from sim.motion.planned_motion import Motion, Refusal
+from sim.motion.depth_check import beyond_limits
+from sim.motion.planned_motion import Motion, Refusal, refuse
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.scene import plan_scene
@@ -15,8 +16,10 @@ __all__ = [
     "ScanPlan",
     "ScanSettings",
     "Tip",
+    "beyond_limits",
     "plan_motion",
     "plan_scene",
     "program_plan",
     "read_tips",
+    "refuse",
 ]

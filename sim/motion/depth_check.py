@@ -1,42 +1,56 @@
-"""Whether a body and the scan's settings allow the depths to which its presses would go."""
+"""Presses that the arm can reach and that are left out all the same: too weak, or too deep."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from models import InputError
-from sim.motion.planned_motion import in_mm
+from sim.motion.planned_motion import Refusal
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 
+WEAKEST = 2.0
+"""Times the touch force that a set force has at least."""
 
-def refuse_too_deep(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
-    """Refuse a scan in which a press would go deeper than body or settings allow.
+HALVINGS = 30  # of the bracket in which the largest force that would do is sought
 
-    Raises
-    ------
-    InputError
-        It names the press that goes furthest beyond, and the force that would do.
-    """
-    provided = settings.largest_depth(plan.force_n)
-    presses = range(len(plan))
-    expected = np.array([body.displacement(press, plan.force_of(press)) for press in presses])
-    thickness = np.array([plan.thickness_m(press) for press in presses])
-    allowed = np.minimum(settings.deepest_share * thickness, provided)
-    worst = int((allowed / expected).argmin())
-    if expected[worst] <= allowed[worst]:
-        return
-    force = plan.force_of(worst)
-    enough = 0.99 * force * allowed[worst] / expected[worst]
-    why = (
-        f"the scan setting depth_m provides for {provided * 1e3:.3g} mm"
-        if allowed[worst] == provided
-        else f"the body is {thickness[worst] * 1e3:.3g} mm thick there, of which at most "
-        f"{100 * settings.deepest_share:.0f} % may be pressed, as its law is for small depths"
-    )
-    raise InputError(
-        f"Press {worst} at {in_mm(plan.points_m[worst])} mm: {force:.3g} N would go "
-        f"{expected[worst] * 1e3:.3g} mm deep; {why}. Press with at most "
-        f"{enough:.3g} N, with a wider tip, or on a thicker or stiffer body."
+
+def beyond_limits(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> tuple[Refusal, ...]:
+    """Return the presses with forces near that of touch, and those that would go too deep."""
+    found = ((press, _reason(press, plan, body, settings)) for press in range(len(plan)))
+    return tuple(Refusal.of(plan, press, reason) for press, reason in found if reason)
+
+
+def _reason(press: int, plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> str:
+    """Return why a press must not be made; nothing if it may."""
+    force = plan.force_of(press)
+    if force < WEAKEST * settings.touch_force_n:
+        return (
+            f"the touch force of {settings.touch_force_n:g} N is more than half of the set force "
+            f"of {force:g} N. Press harder or lower touch_force_n."
+        )
+    thickness, provided = plan.thickness_m(press), settings.largest_depth(force)
+    limits = {
+        settings.deepest_share * thickness: f"the body is {1e3 * thickness:.3g} mm thick there, of "
+        f"which at most {100 * settings.deepest_share:.0f} % may be pressed, as its law is for "
+        "small depths",
+        plan.tip_of(press).deepest_m: "the ball would sink in whole, beyond the law of its contact",
+        provided: f"the scan setting depth_m provides for {1e3 * provided:.3g} mm",
+    }
+    allowed = min(limits)
+    expected = body.displacement(press, force)
+    if expected <= allowed:
+        return ""
+    low, high = 0.0, force
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if body.displacement(press, middle) <= allowed else (low, middle)
+    if not np.isfinite(expected):
+        return (
+            f"the body's law has no equilibrium at {force:.3g} N. Press with at most "
+            f"{0.99 * low:.3g} N or with a wider tip."
+        )
+    return (
+        f"{force:.3g} N would go {expected * 1e3:.3g} mm deep; {limits[allowed]}. Press with at "
+        f"most {0.99 * low:.3g} N, with a wider tip, or on a thicker or stiffer body."
     )

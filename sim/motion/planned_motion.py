@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from models import InputError
 from sim.motion.press_path import PressPath
+from sim.motion.scan_plan import ScanPlan
 
 
 @dataclass(frozen=True)
@@ -16,15 +18,23 @@ class Refusal:
 
     Attributes
     ----------
-    press : its number in the plan
+    press : its number in the scan
     point_m, direction : (3,) m and unit, body frame
+    force_n : set force
     reason : what stops it, and what to do
     """
 
     press: int
     point_m: np.ndarray
     direction: np.ndarray
+    force_n: float
     reason: str
+
+    @classmethod
+    def of(cls, plan: ScanPlan, press: int, reason: str) -> Refusal:
+        """Return the refusal of a press of a plan."""
+        where = plan.points_m[press], plan.directions[press]
+        return cls(int(plan.ids[press]), *where, plan.force_of(press), reason)
 
     def __str__(self) -> str:
         direction = np.round(self.direction, 3).tolist()
@@ -40,7 +50,7 @@ class Motion:
     Attributes
     ----------
     presses : ready to be made, in order
-    refused : presses of the plan that cannot be made; `presses` are the others
+    refused : presses that cannot be made; `presses` are the others
     """
 
     presses: tuple[PlannedPress, ...]
@@ -75,6 +85,13 @@ class PlannedPress:
     touch: np.ndarray
     waypoints: tuple[tuple[np.ndarray, float], ...]
     clearance_m: float
+
+
+def refuse(refused: Sequence[Refusal], planned: int, skip: bool) -> None:
+    """Raise `InputError` where no planned press can be made or, without `skip`, some cannot."""
+    if refused and (len(refused) == planned or not skip):
+        more = f" ({len(refused)} of {planned} presses cannot be made)" if len(refused) > 1 else ""
+        raise InputError(f"{refused[0]}{more}")
 
 
 def in_mm(point: np.ndarray) -> str:

@@ -63,8 +63,7 @@ def plan_motion(
         try:
             made.append(planner.press(number, made))
         except _CannotPress as reason:
-            point, direction = plan.points_m[number], plan.directions[number]
-            refused.append(Refusal(number, point, direction, str(reason)))
+            refused.append(Refusal.of(plan, number, str(reason)))
     return Motion(tuple(made), tuple(refused))
 
 

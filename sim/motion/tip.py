@@ -91,6 +91,11 @@ class Tip:
         """Largest contact radius that its shape allows."""
         return 0.95 * self.radius_m if self.kind == "ball" else LARGEST_M
 
+    @property
+    def deepest_m(self) -> float:
+        """Largest depth that its shape allows."""
+        return self.radius_m if self.kind == "ball" else np.inf
+
     def __str__(self) -> str:
         return f"{self.kind}:{self.radius_m / MILLIMETRE:g}"
 

@@ -57,15 +57,31 @@ LAWS: tuple[tuple[Callable[..., np.ndarray], tuple[float, ...]], ...] = (
 which their parameters start: a line; a ball's contact; both stiffening; a power; Fung's law; a
 cubic one; and more general ones."""
 
-BALL = (lambda s, b, c: s**1.5 * np.exp(b * s + c * s * s), (0.0, 0.0))
-"""Law of a ball: Hertz's, and a series for all that the body is beside a half-space."""
+BALL = (lambda s, b, c: s**1.5 * np.exp(b * np.sqrt(s) + c * s), (0.0, 0.0))
+"""Law of a ball: Hertz's, and a series in the contact's radius for all that the body is beside a
+half-space."""
 
-BENT = 0.5
-"""Standard deviation of the series' parameters. Touch on laws of balls of 3 and 8 mm on an organ,
-without noise: 3 and 8 um late without such a bound, 0 and 12 with 0.2; Hertz alone -86 and 50."""
+BENT = 0.3
+"""Standard deviation of the series' parameters about those of an even body, see `Ball`."""
 
 LOW, HIGH = -4.0, 12.0
 """Of a parameter of the laws."""
+
+
+class Ball(NamedTuple):
+    """Ball that presses on a body: its radius, and the body's thickness along the press, m."""
+
+    radius_m: float
+    thickness_m: float
+
+    def series(self, depth_m: float) -> np.ndarray:
+        """Return the parameters of `BALL` over a depth, for an even body on a firm base.
+
+        The base stiffens by 1 + 1.133 x + 1.283 x^2, x = sqrt(radius depth)/thickness (Dimitriadis
+        et al., Biophys. J. 2002); a sphere is no paraboloid, which is 1 - 0.1 depth/radius.
+        """
+        x = np.sqrt(self.radius_m * depth_m) / self.thickness_m
+        return np.array([1.133 * x, 0.641 * x**2 - 0.1 * depth_m / self.radius_m])
 
 
 class FirstTouch(NamedTuple):
@@ -83,7 +99,7 @@ def first_touch(
     step_s: float,
     depth_noise_m: float,
     force_noise_n: float,
-    ball: bool = False,
+    ball: Ball | None = None,
 ) -> FirstTouch:
     """Return the depth at which the tip touched.
 
@@ -94,7 +110,7 @@ def first_touch(
     part : (t,) 0 before loading, 1 loading, 2 holding, 3 unloading
     step_s : time from sample to sample
     depth_noise_m, force_noise_n : standard deviations of a sample
-    ball : the tip is one; its law is then known but for a small part
+    ball : the tip, where it is one; its law is then known but for a small part
     """
     moving = (part == 1) | (part == 3)
     noise = depth_noise_m, force_noise_n
@@ -227,7 +243,7 @@ def _law_start(
     line: float,
     depth_noise: float,
     noise: float,
-    ball: bool,
+    ball: Ball | None,
 ) -> tuple[FirstTouch, bool]:
     """Fit the laws to block means; return their mean touch and whether the best one holds."""
     far = float(depth.max() - depth.min())
@@ -235,12 +251,13 @@ def _law_start(
     first = line / far
     floor = LEAST_NOISE * float(np.ptp(force))
     slope = float(np.ptp(force))
-    found_by = []
+    found_by, spread = [], BENT if ball else np.inf
     for law, start in (BALL,) if ball else LAWS:
         sd = np.full(len(x), np.hypot(max(noise, floor), depth_noise * slope / far))
-        found = np.array([first - 0.05, *start])
+        expected = ball.series(far) if ball else np.array(start)
+        found = np.r_[first - 0.05, expected]
         for _ in range(2):  # the slope, by which the depth's noise counts, is known after one fit
-            found, scale, cost, variance = _fit(law, found, x, force, sd, BENT if ball else np.inf)
+            found, scale, cost, variance = _fit(law, found, x, force, sd, expected, spread)
             step = 1e-4
             there = np.maximum(x - found[0], 0.0)
             steep = scale * (law(there + step, *found[1:]) - law(there, *found[1:])) / step
@@ -254,8 +271,8 @@ def _law_start(
     weight = np.exp((score.min() - score) / 2)
     weight /= weight.sum()
     mean = float(weight @ touch)
-    spread = float(np.sqrt(weight @ (variance + (touch - mean) ** 2)))
-    return FirstTouch(mean, spread), bool(excess[score.argmin()] < HOLDS)
+    error = float(np.sqrt(weight @ (variance + (touch - mean) ** 2)))
+    return FirstTouch(mean, error), bool(excess[score.argmin()] < HOLDS)
 
 
 def _fit(
@@ -264,11 +281,12 @@ def _fit(
     x: np.ndarray,
     force: np.ndarray,
     sd: np.ndarray,
+    expected: np.ndarray,
     spread: float,
 ) -> tuple[np.ndarray, float, float, float]:
     """Fit touch and parameters; zero of the force and factor of the law follow linearly.
 
-    `spread` is the standard deviation of the parameters before the readings.
+    The parameters are `expected` before the readings, with that standard deviation.
 
     Returns
     -------
@@ -285,7 +303,7 @@ def _fit(
         factor = max(float(aa * fb - ab * fa) / float(determinant), 0.0)
         offset = (fa - factor * ab) / aa
         misfit = measured - offset * weight - factor * shape
-        return np.concatenate([misfit, p[1:] / spread]), factor
+        return np.concatenate([misfit, (p[1:] - expected) / spread]), factor
 
     p, damping, normal = np.array(start, float), 1e-3, np.eye(len(start))
     low = np.array([x.min() - 0.1, *(LOW for _ in p[1:])])

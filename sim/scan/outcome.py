@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Outcome = Literal["made", "retried", "skipped", "aborted"]
-"""`made` at the first attempt, `retried` and made at a later one, `skipped` without having begun,
+"""`made` at the first attempt, `retried` and made at a later one, `skipped` without having begun
+(also where it cannot be made, which is known before the scan),
 `aborted` after a fault. The scan holds the readings of presses that are made or retried."""
 
 ATTEMPTS = 3
@@ -58,7 +59,8 @@ class Judgement:
     ----------
     force_n : mean of the force over the second half of the hold
     force_error : relative, of that mean
-    overshoot : largest force, averaged over 50 ms, over the set force, less one
+    overshoot : largest force, averaged over 50 ms and without the share of the noise in it, over
+        the set force, less one
     place_error_m : sideways distance of the tip from the planned point, mean of the second half of
         the hold
     tare_n : taken off the force before the approach, along the probe
@@ -101,7 +103,7 @@ class PressOutcome:
 
     Attributes
     ----------
-    press : its number in the plan
+    press : its number in the scan
     outcome : see `Outcome`
     set_force_n : wanted force
     faults : of its attempts, in their order

@@ -20,7 +20,7 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
-from sim.scan.first_touch import first_touch
+from sim.scan.first_touch import Ball, first_touch
 from sim.scan.outcome import Judgement
 from sim.scan.press_log import PressLog
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
@@ -84,6 +84,7 @@ def press_result(
     check_record(log.clock_s[begun:], force, depth, wanted, settings)
     zero, touch_sd_m = mechanisms.zero_shift_m, 0.0
     if mechanisms.zero == "touch":
+        tip = plan.tip_of(log.press)
         touch = first_touch(
             *early,
             log.wanted_n[read],
@@ -91,7 +92,7 @@ def press_result(
             step_s,
             settings.displacement_noise_m,
             settings.force_noise_n,
-            plan.tip_of(log.press).kind == "ball",
+            Ball(tip.radius_m, plan.thickness_m(log.press)) if tip.kind == "ball" else None,
         )
         zero, touch_sd_m = zero + touch.depth_m, touch.sd_m
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
@@ -102,7 +103,7 @@ def press_result(
     displacement[contact] = depth - zero
     series = Series(
         time_s=log.time_s,
-        press=np.full(len(log.time_s), log.press),
+        press=np.full(len(log.time_s), plan.ids[log.press]),
         phase=log.phase,
         force_n=log.wrist_n[:, 2],
         displacement_m=displacement,
@@ -112,7 +113,7 @@ def press_result(
         true_depth_m=true_depth,
     )
     statistics = _statistics(log, plan, planned, body, true_depth, zero)
-    judged = _judged(log, contact, force, tips, planned, wanted, touch_sd_m)
+    judged = _judged(log, contact, force, tips, planned, wanted, touch_sd_m, settings.force_noise_n)
     truth = log.true_force_n[picked], true_depth[picked]
     return PressResult(statistics, scan, series, *truth, judged)
 
@@ -125,6 +126,7 @@ def _judged(
     planned: PlannedPress,
     wanted_n: float,
     touch_sd_m: float,
+    force_noise_n: float,
 ) -> Judgement:
     """Return the quality of the press as the robot's own readings show it."""
     hold = np.flatnonzero(log.phase[contact] == HOLD)
@@ -132,12 +134,14 @@ def _judged(
     mean = float(force_n[settled].mean())
     width = min(max(round(SMOOTHED_S / float(log.time_s[1] - log.time_s[0])), 1), len(force_n))
     smooth = np.convolve(force_n, np.full(width, 1 / width), "valid")
+    # The largest of so many means is above the true force by their noise alone
+    by_noise = force_noise_n / np.sqrt(width) * np.sqrt(2 * np.log(max(len(smooth) / width, 1)))
     away = (tips_m[settled] - planned.point_m).mean(axis=0)
     beside = away - (away @ planned.direction) * planned.direction
     return Judgement(
         force_n=mean,
         force_error=mean / wanted_n - 1,
-        overshoot=float(smooth.max() / wanted_n - 1),
+        overshoot=float((smooth.max() - by_noise) / wanted_n - 1),
         place_error_m=float(np.linalg.norm(beside)),
         tare_n=log.tare_n,
         zero_after_n=log.zero_after_n,
@@ -210,7 +214,7 @@ def _statistics(
     step = float(log.time_s[1] - log.time_s[0])
     pressed = (log.phase >= LOAD) & (log.phase <= UNLOAD)  # not on the way to a slope
     return PressStatistics(
-        press=log.press,
+        press=int(plan.ids[log.press]),
         set_force_n=wanted,
         force_n=mean,
         force_error=mean / wanted - 1,

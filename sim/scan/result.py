@@ -49,7 +49,7 @@ class PressStatistics:
 
     Attributes
     ----------
-    press : its number
+    press : its number in the scan
     set_force_n, force_n : wanted force, and its mean over the second half of the hold
     force_error : relative, of that mean
     overshoot : largest force over the set force, less one
@@ -82,7 +82,7 @@ class Series:
     Attributes
     ----------
     time_s : (t,)
-    press : (t,)
+    press : (t,) its number in the scan
     phase : (t,) codes, see `PHASES`
     force_n : (t,) measured along the probe's axis
     displacement_m : (t,) measured travel since first touch; NaN where the tip is not in contact

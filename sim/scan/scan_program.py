@@ -62,8 +62,8 @@ class Program:
     ) -> None:
         self.plan, self.settings, self.on_frame = plan, settings, on_frame
         laboratory = plan_scene(plan, settings)
-        motion = motion or plan_motion(plan, laboratory, settings)
-        self.presses = motion.require_all()
+        planned = motion or plan_motion(plan, laboratory, settings)
+        self.presses = planned.presses if motion else planned.require_all()
         wrist_seed, encoder_seed, _ = settings.streams()
         self.encoder_rng = np.random.default_rng(encoder_seed)
         self.pauses_s = settings.pauses(len(plan))
@@ -93,9 +93,16 @@ class Program:
         """Clock of the robot, s."""
         return self.steps * self.dt
 
+    def pass_by(self, number: int, planned: PlannedPress) -> None:
+        """Go to the approach pose of a press that is not made: the way to the next begins there."""
+        self.number, self.planned = number, planned
+        self.recorder.begin()
+        self._transit(planned.waypoints)
+
     def press(self, number: int, planned: PlannedPress) -> tuple[PressOutcome, PressResult | None]:
         """Make one press, from the approach pose of the one before, again if that is asked for."""
         force, faults, peak = self.plan.force_of(number), [], 0.0
+        name = int(self.plan.ids[number])
         for attempt in range(ATTEMPTS if self.settings.on_fault == "retry" else 1):
             try:
                 self._attempt(number, planned, again=attempt > 0)
@@ -109,7 +116,7 @@ class Program:
                 continue
             shortfalls = result.judged.shortfalls()
             outcome = PressOutcome(
-                number,
+                name,
                 "retried" if faults else "made",
                 force,
                 tuple(faults),
@@ -121,7 +128,7 @@ class Program:
         begun = faults[-1].phase != PHASES[TRANSIT]
         return (
             PressOutcome(
-                number,
+                name,
                 "aborted" if begun else "skipped",
                 force,
                 tuple(faults),

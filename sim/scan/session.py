@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,8 @@ from scipy.interpolate import CubicSpline
 
 from models import InputError
 from sim.motion.clearance import Clearance
-from sim.motion.planned_motion import Motion
+from sim.motion.depth_check import beyond_limits
+from sim.motion.planned_motion import Motion, Refusal, refuse
 from sim.motion.planner import plan_motion, transit_duration
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.scene import plan_scene
@@ -27,7 +28,7 @@ from sim.scan.outcome import PressOutcome
 from sim.scan.path_log import PathLog, PathResult
 from sim.scan.result import ScanRun
 from sim.scan.scan_program import DWELL_S
-from sim.scan.whole_scan import make_presses, refuse_presses
+from sim.scan.whole_scan import make_presses
 
 STEP_M = 0.002  # of a path, between two solutions of the inverse kinematics
 STEEPEST_TURN = 0.5  # part of the joints' speed limits that a path may use
@@ -90,15 +91,15 @@ class Session:
         plan: ScanPlan,
         body: PressedBody,
         motion: Motion,
+        beyond: Sequence[Refusal] = (),
         on_outcome: Callable[[PressOutcome], None] | None = None,
     ) -> ScanRun:
-        """Make planned presses."""
+        """Make the planned presses without those that are beyond limits."""
         started = time.perf_counter()
         self._program = self._next(plan, body, motion)
-        return make_presses(self._program, None, on_outcome, started)
+        return make_presses(self._program, motion.refused, beyond, None, on_outcome, started)
 
     def _next(self, plan: ScanPlan, body: PressedBody, motion: Motion) -> ContinuedProgram:
-        refuse_presses(plan, body, self.settings)
         return ContinuedProgram(plan, body, self.settings, self._mechanisms, motion, self._program)
 
     def follow(self, points_m: np.ndarray, axes: np.ndarray, speed_m_per_s: float) -> PathResult:
@@ -165,6 +166,7 @@ class Session:
         first = self._one_press(points_m[:1], directions[:1], force_n)
         motion = self.reach(first)
         (planned,) = motion.require_all()
+        refuse(beyond_limits(first, body, self.settings), len(first), skip=False)
         program = self._program = self._next(first, body, motion)
         log = self._log(program)
         log.event("start", f"sweep over {1e3 * length:.3g} mm with {force_n:g} N")

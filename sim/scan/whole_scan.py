@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
-from models import InputError
-from sim.motion.depth_check import refuse_too_deep
-from sim.motion.planned_motion import Motion
+from sim.motion.depth_check import beyond_limits
+from sim.motion.planned_motion import Motion, Refusal, refuse
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
@@ -37,34 +36,46 @@ def run_scan(
     on_frame : called at `settings.frames_per_s` of simulated time
     on_press : called after each press with its result. A scan that is broken off (also by
         KeyboardInterrupt, which is passed on) has delivered all presses finished so far.
-    on_outcome : called for every planned press with what became of it
+    on_outcome : called for every planned press with what became of it, first for those that
+        `motion` has refused
     mechanisms : that act in the loop, unknown to the robot
-    motion : of the plan, where it is known already
+    motion : of the plan, where it is known already; presses that it has refused are no longer in
+        the plan
 
     Raises
     ------
     InputError
-        Before the arm moves: a press that cannot be made, or would go too deep (see
-        `sim.motion.planner`). At the end: no press was made at all.
+        Before the arm moves: no press can be made for the arm's reach (see `sim.motion.planner`),
+        its force or its depth; or some cannot, and `on_fault` is "stop".
     """
     settings = settings or ScanSettings()
     started = time.perf_counter()
-    refuse_presses(plan, soft_body, settings)
+    beyond = beyond_limits(plan, soft_body, settings)
+    refuse(beyond, len(plan), settings.on_fault != "stop")
     program = Program(plan, soft_body, settings, on_frame, mechanisms or Mechanisms(), motion)
-    return make_presses(program, on_press, on_outcome, started)
+    unreachable = motion.refused if motion else ()
+    return make_presses(program, unreachable, beyond, on_press, on_outcome, started)
 
 
 def make_presses(
     program: Program,
+    unreachable: Sequence[Refusal],
+    beyond: Sequence[Refusal],
     on_press: Callable[[PressResult], None] | None,
     on_outcome: Callable[[PressOutcome], None] | None,
     started: float,
 ) -> ScanRun:
-    """Make all presses of a program; `started` is when the computation began."""
-    plan, settings = program.plan, program.settings
+    """Make the presses of a program.
+
+    Parameters
+    ----------
+    unreachable : presses that are not in the program
+    beyond : presses of the program that are left out
+    on_press, on_outcome : see `run_scan`
+    started : when the computation began
+    """
     results, outcomes = [], []
-    for number, planned in enumerate(program.presses):
-        outcome, result = program.press(number, planned)
+    for outcome, result in _outcomes(program, unreachable, beyond):
         outcomes.append(outcome)
         if result:
             results.append(result)
@@ -72,14 +83,6 @@ def make_presses(
                 on_press(result)
         if on_outcome:
             on_outcome(outcome)
-        if not outcome.delivered and settings.on_fault == "stop":
-            break
-    for number in range(len(outcomes), len(plan)):
-        why = f"the scan was stopped after press {len(outcomes) - 1}"
-        left = PressOutcome(number, "skipped", plan.force_of(number), reason=why)
-        outcomes.append(left)
-        if on_outcome:
-            on_outcome(left)
     return ScanRun(
         tuple(results),
         program.time_s,
@@ -89,12 +92,23 @@ def make_presses(
     )
 
 
-def refuse_presses(plan: ScanPlan, body: PressedBody, settings: ScanSettings) -> None:
-    """Raise `InputError` for forces near that of touch, and presses that would go too deep."""
-    weakest = min(plan.force_of(press) for press in range(len(plan)))
-    if settings.touch_force_n > 0.5 * weakest:
-        raise InputError(
-            f"The touch force of {settings.touch_force_n:g} N is more than half of the set "
-            f"force of {weakest:g} N; press harder or lower touch_force_n."
-        )
-    refuse_too_deep(plan, body, settings)
+def _outcomes(
+    program: Program, unreachable: Sequence[Refusal], beyond: Sequence[Refusal]
+) -> Iterator[tuple[PressOutcome, PressResult | None]]:
+    """Yield the outcome of each planned press, and the result of one that is made."""
+    for one in unreachable:
+        yield PressOutcome(one.press, "skipped", one.force_n, reason=one.reason), None
+    plan, left_out, stopped = program.plan, {one.press: one for one in beyond}, ""
+    for number, planned in enumerate(program.presses):
+        name = int(plan.ids[number])
+        if stopped:
+            yield PressOutcome(name, "skipped", plan.force_of(number), reason=stopped), None
+        elif name in left_out:
+            program.pass_by(number, planned)
+            one = left_out[name]
+            yield PressOutcome(name, "skipped", one.force_n, reason=one.reason), None
+        else:
+            outcome, result = program.press(number, planned)
+            yield outcome, result
+            if not outcome.delivered and program.settings.on_fault == "stop":
+                stopped = f"the scan was stopped after press {name}"

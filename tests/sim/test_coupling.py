@@ -10,9 +10,10 @@ from models.errors import InputError
 from models.press_program import grid_program
 from sim.body.soft_body import SoftBody
 from sim.body.true_map import Inclusion, TruthMap
-from sim.motion.depth_check import refuse_too_deep
+from sim.motion.depth_check import beyond_limits
 from sim.motion.scan_plan import ScanPlan, program_plan
 from sim.motion.settings import ScanSettings
+from sim.motion.tip import Tip
 from sim.robot.force_control import rounded_line
 from sim.robot.laboratory import build_laboratory
 from sim.scan.whole_scan import run_scan
@@ -118,13 +119,13 @@ def test_three_newton_press_the_soft_body_deep_without_falling_through():
 def test_a_press_that_would_go_too_deep_is_refused_with_the_force_that_would_do(
     scale, setting, reason
 ):
-    body, settings = body_of(scale), ScanSettings(**setting, **SHORT)
+    body, settings = body_of(scale), ScanSettings(on_fault="stop", **setting, **SHORT)
     with pytest.raises(InputError, match=rf"Press 0 at .*3 N would go .*{reason}") as caught:
         run_scan(ScanPlan(POINTS, DOWN, 3.0), body, settings)
     enough = float(re.search(r"at most ([0-9.]+) N", str(caught.value))[1])  # pyright: ignore[reportOptionalSubscript]
-    refuse_too_deep(ScanPlan(POINTS, DOWN, enough), body, settings)
-    with pytest.raises(InputError):
-        refuse_too_deep(ScanPlan(POINTS, DOWN, 1.02 * enough), body, settings)
+    for more, refused in ((1.0, False), (1.02, True)):
+        plan = ScanPlan(POINTS, DOWN, more * enough)
+        assert (0 in {one.press for one in beyond_limits(plan, body, settings)}) == refused
 
 
 @pytest.mark.parametrize(("force", "ramp"), [(0.3, 0.05), (3.0, 1.0), (3.0, 0.3)])
@@ -155,10 +156,25 @@ def test_every_press_of_a_program_is_judged_by_its_own_force_and_thickness():
     thin, plan = (0.096, 0.096, 0.004), grid_program((0.096, 0.096, 0.004), per_side=2)
     force = np.array([0.1, 0.1, 0.3, 0.1])
     law = Stiffening(60, 0)
-    with pytest.raises(
-        InputError, match=r"Press 2 at .*0.3 N would go 5 mm deep; the body is 4 mm"
-    ):
-        run_scan(program_plan(replace(plan, force_n=force), thin), law)
+    program = program_plan(replace(plan, force_n=force), thin)
+    match = r"Press 2 at .*0.3 N would go 5 mm deep; the body is 4 mm"
+    with pytest.raises(InputError, match=match):
+        run_scan(program, law, ScanSettings(on_fault="stop"))
+    ids = np.array([3, 4, 6, 8])  # others were left out before
+    run = run_scan(replace(program, press_ids=ids), law, ScanSettings(**SHORT))
+    assert [o.press for o in run.outcomes] == ids.tolist()
+    assert [o.outcome for o in run.outcomes] == ["made", "made", "skipped", "made"]
+    assert "0.3 N would go 5 mm deep" in run.outcomes[2].reason
+    assert [s.press for s in run.statistics] == run.scan.press_ids.tolist() == [3, 4, 8]
+
+
+def test_a_ball_that_would_sink_in_whole_and_a_press_near_touch_are_refused():
+    tips = (Tip("ball", 0.003), Tip("ball", 0.008))
+    plan = ScanPlan(POINTS, DOWN, tips=tips, forces_n=np.array([0.25, 0.04]))
+    sunk, weak = beyond_limits(plan, Stiffening(60, 0), ScanSettings())
+    assert "0.25 N would go 4.17 mm deep; the ball would sink in whole" in sunk.reason
+    assert "Press with at most 0.178 N" in sunk.reason
+    assert "touch force of 0.025 N is more than half of the set force of 0.04 N" in weak.reason
 
 
 class Softening(Stiffening):

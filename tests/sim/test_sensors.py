@@ -5,7 +5,7 @@ import pytest
 
 from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
-from sim.scan.first_touch import depth_at_zero_force, first_touch
+from sim.scan.first_touch import Ball, depth_at_zero_force, first_touch
 from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)
@@ -103,3 +103,22 @@ def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(cours
     assert off.std() < 0.05e-3
     stated = np.array([touch.sd_m for touch in found])
     assert 0.3 < np.sqrt(np.mean((off / stated) ** 2)) < 2
+
+
+def test_touch_of_a_ball_is_no_later_on_a_thin_body_than_on_a_thick_one():
+    rng, radius, thickness = np.random.default_rng(6), 0.008, 0.02
+
+    def law(x):  # Dimitriadis et al. (2002): bonded, incompressible
+        a = np.sqrt(radius * x) / thickness
+        series = 1 + 1.133 * a + 1.283 * a**2 + 0.769 * a**3 + 0.0975 * a**4
+        return 16 / 9 * 7000 * np.sqrt(radius) * x**1.5 * series
+
+    readings = [press(law, 0.2, rng, 5e-3, 2e-5) for _ in range(16)]
+
+    def off(ball):
+        return np.array([first_touch(*one, 2e-5, 5e-3, ball) for one in readings]) - [0.0012, 0.0]
+
+    known, thick = off(Ball(radius, thickness)), off(Ball(radius, 1.0))
+    assert abs(known[:, 0].mean()) < 3 * known[:, 0].std() / 4
+    assert (thick - known)[:, 0].mean() > 8e-6
+    assert 0.6 < known[:, 0].std() / known[:, 1].mean() < 1.5

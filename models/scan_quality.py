@@ -86,8 +86,8 @@ def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
     >>> force[5] = 30.0
     >>> left, sentences = without_outliers(scan.replace(force_n=force))
     >>> len(scan) - len(left), sentences  # doctest: +NORMALIZE_WHITESPACE
-    (1, ('Left out: Row 6 (press 0), column force_n: found 30 N, expected about 0.2193 N by its
-    neighbours.',))
+    (1, ('Left out: Row 6 (press 0), column force_n: found 30 N, expected about 0.2226 N by its
+    press and the others.',))
     """
     keep, sentences = np.ones(len(scan), dtype=bool), []
     for doubt in scan_findings(scan):
@@ -137,7 +137,8 @@ def _bad_reading(scan: Scan, row: int, column: str, found: float, expected: floa
         (press,),
         (row,),
         f"Row {row + 1} (press {press}), column {column}: found {found:.4g} {unit}, expected about "
-        f"{expected:.4g} {unit} by its neighbours; correct the reading or remove the row.",
+        f"{expected:.4g} {unit} by its press and the others; correct the reading or remove the "
+        "row.",
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from scipy.stats import norm
 from typer.testing import CliRunner
 
 from models.errors import InputError
@@ -27,11 +28,11 @@ from tests.paths import LAB, TESTS
 
 RUN = CliRunner()
 TWELVE = TESTS / "data" / "twelve_presses"
-SEEN_SHARE = 0.1  # of its press's largest: of a smaller reading the third part is within noise
+SEEN_SHARE = 0.1  # of its press's largest: a third of a smaller reading is often within noise
 
 
-def drawn_scan(seed: int) -> Scan:
-    """Draw a clean scan: another body, robot program and sensor for each seed."""
+def drawn_scan(seed: int, quiet: bool = False) -> Scan:
+    """Draw a clean scan: body, robot program and sensor by the seed, a law of each press."""
     rng = np.random.default_rng(seed)
     presses = int(rng.integers(9, 40))
     load, hold, unload = (int(rng.integers(*limits)) for limits in ((5, 16), (2, 12), (5, 16)))
@@ -44,12 +45,16 @@ def drawn_scan(seed: int) -> Scan:
     stiffness = rng.uniform(50, 300) * rng.uniform(0.6, 1.8, presses)
     depth = rng.uniform(1e-3, 6e-3)
     travel = depth * ramp * np.ones((presses, 1))
-    relaxed = 1 - rng.uniform(0, 0.3) * (1 - np.exp(-time / rng.uniform(0.2, 2)))
-    stiffening = rng.uniform(0, 1)
+    relaxing = rng.uniform(0, 0.3) * rng.uniform(0.5, 1.5, (presses, 1))
+    relaxed = 1 - relaxing * (1 - np.exp(-time / rng.uniform(0.2, 2)))
+    stiffening = rng.uniform(0, 1) * rng.uniform(0.5, 1.5, (presses, 1))
     force = stiffness[:, None] * travel * (1 + stiffening * ramp**2) * relaxed
-    typical = np.median(force.max(axis=1))
-    force = force + rng.normal(0, rng.uniform(0.001, 0.02) * typical, force.shape)
-    travel = travel + rng.normal(0, rng.uniform(0.0005, 0.01) * depth, travel.shape)
+    noise_n = rng.uniform(0.001, 0.02) * np.median(force.max(axis=1))
+    noise_m = rng.uniform(0.0005, 0.01) * depth
+    if quiet:
+        noise_n, noise_m = 0.0, 0.0
+    force = force + rng.normal(0, noise_n, force.shape)
+    travel = travel + rng.normal(0, noise_m, travel.shape)
     place = rng.uniform(0.02, 0.07, (presses, 2))
     return Scan(
         press=np.repeat(np.arange(presses), count),
@@ -75,23 +80,38 @@ def with_bad_reading(
     return scan.replace(**{column: values}), row, column
 
 
-def test_single_bad_readings_are_named_by_row():
+def visible(bad: Scan, clean: Scan, quiet: Scan, row: int, column: str) -> bool:
+    """Whether who knows the true course and the noise can tell a reading from good ones.
+
+    So that he takes a good one for bad in at most 2 % of the scans.
+    """
+    true = getattr(quiet, column)
+    noise = np.std(getattr(clean, column) - true)
+    level = norm.isf(0.02 / (2 * 2 * len(bad)))  # of two columns, to both sides
+    return bool(abs(getattr(bad, column)[row] - true[row]) > level * noise)
+
+
+@pytest.mark.parametrize(("least", "most_hidden"), [(SEEN_SHARE, 0), (0.0, 6)])
+def test_single_bad_readings_are_named_by_row(least, most_hidden):
     rng = np.random.default_rng(1)
-    found = 0
+    found, seen = [], []
     for seed in range(200):
-        scan, row, column = with_bad_reading(drawn_scan(seed), rng)
-        found += [place[:2] for place in bad_readings(scan)] == [(row, column)]
-    assert found >= 0.98 * 200
+        clean = drawn_scan(seed)
+        scan, row, column = with_bad_reading(clean, rng, least)
+        found.append((row, column) in [place[:2] for place in bad_readings(scan)])
+        seen.append(visible(scan, clean, drawn_scan(seed, quiet=True), row, column))
+    assert sum(seen) >= 200 - most_hidden
+    assert np.mean(np.array(found)[seen]) >= 0.98
 
 
 def test_bad_readings_of_laboratory_scans_are_named_by_row():
     rng = np.random.default_rng(2)
     scan = read_scan(LAB / "case_a" / "scan.csv")
     found = 0
-    for _ in range(100):
-        bad, row, column = with_bad_reading(scan, rng, least=0.2)  # its force is noisier
+    for _ in range(50):
+        bad, row, column = with_bad_reading(scan, rng)
         found += (row, column) in [place[:2] for place in bad_readings(bad)]
-    assert found >= 0.98 * 100
+    assert found >= 0.98 * 50
 
 
 def test_clean_scans_raise_no_doubt():
@@ -106,6 +126,17 @@ def test_laboratory_scans_raise_no_doubt(case):
 
 def kinds(scan: Scan) -> dict[str, tuple[int, ...]]:
     return {finding.kind: finding.presses for finding in scan_findings(scan)}
+
+
+def test_a_press_that_touched_late_has_no_bad_reading():
+    """Its first readings are a fraction of the other presses', and so are those beside them."""
+    scan = drawn_scan(12)
+    late = scan.press == scan.press_ids[3]
+    travel = np.where(late, scan.displacement_m - 0.3 * scan.displacement_m[late].max(), 1.0)
+    force = np.where(late, scan.force_n * np.clip(travel, 0, None), scan.force_n)
+    share = force[late].max() / scan.force_n[late].max()
+    shifted = scan.replace(force_n=np.where(late, force / share, force))
+    assert "bad_reading" not in kinds(shifted)
 
 
 def test_a_jump_of_the_tip_is_not_taken_for_a_bad_reading():

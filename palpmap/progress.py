@@ -73,6 +73,11 @@ def scan_stages(presses: int) -> tuple[Stage, ...]:
     return Stage(("meshing",), 40), Stage(("scanning",), 0.3 * presses, presses)
 
 
+def read_stages(files: int) -> tuple[Stage, ...]:
+    """Return the stages of a recording's import."""
+    return Stage(("reading",), 10, files), Stage(("finding", "proposing"), 5)
+
+
 class Course:
     """How far a command is: it has gone through the stages up to that of its last step.
 

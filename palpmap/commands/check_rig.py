@@ -10,6 +10,7 @@ from palpmap.console import Output, plain
 from palpmap.importing.mapping.rig import load_rig
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.streams.rig_check import RigCheck, check_rig
+from palpmap.progress import read_stages
 from palpmap.report.draw import console, write_page
 from palpmap.result.tables import Table
 
@@ -23,7 +24,10 @@ def run_check_rig(*, files: Sequence[Path], rig: Path, out: Path | None, output:
         See `palpmap.importing.streams.rig_check.check_rig`.
     """
     mapping = load_rig(rig)
-    found = check_rig(read_recording(files), mapping)
+    with output.task(read_stages(len(files))) as task:
+        recording = read_recording(files, task.say)
+        task.say("finding the presses")
+        found = check_rig(recording, mapping)
     figures = figures_table(found, mapping.name)
     if out is not None:
         try:

@@ -9,15 +9,23 @@ from palpmap.importing.importing import import_recording
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.propose import propose_rig
 from palpmap.importing.readers.read import read_recording
+from palpmap.progress import read_stages
 
 
 def run_propose(files: Sequence[Path], output: Output) -> None:
     """Print a mapping for a recording."""
-    text = propose_rig(read_recording(files))
+    text = _proposed(files, output)
     if output.json:
         output.result({"schema": 1, "rig": text})
     elif not output.quiet:
         sys.stdout.write(text)
+
+
+def _proposed(files: Sequence[Path], output: Output) -> str:
+    with output.task(read_stages(len(files))) as task:
+        recording = read_recording(files, task.say)
+        task.say("proposing a mapping")
+        return propose_rig(recording)
 
 
 def run_import(
@@ -30,8 +38,9 @@ def run_import(
     InputError
         See `palpmap.importing.importing.import_recording`.
     """
-    mapping = rig or parse_rig(propose_rig(read_recording(files)), Path("proposed mapping"))
-    made = import_recording(files, mapping)
+    mapping = rig or parse_rig(_proposed(files, output), Path("proposed mapping"))
+    with output.task(read_stages(len(files))) as task:
+        made = import_recording(files, mapping, progress=task.say)
     study = made.write(out, form)
     scan = made.scan
     output.result(

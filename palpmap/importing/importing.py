@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify import Progress, silent
 from models import InputError, Scan, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
 from palpmap.importing.readers.read import read_recording
@@ -138,6 +139,8 @@ class Imported:
 def import_recording(
     files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str],
+    *,
+    progress: Progress = silent,
 ) -> Imported:
     """Read the files of a recording and make a scan of it.
 
@@ -145,6 +148,7 @@ def import_recording(
     ----------
     files : one or more: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags
     rig : mapping, or its file
+    progress : is told the steps
 
     Raises
     ------
@@ -178,7 +182,8 @@ def import_recording(
         )
     assert rig.body  # `Rig.needed` asks
     assert rig.probe
-    recording = read_recording(files)
+    recording = read_recording(files, progress)
+    progress("finding the presses")
     said = list(recording.notes)
     cut = None
     if rig.kind == "readings":

@@ -317,7 +317,7 @@ def test_presses_in_the_air_are_told_from_soft_places_beside_them():
     stiffness[press % 6 == 5] = 0.0
     points = np.column_stack([0.01 * (press % 4), 0.01 * (press // 4), np.zeros(120)])
     scan = Scan(
-        press=press, time_s=np.full(120, np.nan), phase=["load"] * 120, point_m=points,
+        press=press, time_s=np.full(120, np.nan), phase=np.full(120, "load"), point_m=points,
         direction=np.tile([0.0, 0, -1], (120, 1)), displacement_m=travel,
         force_n=stiffness * travel + rng.normal(0, 0.007, 120),
         probe_radius_m=np.full(120, 0.004), tip_pose=None,

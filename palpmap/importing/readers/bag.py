@@ -148,6 +148,8 @@ def _leaves(message: Any, prefix: str) -> Iterator[str]:
 def _as_columns(name: str, values: list[Any]) -> dict[str, np.ndarray]:
     if isinstance(values[0], str):
         return {name: np.array(values)}
+    if isinstance(values[0], (bool, int, float)):
+        return {name: np.array(values, dtype=float)}
     sizes = {np.size(value) for value in values}
     if len(sizes) > 1 or max(sizes) > MOST_ENTRIES or not max(sizes):
         return {}

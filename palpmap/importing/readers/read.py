@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from identify import Progress, silent
 from models import InputError
 from palpmap.importing.readers.arrays import read_hdf5, read_matlab, read_numpy
 from palpmap.importing.readers.bag import read_bag
@@ -25,7 +26,9 @@ READERS: dict[str, tuple[str, Callable[[Path, bytes], tuple[list[Table], list[st
 BAGS = {".bag": "a ROS 1 bag", ".mcap": "an MCAP file of ROS 2 messages", ".db3": "a ROS 2 bag"}
 
 
-def read_recording(files: Sequence[str | os.PathLike[str]]) -> Recording:
+def read_recording(
+    files: Sequence[str | os.PathLike[str]], progress: Progress = silent
+) -> Recording:
     """Read files of one recording: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags.
 
     The ending tells the form; what has an unknown ending is read as text. A folder is a ROS 2 bag.
@@ -40,6 +43,7 @@ def read_recording(files: Sequence[str | os.PathLike[str]]) -> Recording:
     tables: list[Table] = []
     notes: list[str] = []
     for path in map(Path, files):
+        progress(f"reading {path.name}")
         found, said = _read(path)
         tables += found
         notes += said

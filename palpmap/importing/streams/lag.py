@@ -19,7 +19,7 @@ FURTHEST_S, SEARCH_STEP_S, LONGEST_STEP_S = 0.24, 0.008, 0.05
 CORNER_SHARE = 0.1
 RELAXING = (0.02, 0.1)  # weights to start from: an elastic and a viscous body
 OUTLYING = 9.0  # times the usual variance: a press that does not count
-MOST_PRESSES = 40  # of a recording, evenly over it
+MOST_PRESSES = 80  # of a recording, evenly over it
 FOR_A_RATE = 6  # presses
 BESIDE_S = 4.0e-3  # at least so far beside the lag the likelihood is asked for its error
 _WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S / 2, SEARCH_STEP_S)
@@ -78,8 +78,9 @@ def find_lag(
     pose_noise : standard deviation of the travel's noise, m, times the square root of the time
         between its messages, s
     """
-    every = max(1, -(-len(force) // MOST_PRESSES))
-    chosen = list(zip(force_time, force, pose_time, travel, strict=True))[::every]
+    presses = list(zip(force_time, force, pose_time, travel, strict=True))
+    even = np.linspace(0, len(presses) - 1, min(len(presses), MOST_PRESSES))
+    chosen = [presses[int(k)] for k in even.round()]
     courses = [course_of(*one, pose_noise) for one in chosen]
     courses = [course for course in courses if course is not None]
     start = _start(courses) if courses else None

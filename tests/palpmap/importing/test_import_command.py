@@ -104,7 +104,7 @@ def test_a_wrong_mapping_is_answered_in_one_sentence(change, said, scan, tmp_pat
     text = foreign.rig + BODY
     assert change[0] in text
     rig.write_text(text.replace(*change), encoding="utf-8")
-    result = run(*foreign.files, "--rig", rig, "--out", tmp_path / "study", code=2)
+    result = run(*foreign.files, "--rig", rig, "--out", tmp_path / "study", "--quiet", code=2)
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "study" / "study.toml").exists()

@@ -208,6 +208,8 @@ def scan(
     seed : of noise and pauses, in place of the arm's own
     on_press : called after each press with all its samples and its quality
 
+    Presses without a program are made with less force where they would go too deep.
+
     Returns
     -------
     Scan
@@ -249,7 +251,7 @@ def scan(
     plan, motion = reachable(plan, settings)
     laboratory = virtual_lab.build_laboratory(
         study, plan, settings, plant, truth and Truth(truth), motion
-    )
+    ).within_depth()
     run, made = laboratory.press(on_press=on_press and (lambda result, _: on_press(result)))
     missing = [outcome.sentence for outcome in run.outcomes if not outcome.delivered]
     if missing:

@@ -233,7 +233,7 @@ def planned_laboratory(
     -------
     the laboratory, and the study of what is known beforehand
     """
-    laboratory = build_laboratory(study, plan, settings, plant, truth, motion)
+    laboratory = build_laboratory(study, plan, settings, plant, truth, motion).within_depth()
     known = known_of(study, run / "scan.csv", laboratory)
     write_study(known, run / "study.toml")
     write_truth(run, laboratory.hidden.body, laboratory.hidden.records)
@@ -281,8 +281,8 @@ def make_scan(
         records.sort(key=lambda record: record.press)
         told = PressesRecord(on_fault=laboratory.settings.on_fault, presses=tuple(records))
         told.write(run / PRESSES)
-        if outcome.faults or not outcome.kept:
-            recording.event(outcome.sentence, "WARN")
+        if outcome.reason:
+            recording.event(outcome.sentence, "INFO" if outcome.kept else "WARN")
         advance()
 
     def on_press(result: "PressResult", reported: Scan) -> None:

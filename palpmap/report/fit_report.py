@@ -63,7 +63,7 @@ def _outcome_table(path: Path) -> Table | None:
             p.reason,
         )
         for p in presses
-        if p.outcome != "made" or not p.kept
+        if p.outcome != "made" or not p.kept or p.reason
     ]
     made = len(presses) - len(rows)
     rows.append((f"the other {made}", Cell("made"), "", "with force and place as set"))

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.scan_record import ScanRecord
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ def scan_table(record: ScanRecord) -> "RenderableType":
     if set(record.outcomes) - {"made"}:
         told = ", ".join(f"{number} {name}" for name, number in record.outcomes.items())
         table.add_row("presses", told)
+    if record.lowered:
+        table.add_row("with less force, not to go too deep", f"{record.lowered}, see {PRESSES}")
     table.add_row(
         "largest force error, overshoot",
         f"{100 * largest.force_error:.2f} %, {100 * largest.overshoot:.1f} %",

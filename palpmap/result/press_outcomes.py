@@ -51,7 +51,9 @@ class PressRecord(Record):
     outcome: Literal["made", "retried", "skipped", "aborted"]
     kept: bool = Field(description="made, with force, overshoot and place as promised")
     set_force_n: float = Field(description="N")
-    reason: str = Field(description="why it has no readings, or what was not kept; may be empty")
+    reason: str = Field(
+        description="why it has no readings, what was not kept, or why its force was lowered"
+    )
     faults: tuple[FaultRecord, ...] = Field(description="of its attempts")
     measured: MeasuredRecord | None = Field(description="null without readings")
     simulator: SimulatorRecord | None = Field(description="null without readings")

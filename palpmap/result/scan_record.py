@@ -30,6 +30,7 @@ class ScanRecord(FileRecord):
     outcomes: dict[str, int] = Field(
         default_factory=dict, description="presses that were made, retried, skipped, aborted"
     )
+    lowered: int = Field(0, description="presses made with less force, not to go too deep")
     not_kept: tuple[str, ...] = Field(default=(), description="a sentence on each other press")
     largest: LargestRecord
     force_n: float = Field(description="smallest set force of the presses, N")
@@ -56,6 +57,7 @@ def scan_record(scanned: "ScanRun") -> ScanRecord:
         presses_kept=kept,
         kept=kept == len(scanned.outcomes),
         outcomes=dict(counts),
+        lowered=sum(outcome.lowered for outcome in scanned.outcomes),
         not_kept=tuple(outcome.sentence for outcome in scanned.outcomes if not outcome.kept),
         largest=largest,
         force_n=min(s.set_force_n for s in statistics),

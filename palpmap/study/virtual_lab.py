@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,6 +47,12 @@ class Laboratory:
     def truth(self) -> TruthMap:
         """The true map, with planted inclusions."""
         return self.hidden.body.truth
+
+    def within_depth(self) -> Laboratory:
+        """Return the laboratory with less force where a press would go too deep."""
+        from sim.motion import lowered
+
+        return replace(self, plan=lowered(self.plan, self.body, self.settings))
 
     def press(
         self,

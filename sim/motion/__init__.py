@@ -1,7 +1,7 @@
 """Motion of the arm: planner, clearance, paths, scripted motions; the surface it moves over."""
 
 from sim.motion.body_surface import BodySurface
-from sim.motion.depth_check import beyond_limits
+from sim.motion.depth_check import beyond_limits, lowered
 from sim.motion.planned_motion import Motion, Refusal, refuse
 from sim.motion.planner import plan_motion
 from sim.motion.scan_plan import ScanPlan, program_plan
@@ -17,6 +17,7 @@ __all__ = [
     "ScanSettings",
     "Tip",
     "beyond_limits",
+    "lowered",
     "plan_motion",
     "plan_scene",
     "program_plan",

@@ -34,6 +34,7 @@ class ScanPlan:
     program : force, durations and rest of each press, where they differ; see `program_plan`
     press_ids : (j,) numbers of the presses in the scan; None counts from 0
     tips : (j) of the presses; the arm changes them at its home pose
+    lowered : (j) why a press has less force than was asked for, empty where it has not
     """
 
     points_m: np.ndarray
@@ -47,6 +48,7 @@ class ScanPlan:
     press_ids: np.ndarray | None = None
     tips: tuple[Tip, ...] = ()
     forces_n: np.ndarray | None = None
+    lowered: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("points_m", "directions"):

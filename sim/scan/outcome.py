@@ -108,8 +108,10 @@ class PressOutcome:
     set_force_n : wanted force
     faults : of its attempts, in their order
     judged : of a press with readings
-    reason : why there are no readings, or what was not kept; empty if all is well
+    reason : why there are no readings, or what was not kept, or why its force is less than was
+        asked for; empty if all is well
     peak_force_n : largest true force of all attempts, which only the simulator knows
+    lowered : its force is less than was asked for
     """
 
     press: int
@@ -119,6 +121,7 @@ class PressOutcome:
     judged: Judgement | None = None
     reason: str = ""
     peak_force_n: float = 0.0
+    lowered: bool = False
 
     @property
     def delivered(self) -> bool:

@@ -114,15 +114,17 @@ class Program:
                 self._retreat(planned)
                 peak = max(peak, self._peak_n)
                 continue
-            shortfalls = result.judged.shortfalls()
+            lowered = self.plan.lowered[number] if self.plan.lowered else ""
+            told = [*result.judged.shortfalls(), *([lowered] if lowered else [])]
             outcome = PressOutcome(
                 name,
                 "retried" if faults else "made",
                 force,
                 tuple(faults),
                 result.judged,
-                "; ".join(shortfalls) or (faults[-1].reason if faults else ""),
+                "; ".join(told) or (faults[-1].reason if faults else ""),
                 max(peak, self._peak_n),
+                bool(lowered),
             )
             return outcome, result
         begun = faults[-1].phase != PHASES[TRANSIT]

@@ -25,6 +25,7 @@ from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 
 NORMAL_95 = 1.959964
+ENOUGH, TOO_FAR = 0.5, 1.5  # of that, how far along the valley a parabola is laid through
 _ANGLES = np.linspace(0, 2 * np.pi, 361)
 
 
@@ -119,26 +120,39 @@ def bent_intervals(valley: Valley, names: Sequence[str]) -> np.ndarray:
 
 
 def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarray] | None:
-    """Hold one parameter beside the minimum and fit the rest: (t, u) there, or None at a bound."""
+    """Hold one parameter beside the minimum and fit the rest: (t, u) there, or None at a bound.
+
+    The way goes on, or back, until chi-square has risen about as far as 95 % allow: a parabola
+    through a place far up the valley's wall would say nothing of its floor.
+    """
     u, total, (lower, upper) = valley.u, valley.total, valley.bounds
     share = valley.noise[position, position] / total[position, position]
-    step, place = NORMAL_95 * np.sqrt(total[position, position]), None
+    direction = total[:, position] / total[position, position]
+    usual = NORMAL_95 * np.sqrt(total[position, position])
+    step, place, near, far = usual, None, (0.0, 0.0), (np.inf, np.inf)
     for _ in range(valley.tries):
         held = float(np.clip(u[position] + side * step, lower[position], upper[position]))
-        if abs(held - u[position]) < 0.1 * step:
+        moved = held - u[position]
+        if abs(moved) < 0.1 * usual and place is None:
             break  # the minimum sits at the body's edge: nothing to be learnt on this side
-        start = u + total[:, position] / total[position, position] * (held - u[position])
-        start = np.clip(start, lower, upper)
+        start = np.clip(u + direction * moved, lower, upper)
         start[position] = held
         fun, found = valley.refit(position, start)
         if not np.isfinite(fun):
             break
         rise = max(2 * (fun - valley.fun) * share, 1e-12)
         place = (side * float(np.sqrt(rise)), found)
+        rate, direction = abs(place[0]) / NORMAL_95, (found - u) / moved
         at_edge = held in (lower[position], upper[position])
-        if abs(place[0]) > 0.5 * NORMAL_95 or at_edge:
+        if ENOUGH < rate < TOO_FAR or (rate <= ENOUGH and at_edge):
             break
-        step *= min(NORMAL_95 / abs(place[0]), 2.0)
+        if rate >= TOO_FAR:
+            far = (abs(moved), rate)
+        else:
+            near = (abs(moved), rate)
+        (a, before), (b, after) = near, far
+        part = np.clip((1 - before) / (after - before), 0.25, 0.75)
+        step = a + part * (b - a) if np.isfinite(b) else 2 * a
     return place
 
 

@@ -79,7 +79,7 @@ class FitSettings:
     start_radii: tuple[float, ...] = (0.12, 0.25, 0.45)
     curved_intervals: bool = True
     interval_evaluations: int = 10
-    interval_tries: int = 3
+    interval_tries: int = 5
     interval_corrections: int = 0
     straight_step: float = 0.02
     longest_step: float = 0.5

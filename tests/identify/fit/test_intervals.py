@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
 from identify.fit.map_fit import fit_scan
-from identify.fit.profile_intervals import NORMAL_95, Valley, _range
+from identify.fit.profile_intervals import NORMAL_95, Valley, _range, bent_intervals
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.noise import Noise
 from models.scan import Scan
@@ -81,3 +81,21 @@ def test_a_straight_valley_has_the_usual_intervals(share):
     half = NORMAL_95 * np.sqrt(np.diag(total))
     expected = np.column_stack([u - half, u + half])
     assert_allclose(_range(valley, sides, 1), expected, rtol=1e-3)
+
+
+def test_a_valley_with_a_flat_floor_and_steep_walls_has_intervals_up_to_its_walls():
+    """The covariance at the floor's middle reaches far up the walls, on either side."""
+
+    def rise(z):
+        return z / 10 + (z / 2) ** 3
+
+    def refit(position, start):
+        return 0.5 * rise(start[position]) ** 2, start[0] * np.array([1.0, 3.0])
+
+    total = np.array([[100.0, 300.0], [300.0, 900.1]])
+    names = ("inclusion_1.z_m", "inclusion_1.weight_pa")
+    no_bounds = (np.full(2, -np.inf), np.full(2, np.inf))
+    ends = bent_intervals(Valley(np.zeros(2), 0.0, total, total, no_bounds, refit, 6), names)
+    wall = 2.39  # there the rise is 1.96
+    assert rise(wall) == pytest.approx(NORMAL_95, rel=0.01)
+    assert_allclose(ends, [[-wall, wall], [-3 * wall, 3 * wall]], rtol=0.3)

@@ -110,13 +110,13 @@ def p_value(p: float) -> str:
     return f"< {_LEAST_P:g}" if p < _LEAST_P else f"{p:.2g}"
 
 
-def minutes(seconds: float) -> str:
-    """Return a duration in minutes.
+def duration(seconds: float) -> str:
+    """Return a duration in minutes, below 90 s in seconds.
 
-    >>> minutes(90.0)
-    '1.5 min'
+    >>> duration(90.0), duration(41.4)
+    ('1.5 min', '41 s')
     """
-    return f"{seconds / 60:.2g} min"
+    return f"{seconds / 60:.2g} min" if seconds >= 90 else f"{seconds:.0f} s"
 
 
 def _digits(value: float, unit: str) -> str:
@@ -132,6 +132,6 @@ def _with_unit(text: str, unit: str) -> str:
 
 
 __all__ = [
-    "interval", "minutes", "p_value", "percent", "plain_name", "quantity", "rms", "scale", "shift",
+    "duration", "interval", "p_value", "percent", "plain_name", "quantity", "rms", "scale", "shift",
     "spread", "unit_of", "with_error",
 ]  # fmt: skip

@@ -44,16 +44,19 @@ def draw_ladder(explained: Explanation) -> Figure:
     axes.axhline(noise, color=GREY, ls="--", lw=1.4)
     axes.plot(at, rms, "o-", color=BLUE, ms=9, lw=2.2, label="error of the fit (rms)")
     axes.plot(at, apart, "s--", color=ORANGE, ms=6, lw=1.4, label="cross-validation")
-    lowest = min(rms.min(), apart.min())
+    lowest, lowest_at = min(rms.min(), apart.min()), apart
     if all(value is not None for value in high):
         highest = 1e6 * np.array([float(value or 0) for value in high])
         axes.plot(at, highest, "^:", color=GREEN, ms=6, lw=1.4, label="forces left out")
-        apart, lowest = np.maximum(apart, highest), min(lowest, highest.min())
-    for x, value, step in zip(at, rms, steps, strict=True):  # the lowest curve: none is below left
+        lowest, lowest_at = min(lowest, highest.min()), np.minimum(apart, highest)
+        apart = np.maximum(apart, highest)
+    for x, value, step in zip(at, rms, steps, strict=True):
+        under = value <= lowest_at[x]  # no other curve is below left, else none above right
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value), (-8, -6),
-            textcoords="offset points", ha="right", va="top", fontsize=10, color=BLUE,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
+            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value),
+            (-8, -6) if under else (8, 6), textcoords="offset points",
+            ha="right" if under else "left", va="top" if under else "bottom", fontsize=10,
+            color=BLUE,
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise
     axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)

@@ -146,7 +146,7 @@ def _next_table(presses: tuple[NextPressesRecord, ...]) -> Table:
             p.change,
             p.why,
             str(p.presses),
-            units.minutes(p.duration_s),
+            units.duration(p.duration_s),
             "" if p.discrimination is None else f"{p.discrimination:.3g}",
             p.program,
         )

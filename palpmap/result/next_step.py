@@ -7,7 +7,7 @@ from palpmap.console import to_type
 from palpmap.result.finding import Finding
 from palpmap.result.own_effect import OWN_EFFECT
 from palpmap.result.records import ExplainRecord
-from palpmap.units import minutes
+from palpmap.units import duration
 
 
 def next_steps(
@@ -59,7 +59,7 @@ def _presses(record: ExplainRecord, run: Path) -> str:
     best = record.next_presses[0]
     join = to_type("join", run / "scan.csv", "NEW_SCAN.csv", "--out", "both.csv")
     return (
-        f"{best.change} ({minutes(best.duration_s)}): {best.why}. Press program: "
+        f"{best.change} ({duration(best.duration_s)}): {best.why}. Press program: "
         f"{run / best.program}. `{join}` makes one scan of both; explain that."
     )
 

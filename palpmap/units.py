@@ -7,7 +7,10 @@ The sentences of `identify` write their own lengths and forces (`identify.effect
 from identify.effects import percent
 from identify.residual import length as length_in_words
 
-_SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "N": (1e3, "mN"), "1": (1.0, ""), "": (1.0, "")}
+_SHOWN = {
+    "Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "N": (1e3, "mN"), "m/N": (1e3, "mm/N"),
+    "m/Pa": (1e6, "mm/kPa"), "1": (1.0, ""), "": (1.0, ""),
+}  # fmt: skip
 _ENDINGS = {"_pa": "Pa", "_m": "m"}
 _LEAST_P = 1e-12
 
@@ -53,12 +56,12 @@ def quantity(value: float, unit: str) -> str:
 def with_error(value: float, std: float, unit: str) -> str:
     """Return a value with its standard error, alone where that is zero.
 
-    >>> with_error(6012.3, 123.0, "Pa"), with_error(0.02, 0.0, "m")
-    ('6.012 ± 0.12 kPa', '20.00 mm')
+    >>> with_error(6012.3, 123.0, "Pa"), with_error(9e5, 2.43e5, "Pa"), with_error(0.02, 0.0, "m")
+    ('6.012 ± 0.12 kPa', '900 ± 243 kPa', '20.00 mm')
     """
     if not std > 0:
         return quantity(value, unit)
-    return _with_unit(f"{_digits(value, unit)} ± {scale(unit)[0] * std:.2g}", unit)
+    return _with_unit(f"{_digits(value, unit)} ± {_two_digits(std, unit)}", unit)
 
 
 def interval(low: float, high: float, unit: str) -> str:
@@ -76,8 +79,7 @@ def spread(value: float, unit: str) -> str:
     >>> spread(321.0, "Pa"), spread(243e3, "Pa")
     ('± 0.32 kPa', '± 243 kPa')
     """
-    shown = scale(unit)[0] * value
-    return _with_unit(f"± {shown:.0f}" if abs(shown) >= 10 else f"± {shown:.2g}", unit)
+    return _with_unit(f"± {_two_digits(value, unit)}", unit)
 
 
 def shift(value: float, unit: str) -> str:
@@ -86,10 +88,7 @@ def shift(value: float, unit: str) -> str:
     >>> shift(-154e3, "Pa"), shift(1.234e-3, "m"), shift(1e-6, "m")
     ('-154', '+1.2', '0')
     """
-    shown = scale(unit)[0] * value
-    if abs(shown) < 0.005:
-        return "0"
-    return f"{shown:+.0f}" if abs(shown) >= 10 else f"{shown:+.2g}"
+    return "0" if abs(scale(unit)[0] * value) < 0.005 else _two_digits(value, unit, "+")
 
 
 def rms(metres: float) -> str:
@@ -125,6 +124,12 @@ def _digits(value: float, unit: str) -> str:
         return f"{shown:.2f}" if abs(shown) >= 1 else f"{shown:.3g}"
     text = f"{shown:.4g}"
     return f"{float(text):.0f}" if "e+" in text else text
+
+
+def _two_digits(value: float, unit: str, sign: str = "") -> str:
+    """Return two digits in the shown unit, or more before the point."""
+    shown = scale(unit)[0] * value
+    return f"{shown:{sign}.0f}" if abs(shown) >= 10 else f"{shown:{sign}.2g}"
 
 
 def _with_unit(text: str, unit: str) -> str:

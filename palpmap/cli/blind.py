@@ -23,7 +23,7 @@ Size = Annotated[
     typer.Option(
         "--size",
         metavar="PERCENT",
-        help="Size of what is hidden, % of the signal's rms.",
+        help="Size of what is hidden, % of the travel's rms.",
         show_default="1 to 10, drawn",
     ),
 ]

@@ -68,8 +68,8 @@ Plant = Annotated[
     typer.Option(
         "--plant",
         metavar="NAME[:PERCENT]|FILE.py",
-        help="Plant an effect (% of the signal), a fault (% of the presses) or a file of hooks "
-        "in the robot's loop; may be given more than once.",
+        help="Plant an effect (% of the travel's rms), a fault (% of the presses) or a file of "
+        "hooks in the robot's loop; may be given more than once.",
         show_default="nothing; 3 %",
     ),
 ]

@@ -42,10 +42,8 @@ def catalogue_table(effects: Sequence[Effect]) -> "Table":
     table.add_column("effect", no_wrap=True)
     table.add_column("acts in", no_wrap=True)
     table.add_column("what gives it away", ratio=1)
-    table.add_column("parameters", no_wrap=True)
     for effect in effects:
-        names = "\n".join(p.name for p in effect.parameters)
-        table.add_row(effect.name, effect.link, effect.gives_away, names)
+        table.add_row(effect.name, effect.link, effect.gives_away)
     return table
 
 

@@ -27,7 +27,7 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
     biased = {name for e in seen for name in e.map_bias}
     shifts = [column for column in _shift_columns(fit) if column.name in biased]
-    title = "detection limits (5 standard errors), of the signal"
+    title = "detection limits (5 standard errors), % of the signal"
     return (
         _headline(record, len(seen)),
         console(limit_table(seen, shifts, letters, title)),

@@ -90,15 +90,15 @@ def fit(
     if kind is not None and not kind.free:
         experiment = experiment.of_kind("inclusions")
         opened = experiment.opened(progress, thin=False)
-    found = fit_map(opened, optimizer, on_iteration) if kind is None or not kind.free else kind.fit
+    if kind is not None and kind.free:
+        found = kind.fit
+    elif opened.effects and opened.map.field is None:
+        found = with_effects(opened, on_iteration)
+    else:
+        found = fit_map(opened, optimizer, on_iteration)
     if kind is not None:
         progress(kind.says)
         found = replace(found, message=f"{found.message}; {kind.says}")
-    if opened.effects and opened.map.field is None:
-        progress("fitting the effects")
-        found = with_effects(opened, found)
-        if on_iteration:
-            on_iteration(found.history[-1])
     return FitResult.of(found, experiment, opened.body.note)
 
 

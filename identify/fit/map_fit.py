@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem import PalpationModel
+from fem import PalpationModel, SolverError
 from identify.body.compliance import compliance
 from identify.body.discretization_error import FineModel
 from identify.body.mechanics import BodyMechanics
@@ -27,7 +27,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
-from identify.optimize.result import InadmissibleError, OptimizeResult
+from identify.optimize.result import InadmissibleError
 from models import InputError, Scan
 
 
@@ -64,7 +64,7 @@ def fit_scan(
         Without it the intervals hold the noise only, not the mesh's error.
     search_model
         The same presses on a quicker and rougher model (without the near field of the presses,
-        say), with which starts are tried; corrected to `model` for the homogeneous body.
+        say), by which starts are ranked; corrected to `model` for the homogeneous body.
     start
         The one map to start from, in place of those that the scan suggests.
     free
@@ -105,21 +105,33 @@ def fit_scan(
         settings = replace(settings, rounds=0)
     search = Search(settings, optimizer, callback)
     if start is not None:
-        return fit_from(search, whole, whole.start(start))
-    homogeneous, tried = compliance(model, reference), whole
+        u = whole.start(start)
+        return fit_from(search, _corrected(search, whole, u), u)
+    homogeneous, quick = compliance(model, reference), mechanics
     if search_model is not None:
         ratio = homogeneous / compliance(search_model, reference)
-        tried = replace(whole, mechanics=BodyMechanics.of(search_model, ratio=ratio))
+        quick = BodyMechanics.of(search_model, ratio=ratio)
     apparent = apparent_modulus(
         whole.table.slope, rows.contact_points, rows.contact_directions, homogeneous
     )
     maps = start_maps(apparent, box, inclusions, settings.start_depths, settings.start_radii)
-    found, end = _from_best(search, tried, maps, box)
-    if search_model is not None:
-        if not end.success:
-            end, _ = search.minimum(found, end.x)
-        found = replace(found, mechanics=whole.mechanics)
-    return fit_from(search, found, end.x)
+    ranked = _ranked(replace(whole, mechanics=quick), maps)
+    search.spent += len(maps)
+    return fit_from(search, *_from_best(search, whole, ranked, box))
+
+
+def _corrected(search: Search, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
+    """Return the model carried to the finer one at the start u (k,), where that is possible.
+
+    The coarse model's own minimum may be a hard grain that its mesh does not resolve, from which no
+    correction made there leads back.
+    """
+    if model.mechanics.fine is None:
+        return model
+    try:
+        return search.corrected(model, u)
+    except (InadmissibleError, SolverError):
+        return model
 
 
 def _refuse_other_presses(
@@ -138,14 +150,9 @@ def _refuse_other_presses(
             )
 
 
-def _from_best(
-    search: Search, model: MeasurementModel, maps: Sequence[GaussianMap], box: np.ndarray
-) -> tuple[MeasurementModel, OptimizeResult]:
-    """Try all maps once and follow the best few a little; return the best of those.
-
-    The search continues the history of the returned one.
-    """
-    s, tried = search.settings, []
+def _ranked(model: MeasurementModel, maps: Sequence[GaussianMap]) -> list[GaussianMap]:
+    """Return the maps that a model admits, each with its best common factor, the best one first."""
+    tried = []
     for stiffness in maps:
         try:
             found = model.mechanics.evaluate(stiffness, model.mechanics.state()).compliance
@@ -161,21 +168,34 @@ def _from_best(
             "no map explains the scan even roughly: check the signs and units of force_n and "
             "displacement_m"
         )
-    tried.sort(key=lambda pair: pair[0])
-    kept = [stiffness for _, stiffness in tried[: s.kept_starts]]
+    return [stiffness for _, stiffness in sorted(tried, key=lambda pair: pair[0])]
+
+
+def _from_best(
+    search: Search, model: MeasurementModel, ranked: Sequence[GaussianMap], box: np.ndarray
+) -> tuple[MeasurementModel, np.ndarray]:
+    """Follow the best few starts a little; return the model and the coordinates of the best end.
+
+    The search continues the history of that one. The model is carried to the finer one at the best
+    start: the error of a rough mesh would draw the search to a hard grain.
+    """
+    s = search.settings
+    kept = list(ranked[: s.kept_starts])
     # A body with hard and soft spots: a start with a wrong sign never comes back from it
-    kept += [stiffness for _, stiffness in tried[s.kept_starts :] if _is_mixed(stiffness)][:1]
+    kept += [stiffness for stiffness in ranked[s.kept_starts :] if _is_mixed(stiffness)][:1]
+    model = replace(model, space=parameter_space(kept[0], box))
+    model = _corrected(search, model, model.start(kept[0]))
     followed = []
     for stiffness in kept:
         most = s.start_evaluations * max(2 * len(stiffness.inclusions) - 1, 1)
-        short = Search(replace(s, max_evaluations=most), search.optimizer)
+        short = Search(replace(s, max_evaluations=most, confirmed=False), search.optimizer)
         trial = replace(model, space=parameter_space(stiffness, box))
         end, _ = short.minimum(trial, trial.start(stiffness))
         followed.append((short, trial, end))
     best, trial, end = min(followed, key=lambda one: one[2].fun)
     search.continue_from(best)
-    search.spent = len(maps) + sum(short.spent for short, _, _ in followed)
-    return trial, end
+    search.spent += sum(short.spent for short, _, _ in followed)
+    return trial, end.x
 
 
 def _is_mixed(stiffness: GaussianMap) -> bool:

@@ -27,9 +27,9 @@ def fit_map(
 ) -> FitResult:
     """Fit the map alone.
 
-    A `rough` fit is a start for another one: without the finer model, with simple intervals, of
-    readings that are straight lines (those of a ball are made straight for it), of a free map by
-    few steps.
+    A `rough` fit is a start for another one: carried to the finer model at its start alone, with
+    simple intervals, of readings that are straight lines (those of a ball are made straight for
+    it), of a free map by few steps.
 
     With `inclusions = "auto"` their number rises from none until the Bayesian information
     criterion no longer falls. A free map is fitted jointly with the experiment's effects.
@@ -63,8 +63,8 @@ def fit_map(
     return fit_scan(
         scan, body.coarse, inclusions=0 if guess.inclusions == "auto" else guess.inclusions,
         noise=experiment.noise, search_model=body.search if start is None else None,
-        fine_model=None if rough else body.fine, start=start, free=free, optimizer=optimizer,
-        callback=callback, settings=replace(settings, curved_intervals=not rough),
+        fine_model=body.fine, start=start, free=free, optimizer=optimizer, callback=callback,
+        settings=replace(settings, rounds=0, curved_intervals=False) if rough else settings,
     )  # fmt: skip
 
 

@@ -131,9 +131,7 @@ def kind_of_map(
     free = fit_map(experiment, callback=on_iteration)
     experiment.say("fitting inclusions")
     alone = replace(experiment, map=MapGuess("auto"))
-    inclusions = fit_map(alone)
-    if experiment.effects:
-        inclusions = with_effects(alone, inclusions)
+    inclusions = with_effects(alone) if experiment.effects else fit_map(alone)
     assert free.field is not None
     more = free.field.log_evidence + inclusions.bic / 2
     number = len(inclusions.map.inclusions)
@@ -211,16 +209,23 @@ def fit_effects(
     return model, start
 
 
-def with_effects(experiment: PlacedExperiment, found: FitResult) -> FitResult:
-    """Fit the experiment's effects jointly with a map that was fitted without them.
+def with_effects(
+    experiment: PlacedExperiment, on_iteration: Callable[[FitIteration], None] | None = None
+) -> FitResult:
+    """Fit a map of inclusions jointly with the experiment's effects.
 
-    Appends the joint estimate to the history of that fit.
+    The map starts from readings without these effects, as the presses alone show them: beside a
+    missing effect it may end far away. `on_iteration` is called with each step of that map's fit,
+    and with the joint estimate, which ends the history.
     """
-    joint = fit_jointly(*fit_effects(experiment, found))
+    start = start_fit(experiment, Catalogue(()), on_iteration)
+    joint, before = start.joint, start.fit.history
     values = dict(zip(joint.map.names, joint.map.values.tolist(), strict=True))
-    number = found.history[-1].iteration + 1 if found.history else 0
+    number = before[-1].iteration + 1 if before else 0
     end = FitIteration(number, values, joint.chi2, joint.chi2_per_dof, joint.rms_m)
-    return replace(joint, history=(*found.history, end))
+    if on_iteration:
+        on_iteration(end)
+    return replace(joint, history=(*before, end))
 
 
 def possible_map(

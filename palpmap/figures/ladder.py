@@ -87,7 +87,7 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     reach = max(float(np.abs(v).max()) for v in mean)
     largest = max(2.0, max(float(v.max()) for v in rms))
     extent = np.ptp(points[:, [right, up]], axis=0)
-    wide = max(len(steps), 2)
+    wide = len(steps)
     width = min(3.1 * wide + 1.2, 12.5)
     ratio = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
     figure = new_figure(width, 2 * 0.93 * (width - 1.2) / wide * ratio + 0.9)

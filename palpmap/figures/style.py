@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 # Okabe & Ito's palette: distinct for all common kinds of colour vision.
 BLACK, BLUE, ORANGE, GREEN, PINK, SKY = (
@@ -39,7 +40,8 @@ LARGEST_DOT = 500.0
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches with its own canvas."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    margins = ConstrainedLayoutEngine(rect=(0.01, 0.01, 0.98, 0.98))
+    figure = Figure(figsize=(width, height), layout=margins)
     FigureCanvasAgg(figure)
     return figure
 

@@ -142,7 +142,8 @@ def record_explanation(
     file.static(parts.ABOUT, rr.TextDocument(text, media_type="text/markdown"))
     known = finding.truth is not None
     ends = painted.limit_um, painted.largest_rms
-    file.show(explain_layout(stage, *ends, list(figures), names, known))
+    steps = len(explained.ladder)
+    file.show(explain_layout(stage, *ends, list(figures), file.curves, steps, known))
     file.close()
 
 

@@ -118,3 +118,4 @@ def send_presses(
         rr.TimeColumn(parts.PRESS, sequence=press_ids),
     ]
     file.stream.send_columns(entity, when, rr.Scalars.columns(scalars=values))
+    file.count(entity, values)

@@ -1,7 +1,8 @@
 """The layout in which a recording opens: the scene and the maps first, then their evidence."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import rerun as rr
@@ -11,7 +12,12 @@ from numpy.typing import NDArray
 from palpmap.recording import entities as parts
 from palpmap.recording.maps import picture_bounds
 
+Curves = Mapping[str, tuple[float, float]]
+"""Least and largest value of each curve, by its entity."""
+
 _DARK = (24, 26, 30)
+_LEGEND_MARGIN, _LEGEND_ROW = 0.06, 0.13  # of a small plot's height
+_LARGEST_LEGEND = 0.65
 _SINGLE = (parts.FORCE, parts.TRAVEL)  # plots of one curve, which their title names
 _WHOLE = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
 
@@ -42,7 +48,11 @@ class Stage:
 
 
 def layout(
-    present: Collection[str], stage: Stage, residual_limit_um: float, figures: Sequence[str] = ()
+    present: Collection[str],
+    stage: Stage,
+    residual_limit_um: float,
+    figures: Sequence[str] = (),
+    curves: Curves = MappingProxyType({}),
 ) -> rrb.Blueprint:
     """Blueprint with the views for which there is something to see.
 
@@ -52,9 +62,10 @@ def layout(
     stage : Stage
     residual_limit_um : residual at the ends of the colour scale, in um
     figures : names of the figures, each shown in a tab of its own
+    curves : least and largest value of each curve that is complete
     """
     whole = _scan_side(present, stage, figures)
-    right = _result_side(present, stage, residual_limit_um)
+    right = _result_side(present, stage, residual_limit_um, curves)
     if right is not None:
         whole = rrb.Horizontal(whole, right, column_shares=[1.25, 1])
     return blueprint(whole, parts.SIM_TIME)
@@ -89,7 +100,7 @@ def _scan_side(present: Collection[str], stage: Stage, figures: Sequence[str]) -
 
 
 def _result_side(
-    present: Collection[str], stage: Stage, residual_limit_um: float
+    present: Collection[str], stage: Stage, residual_limit_um: float, curves: Curves
 ) -> rrb.Container | None:
     """Lay out the maps, the presses and the fit; None where there is nothing of them."""
     rows, shares = [], []
@@ -108,7 +119,10 @@ def _result_side(
     if "presses" in present or "comparison" in present:
         presses.append(
             plot_view(
-                "presses", "Each press: measured and modelled, mm", ["measured_mm", "modelled_mm"]
+                "presses",
+                "Each press: measured and modelled, mm",
+                ["measured_mm", "modelled_mm"],
+                curves,
             )
         )
     if "comparison" in present:
@@ -121,9 +135,9 @@ def _result_side(
     if "fit" in present:
         rows.append(
             rrb.Horizontal(
-                plot_view(parts.MODULI, "Parameters: kPa", whole=False),
-                plot_view(parts.LENGTHS, "Parameters: mm", whole=False),
-                plot_view(parts.MISFIT, "Misfit: log10", whole=False),
+                plot_view(parts.MODULI, "Parameters: kPa", (), curves, whole=False),
+                plot_view(parts.LENGTHS, "Parameters: mm", (), curves, whole=False),
+                plot_view(parts.MISFIT, "Misfit: log10", (), curves, whole=False),
             )
         )
         shares.append(1.1)
@@ -207,12 +221,36 @@ def map_view(entity: str, name: str, stage: Stage) -> rrb.View:
     )
 
 
-def plot_view(entity: str, name: str, under: Collection[str] = (), whole: bool = True) -> rrb.View:
-    """Plot against the timeline, from its start on or only where there are values."""
+def plot_view(
+    entity: str,
+    name: str,
+    under: Collection[str] = (),
+    curves: Curves = MappingProxyType({}),
+    whole: bool = True,
+) -> rrb.View:
+    """Plot against the timeline, from its start on or only where there are values.
+
+    Above curves that are known there is room for the legend.
+    """
     return rrb.TimeSeriesView(
         origin=entity,
         contents=[f"$origin/{u}" for u in under] or "$origin/**",
         name=name,
         plot_legend=rrb.PlotLegend(corner="RightTop", visible=entity not in _SINGLE),
         axis_x=rrb.TimeAxis(view_range=_WHOLE) if whole else None,
+        axis_y=_with_room(entity, under, curves),
     )
+
+
+def _with_room(entity: str, under: Collection[str], curves: Curves) -> rrb.ScalarAxis | None:
+    """Return the axis on which a plot's legend stands above its curves, None where unknown."""
+    shown = {name.removeprefix(f"{entity}/"): span for name, span in curves.items()
+             if name.startswith(f"{entity}/")}  # fmt: skip
+    shown = {name: span for name, span in shown.items() if not under or name in under}
+    if not shown:
+        return None
+    rows = len({"true" if name.endswith(".true") else name for name in shown})
+    low, high = min(a for a, _ in shown.values()), max(b for _, b in shown.values())
+    size = (high - low) or abs(high) or 1.0
+    legend = min(_LEGEND_MARGIN + _LEGEND_ROW * rows, _LARGEST_LEGEND)
+    return rrb.ScalarAxis(range=(low - 0.05 * size, high + size * legend / (1 - legend)))

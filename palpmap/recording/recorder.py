@@ -357,6 +357,7 @@ class Recording:
         showing = (frozenset(self._present), self._residual_limit_um)
         if self._stage is not None and showing != self._showing:
             limit = self._residual_limit_um
-            self._file.show(layout(self._present, self._stage, limit, self._figures))
+            whole = self._file.curves if "comparison" in self._present else {}  # it does not grow
+            self._file.show(layout(self._present, self._stage, limit, self._figures, whole))
             self._showing = showing
         self._file.flush()

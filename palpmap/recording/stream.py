@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -31,6 +32,7 @@ class RecordingFile:
     def __init__(self, path: Path, name: str, live: str | None = None) -> None:
         self._path = path
         self._stopped: OSError | None = None
+        self.curves: dict[str, tuple[float, float]] = {}
         self.stream = rr.RecordingStream(parts.APPLICATION)
         self.stream.save(path)
         self._streams = [self.stream]
@@ -66,8 +68,16 @@ class RecordingFile:
                 if iteration is not None:
                     stream.set_time(parts.ITERATION, sequence=int(iteration))
                 stream.log(entity, *components)
+            for component in components:
+                if isinstance(component, rr.Scalars) and component.scalars is not None:
+                    self.count(entity, component.scalars.as_arrow_array().to_numpy())
 
         return log
+
+    def count(self, entity: str, values: np.ndarray) -> None:
+        """Keep least and largest value of a curve, `curves`, for the room beside its legend."""
+        low, high = self.curves.get(entity, (np.inf, -np.inf))
+        self.curves[entity] = min(low, float(values.min())), max(high, float(values.max()))
 
     def show(self, blueprint: rrb.Blueprint) -> None:
         """Embed a layout; the viewer opens with the last one embedded."""

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
 from palpmap.recording.frames import Frame
+from palpmap.recording.layout import plot_view
 from palpmap.recording.maps import map_views, modulus_colors, residual_colors
 from palpmap.recording.reader import read_summary, scalar_series
 from palpmap.recording.recorder import Recording
@@ -286,6 +287,17 @@ def view_names(path):
             if column in batch.schema.names:
                 names |= {value[0] for value in batch.column(column).to_pylist() if value}
     return names
+
+
+def test_the_legend_of_a_plot_stands_above_its_curves():
+    curves = {"fit/a": (1.0, 3.0), "fit/a.true": (2.0, 2.0), "fit/b": (-1.0, 0.0), "scan/c": (9, 9)}
+    for under, low, high, rows in (((), -1.0, 3.0, 3), (("b",), -1.0, 0.0, 1)):
+        axis = plot_view("fit", "Fit", under, curves).properties["ScalarAxis"].range
+        bottom, top = axis.as_arrow_array().to_pylist()[0]
+        assert bottom < low
+        share = (top - high) / (top - low)  # above the curves, for the rows of the legend
+        assert 0.12 * rows < share < 0.2 * rows
+    assert "ScalarAxis" not in plot_view("fit", "Fit", (), {"scan/c": (9, 9)}).properties
 
 
 def test_the_layout_shows_scene_maps_presses_and_fit(whole_run):

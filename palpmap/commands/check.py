@@ -1,13 +1,15 @@
 """`palpmap check`: read a study and its scan, and say what is there."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, PlainSerializer
 
-from models import PHASES, Doubt, Scan, read_scan, scan_findings, touching
+from models import OUTLYING, PHASES, Doubt, InputError, Scan, read_scan, scan_findings, touching
+from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import try_body_model
@@ -71,11 +73,12 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     doubts = scan_findings(scan)
-    placement = place_scan(touching(scan), study)
-    refuse_contradictions(placement, study)
-    if study.effects:
-        _refuse_effects(study, placement)
-    try_body_model(study, placement.scan.used())
+    with naming(doubtful(doubts)):
+        placement = place_scan(touching(scan), study)
+        refuse_contradictions(placement, study)
+        if study.effects:
+            _refuse_effects(study, placement)
+        try_body_model(study, placement.scan.used())
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     counts = {phase: int(np.sum(scan.phase == phase)) for phase in PHASES}
@@ -106,6 +109,25 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         doubts=tuple(doubts),
         notes=(*(doubt.sentence for doubt in doubts), *_notes(study, scan, placement)),
     )
+
+
+def doubtful(doubts: Sequence[Doubt]) -> list[Doubt]:
+    """Return the doubts that `--without-outliers` settles."""
+    return [doubt for doubt in doubts if doubt.kind in ("bad_reading", *OUTLYING)]
+
+
+@contextmanager
+def naming(doubts: Sequence[Doubt]) -> Iterator[None]:
+    """Add press and row of the first doubtful reading to an error."""
+    try:
+        yield
+    except ValueError as error:
+        if not doubts or not is_for_the_user(error):
+            raise
+        raise InputError(
+            f"{str(error).rstrip('.')}. Doubtful data may be the cause: {doubts[0].sentence} "
+            "`palpmap fit --without-outliers` leaves such readings and presses out"
+        ) from error
 
 
 def _refuse_effects(study: Study, placement: Placement) -> None:

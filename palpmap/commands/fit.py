@@ -1,17 +1,17 @@
 """`palpmap fit`: the stiffness map that explains a study's scan."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from identify.fit import FitIteration, refuse_without_arviz, write_fit
 from identify.optimize import OPTIMIZERS
-from models import OUTLYING, Doubt, InputError, scan_findings
+from models import InputError, scan_findings
 from models import without_outliers as cleaned
 from palpmap import api
-from palpmap.console import Output, is_for_the_user, to_type
+from palpmap.commands.check import doubtful, naming
+from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study
 from palpmap.progress import FIT, FIT_AND_SAMPLE
 from palpmap.report.fit_console import summary
@@ -21,22 +21,7 @@ from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
 
-DOUBTFUL = ("bad_reading", *OUTLYING)
 _SAID = 5  # sentences about doubtful readings before a fit
-
-
-@contextmanager
-def _naming(doubts: Sequence[Doubt]) -> Iterator[None]:
-    """Add press and row of the first doubtful reading to an error of a fit."""
-    try:
-        yield
-    except ValueError as error:
-        if not doubts or not is_for_the_user(error):
-            raise
-        raise InputError(
-            f"{str(error).rstrip('.')}. Doubtful data may be the cause: {doubts[0].sentence} "
-            "`palpmap fit --without-outliers` leaves such readings and presses out"
-        ) from error
 
 
 def _refuse_samples(experiment: Experiment) -> None:
@@ -125,8 +110,8 @@ def run_fit(
         **({"samples": samples} if samples else {}),
         "left_out": list(left_out),
     }
-    doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.kind in DOUBTFUL]
-    with _naming(doubts), output.task(FIT_AND_SAMPLE if samples else FIT) as task:
+    doubts = doubtful(scan_findings(experiment.scan))
+    with naming(doubts), output.task(FIT_AND_SAMPLE if samples else FIT) as task:
         for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:_SAID])):
             task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder

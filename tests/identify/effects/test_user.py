@@ -77,8 +77,7 @@ def test_the_table_names_every_effect_and_fits_the_terminal():
         assert max(map(len, shown.stdout.splitlines())) <= columns
         for effect in CATALOGUE:
             assert re.search(rf"^ ?{effect.name} +{effect.link}", shown.stdout, re.MULTILINE)
-            for parameter in effect.parameters:
-                assert parameter.name in shown.stdout
+        assert "…" not in shown.stdout  # no word is cut
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)

@@ -20,6 +20,7 @@ from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Body, Noise, Study, load_study
 
 SMALL_STRAIN_SHARE = 0.15
+SAID = 5  # sentences about doubtful readings before a fit
 SLANTED_DEG = 30.0
 FINEST_NOISE = 0.01  # of the smallest step between two readings
 

@@ -5,7 +5,9 @@ from pathlib import Path
 
 from identify.catalogue import CATALOGUE, load_effect
 from identify.select import Step
+from models import scan_findings
 from palpmap import api
+from palpmap.commands.check import SAID, doubtful, naming
 from palpmap.console import Output, plain, to_type
 from palpmap.experiment import read_study
 from palpmap.progress import EXPLAIN
@@ -44,7 +46,11 @@ def run_explain(
     inputs = [*experiment.inputs, *effects]
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         kept = keep_inputs(experiment.study, experiment.scan, run.path)
-        with output.task(EXPLAIN) as task:
+        doubts = scan_findings(experiment.scan)
+        with naming(doubtful(doubts)), output.task(EXPLAIN) as task:
+            if not output.quiet:
+                for doubt in doubts[:SAID]:
+                    task.print(doubt.sentence, markup=False, highlight=False, soft_wrap=True)
 
             def on_step(step: Step) -> None:
                 if not output.quiet and not output.json:

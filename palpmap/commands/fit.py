@@ -10,7 +10,7 @@ from identify.optimize import OPTIMIZERS
 from models import InputError, scan_findings
 from models import without_outliers as cleaned
 from palpmap import api
-from palpmap.commands.check import doubtful, naming
+from palpmap.commands.check import SAID, doubtful, naming
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study
 from palpmap.progress import FIT, FIT_AND_SAMPLE
@@ -20,8 +20,6 @@ from palpmap.results import FitResult
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
 from palpmap.study.kept_inputs import refuse_own_folder
-
-_SAID = 5  # sentences about doubtful readings before a fit
 
 
 def _refuse_samples(experiment: Experiment) -> None:
@@ -112,7 +110,7 @@ def run_fit(
     }
     doubts = doubtful(scan_findings(experiment.scan))
     with naming(doubts), output.task(FIT_AND_SAMPLE if samples else FIT) as task:
-        for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:_SAID])):
+        for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:SAID])):
             task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder
         with (

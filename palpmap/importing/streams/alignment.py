@@ -231,7 +231,7 @@ def _lag_words(lag: Lag | None, offset_s: float) -> str:
             "not known to 2 ms: let the tip stop sharply, or state pose.clock_offset_s."
         )
     elif lag.error_s > WITHIN_2_MS:
-        words += " That is not to 2 ms: press faster, deeper or more often to know it better."
+        words += " It is not known to 2 ms: press faster, deeper or more often to know it better."
     if lag.rate:
         words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
     return words

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
+from palpmap.importing.streams.alignment import UNSEEN_S
 from palpmap.importing.streams.cutting import cut_stream
 from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
@@ -49,7 +50,7 @@ def test_what_once_hid_a_touch_does_so_no_longer(seed):
 @pytest.mark.slow
 def test_of_500_streams_the_presses_are_found_and_their_readings_right():
     """Tuned on these seeds; seeds 8000 to 8499 were counted once, see docs/import.md."""
-    presses = lost_ones = refused = 0
+    presses = lost_ones = refused = unseen = 0
     off, lags = [], []
     for seed in ALL:
         presses += len(draw(seed).presses)
@@ -60,15 +61,17 @@ def test_of_500_streams_the_presses_are_found_and_their_readings_right():
             continue
         off += [(seed, sentence) for sentence in silent]
         lost_ones += len(lost)
-        assert lag is not None
-        lags.append((abs(error), lag.error_s, lag.has_corners, lag_bound(draw(seed))))
+        stated = (lag.error_s, lag.has_corners) if lag else (UNSEEN_S, False)
+        lags.append((abs(error), *stated, lag_bound(draw(seed))))
+        unseen += lag is None
     assert off == []
     assert refused <= 2
+    assert unseen <= 2  # the page says so, and each touch's error counts it
     assert lost_ones <= 0.01 * presses
-    error, stated, corners, bound = np.array(lags).T
-    assert np.mean(error < 2 * stated) >= 0.95
-    assert np.mean(error < 3 * stated) >= 0.99
-    assert np.mean(error[stated <= SHARP_S] < LAG_S) >= 0.95
+    error, stated_s, corners, bound = np.array(lags).T
+    assert np.mean(error < 2 * stated_s) >= 0.95
+    assert np.mean(error < 3 * stated_s) >= 0.99
+    assert np.mean(error[stated_s <= SHARP_S] < LAG_S) >= 0.95
     assert np.mean(error[(bound < INFORMS_S) & (corners > 0)] < LAG_S) >= 0.95
 
 

@@ -31,6 +31,9 @@ class MeasuredRecord(Record):
     tare_n: float = Field(description="taken off the force before the approach, N")
     zero_after_n: float = Field(description="read after the press, N; 0 where it is noise")
     touch_sd_m: float = Field(0.0, description="standard deviation of the first touch, m")
+    rise_m: float = Field(0.0, description="of the tip on the way back under the same force, m")
+    travel_m: float = Field(0.0, description="largest travel in contact, m")
+    end_share: float = Field(1.0, description="force at the end of unloading over that wanted")
 
 
 class SimulatorRecord(Record):

@@ -109,6 +109,18 @@ class _BodyMoved(Fault):
         return np.array([0.0, 0.0, self.by_m if self.active(time_s) else 0.0])
 
 
+class _BodyRises(Fault):
+    """The body rises by 1 to 4 mm at any time, at 5 to 50 mm/s."""
+
+    def prepare(self) -> None:
+        self.by_m = self.uniform(1e-3, 4e-3)
+        self.speed_m_per_s = float(np.exp(self.draw.uniform(np.log(5e-3), np.log(5e-2))))
+
+    def body_pose(self, time_s: float, press: int) -> np.ndarray:
+        risen = self.speed_m_per_s * (time_s - self.start_s) if self.active(time_s) else 0.0
+        return np.array([0.0, 0.0, min(risen, self.by_m)])
+
+
 ARM_AND_BODY_FAULTS: dict[str, type[Fault]] = {
     "joint_shock": _JointShock,
     "joint_friction": _JointFriction,
@@ -116,4 +128,5 @@ ARM_AND_BODY_FAULTS: dict[str, type[Fault]] = {
     "tip_slips": _TipSlips,
     "body_broken": _BodyBroken,
     "body_moved": _BodyMoved,
+    "body_rises": _BodyRises,
 }

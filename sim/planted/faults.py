@@ -1,4 +1,4 @@
-"""Twenty kinds of fault that befall a single press, each where it acts.
+"""Twenty-one kinds of fault that befall a single press, each where it acts.
 
 Size and moment are drawn anew for each press from the seed, so that a scan with the same seed has
 the same faults. What no reading of a robot could show is not among them: a gain of the force sensor

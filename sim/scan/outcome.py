@@ -16,6 +16,10 @@ ATTEMPTS = 3
 LARGEST_FORCE_ERROR = 0.01
 LARGEST_OVERSHOOT = 0.05
 LARGEST_PLACE_ERROR_M = 2e-4
+LARGEST_RISE_M, LARGEST_RISE = 2e-4, 0.03
+"""Of the surface during a press, and of its travel."""
+
+LEAST_END_SHARE = 0.3
 LARGEST_ZERO = 0.03
 """Of the set force, that may be read after a press."""
 
@@ -67,6 +71,10 @@ class Judgement:
     zero_after_n : force that is read after the press, 0 where it is noise
     set_force_n : wanted force
     touch_sd_m : standard deviation of the depth of first touch, from which travel is counted
+    rise_m : how much higher the tip stood while unloading than while loading under the same force,
+        at most
+    travel_m : largest travel in contact
+    end_share : force at the end of unloading over that wanted there, its noise allowed for
     """
 
     force_n: float
@@ -77,6 +85,9 @@ class Judgement:
     zero_after_n: float
     set_force_n: float
     touch_sd_m: float = 0.0
+    rise_m: float = 0.0
+    travel_m: float = 0.0
+    end_share: float = 1.0
 
     @property
     def kept(self) -> bool:
@@ -92,6 +103,13 @@ class Judgement:
             found.append(f"the force overshot by {100 * self.overshoot:.1f} %")
         if not abs(self.zero_after_n) <= LARGEST_ZERO * self.set_force_n:
             found.append(f"the force reads {self.zero_after_n:.3g} N after the press")
+        if not self.rise_m <= LARGEST_RISE_M + LARGEST_RISE * self.travel_m:
+            found.append(
+                f"the tip stood {1e3 * self.rise_m:.2g} mm higher at the same force on the way "
+                "back: the body has risen, or the force comes late"
+            )
+        if not self.end_share >= LEAST_END_SHARE:
+            found.append("the tip lost the body before the end of unloading")
         if not self.place_error_m <= LARGEST_PLACE_ERROR_M:
             found.append(f"the tip stood {1e3 * self.place_error_m:.2f} mm beside its place")
         return tuple(found)

@@ -24,13 +24,13 @@ from sim.scan.first_touch import Ball, first_touch
 from sim.scan.outcome import Judgement
 from sim.scan.press_log import PressLog
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
-from sim.scan.watchdog import check_record
+from sim.scan.watchdog import check_record, check_touch
 
 SMOOTHED_S = 0.05
 """Over which the force is averaged before its overshoot is judged."""
 
-BEFORE_S = 1.2
-"""Time before loading whose samples tell where the tip touched."""
+REST_S = 0.1
+"""Time at rest before the approach from which on samples tell where the tip touched."""
 
 APPROACH, LOAD, HOLD, UNLOAD = map(PHASES.index, ("approach", "load", "hold", "unload"))
 
@@ -65,7 +65,9 @@ def press_result(
     contact, wanted = np.flatnonzero(log.phase >= LOAD), plan.force_of(log.press)
     contact = contact[log.phase[contact] <= UNLOAD]
     step_s = float(log.time_s[1] - log.time_s[0])
-    before = min(round(BEFORE_S / step_s), int(contact[0]))
+    begun = int((log.phase == APPROACH).argmax())
+    # At rest before the approach and on it: on the way there an unknown mass would show as a force
+    before = int(contact[0]) - begun + min(round(REST_S / step_s), begun)
     read = np.arange(contact[0] - before, contact[-1] + 1)
     lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
     noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[read].shape)
@@ -80,7 +82,6 @@ def press_result(
     tips, turns, depth, vectors, force = (
         values[before:] for values in (tips, turns, depth, vectors, force)
     )
-    begun = int((log.phase == APPROACH).argmax())
     check_record(log.clock_s[begun:], force, depth, wanted, settings)
     zero, touch_sd_m = mechanisms.zero_shift_m, 0.0
     if mechanisms.zero == "touch":
@@ -94,6 +95,7 @@ def press_result(
             settings.force_noise_n,
             Ball(tip.radius_m, plan.thickness_m(log.press)) if tip.kind == "ball" else None,
         )
+        check_touch(touch.depth_m, depth)
         zero, touch_sd_m = zero + touch.depth_m, touch.sd_m
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
     rows = _sample_rows(log.phase[contact], settings)
@@ -113,7 +115,9 @@ def press_result(
         true_depth_m=true_depth,
     )
     statistics = _statistics(log, plan, planned, body, true_depth, zero)
-    judged = _judged(log, contact, force, tips, planned, wanted, touch_sd_m, settings.force_noise_n)
+    judged = _judged(
+        log, contact, force, depth, tips, planned, wanted, touch_sd_m, settings.force_noise_n
+    )
     truth = log.true_force_n[picked], true_depth[picked]
     return PressResult(statistics, scan, series, *truth, judged)
 
@@ -122,6 +126,7 @@ def _judged(
     log: PressLog,
     contact: np.ndarray,
     force_n: np.ndarray,
+    depth_m: np.ndarray,
     tips_m: np.ndarray,
     planned: PlannedPress,
     wanted_n: float,
@@ -130,7 +135,7 @@ def _judged(
 ) -> Judgement:
     """Return the quality of the press as the robot's own readings show it."""
     hold = np.flatnonzero(log.phase[contact] == HOLD)
-    settled = hold[len(hold) // 2 :]
+    settled, end_n = hold[len(hold) // 2 :], float(log.wanted_n[contact][-1])
     mean = float(force_n[settled].mean())
     width = min(max(round(SMOOTHED_S / float(log.time_s[1] - log.time_s[0])), 1), len(force_n))
     smooth = np.convolve(force_n, np.full(width, 1 / width), "valid")
@@ -147,7 +152,28 @@ def _judged(
         zero_after_n=log.zero_after_n,
         set_force_n=wanted_n,
         touch_sd_m=touch_sd_m,
+        rise_m=_rise(log.phase[contact], depth_m, force_n, width),
+        travel_m=float(np.ptp(depth_m)),
+        end_share=float((force_n[-width:].mean() + 4 * force_noise_n / np.sqrt(width)) / end_n),
     )
+
+
+def _rise(phase: np.ndarray, depth_m: np.ndarray, force_n: np.ndarray, size: int) -> float:
+    """Return how much higher the tip stood on the way back under the same force, at most, m.
+
+    Of means over `size` samples; creep and friction make it stand deeper.
+    """
+
+    def means(code: int) -> np.ndarray:
+        rows = np.flatnonzero(phase == code)
+        rows = rows[: len(rows) // size * size].reshape(-1, size)
+        return np.array([force_n[rows].mean(axis=1), depth_m[rows].mean(axis=1)])
+
+    load, unload = means(LOAD), means(UNLOAD)
+    load = load[:, load[0].argsort()]
+    common = unload[:, (unload[0] >= load[0, 0]) & (unload[0] <= load[0, -1])]
+    higher = np.interp(common[0], *load) - common[1]
+    return float(higher.max(initial=0.0))
 
 
 def _sample_rows(phase: np.ndarray, settings: ScanSettings) -> np.ndarray:

@@ -15,7 +15,7 @@ from sim.motion.scan_plan import ScanPlan
 from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
-from sim.robot.force_control import ACCELERATION_M_PER_S2, ForceControl
+from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Live, Mechanisms
 from sim.robot.simulated_arm import SimulatedArm
@@ -103,6 +103,7 @@ class Program:
         """Make one press, from the approach pose of the one before, again if that is asked for."""
         force, faults, peak = self.plan.force_of(number), [], 0.0
         name = int(self.plan.ids[number])
+        stiffness = self.control.stiffness
         for attempt in range(ATTEMPTS if self.settings.on_fault == "retry" else 1):
             try:
                 self._attempt(number, planned, again=attempt > 0)
@@ -112,9 +113,12 @@ class Program:
                 phase, when = PHASES[self.phase], self.time_s
                 faults.append(Fault(kind, str(fault), phase, when))
                 self._retreat(planned)
+                self.control.stiffness = stiffness  # what a fault has taught is wrong
                 peak = max(peak, self._peak_n)
                 continue
             lowered = self.plan.lowered[number] if self.plan.lowered else ""
+            if not result.judged.kept:
+                self.control.stiffness = stiffness
             told = [*result.judged.shortfalls(), *([lowered] if lowered else [])]
             outcome = PressOutcome(
                 name,
@@ -227,12 +231,12 @@ class Program:
             depth, speed = control.depth_m, control.speed_m_per_s
             while depth + settings.lift_m > NEAR_M or speed > 0:
                 left = max(depth + settings.lift_m, 0.0)
-                wanted = -min(settings.approach_m_per_s, 0.9 * math.sqrt(left) + 1e-3)
+                wanted = -min(FASTEST_M_PER_S, 0.9 * math.sqrt(left) + 1e-3)
                 change = BRAKING_M_PER_S2 * self.dt
-                speed = max(speed - change, min(speed + change, wanted))
+                before, speed = speed, max(speed - change, min(speed + change, wanted))
                 depth += speed * self.dt
                 q, slope = planned.path.at(depth)
-                self._step(RETRACT, q, slope * speed)
+                self._step(RETRACT, q, slope * speed, slope * (speed - before) / self.dt)
                 self.posture = q
         self.contact.release()
         standing = np.zeros(self.joints)
@@ -272,6 +276,7 @@ class Program:
         )
         if tared:
             self.rig.tare(mean)
+            self.recorder["wrist_n"][:] -= mean  # first touch is found from these readings too
         # A sensor that is not tared here still has its zero, to find touch by
         self.zero_n = 0.0 if tared else float(mean[2])
         self.live.first_approach_s = min(self.live.first_approach_s, self.time_s)
@@ -329,7 +334,8 @@ class Program:
         self._step(phase, q, slope * control.speed_m_per_s)
         self.posture = q
         loaded = LOAD <= phase <= UNLOAD
-        self.watchdog.look(control.depth_m, control.speed_m_per_s, touched, loaded)
+        held = self.wanted if HOLD <= phase <= UNLOAD else None
+        self.watchdog.look(control.depth_m, control.speed_m_per_s, touched, loaded, held)
         control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n, self.time_s)
 

@@ -37,6 +37,13 @@ FOLLOWING_RAD, FOLLOWING_RAD_PER_N = 1e-3, 2e-4
 """Largest difference between a joint's command and its reading, at rest and for each newton of the
 limit of force."""
 
+AHEAD_S, AHEAD_OF_TOUCH_S = 0.012, 0.004
+"""At its present rate the force must stay below its limit for so long, and until the tip stands:
+then it moves back. At touch-down a hard body's force rises as fast and stops."""
+
+RATE_STEPS = 2
+"""Steps over which the rate is taken."""
+
 LAG_S = 0.1
 GAIN = 0.25
 """Largest lag and relative gain of the force sensor against the joints' torques. Smaller ones are
@@ -47,6 +54,10 @@ NOISE_STEPS = 7.0
 
 LEAST_NOISE_N = 2e-3
 """Of a force reading that is trusted: a mechanism may stir more than a sensor without noise."""
+
+BEFORE_CONTACT = 0.6
+"""Of the travel that is read, between first touch and the first reading: 0.1 on a line, 0.3 where
+the force rises with its square."""
 
 SPREAD = 3.0
 """Readings at rest may scatter so many times as much as the sensor's data sheet says."""
@@ -101,7 +112,7 @@ class Watchdog:
         self._repeats_at = round(REPEATED_S / rig.dt)
         self._share = 1 - np.exp(-2 * np.pi * SLOW_HZ * EVERY * rig.dt)
         self._last, self._repeats, self._count, self._apart = np.nan, 0, 0, 0.0
-        self._by_torque = 0.0
+        self._by_torque, self._before = 0.0, [0.0] * RATE_STEPS
 
     def begin(self, limits: Limits, lever: np.ndarray) -> None:
         """Begin a press; the arm stands still and nothing is touched.
@@ -113,6 +124,7 @@ class Watchdog:
         self.limits, self._lever = limits, lever
         self._repeats, self._apart, self._count = 0, 0.0, 0
         self._forces: list[tuple[float, float]] = []
+        self._before, self._held = [0.0] * RATE_STEPS, False
         self._rest = self._rig.force_by_torque(lever)
 
     def refuse_tare(self, readings: np.ndarray) -> np.ndarray:
@@ -145,7 +157,14 @@ class Watchdog:
         error = self._noise / np.sqrt(len(readings))
         return np.where(np.abs(mean) > 4 * error, mean, 0.0)
 
-    def look(self, depth_m: float, speed_m_per_s: float, touched: bool, loaded: bool) -> None:
+    def look(
+        self,
+        depth_m: float,
+        speed_m_per_s: float,
+        touched: bool,
+        loaded: bool,
+        wanted_n: float | None = None,
+    ) -> None:
         """Check one step; raise the fault that was found.
 
         Parameters
@@ -153,6 +172,7 @@ class Watchdog:
         depth_m, speed_m_per_s : commanded
         touched : the tip is or was in contact
         loaded : the force is controlled
+        wanted_n : force that is followed, where the body's stiffness is known by now
         """
         rig, limits = self._rig, self.limits
         force = float(rig.wrist_n[2])
@@ -161,6 +181,24 @@ class Watchdog:
                 raise PressFault("not_a_number", "the force sensor gives no number")
             raise PressFault(
                 "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
+            )
+        rate = (force - self._before.pop(0)) / (RATE_STEPS * rig.dt)
+        self._before.append(force)
+        ahead = AHEAD_S if loaded else AHEAD_OF_TOUCH_S
+        ahead += loaded * max(speed_m_per_s, 0.0) / BRAKING_M_PER_S2
+        if force + ahead * rate > limits.force_n:
+            raise PressFault(
+                "force",
+                f"the force reads {force:.3g} N and rises by {rate:.3g} N/s towards the limit of "
+                f"{limits.force_n:.3g} N",
+            )
+        off = 0.0 if wanted_n is None else abs(force - wanted_n)
+        self._held |= wanted_n is not None and off < limits.disagreement_n / 2
+        if self._held and off > limits.disagreement_n:
+            raise PressFault(
+                "force",
+                f"the force reads {force:.3g} N where {wanted_n:.3g} N is held: the body has "
+                "moved, the tip has slipped, or the sensor is at fault",
             )
         # The table may lie at the limit: the tip has to stand before it
         speed = max(speed_m_per_s, 0.0)
@@ -323,4 +361,21 @@ def check_record(
             "encoders",
             f"the travel jumps by {1e3 * jump:.3g} mm from one sample to the next, at most "
             f"{1e3 * allowed_m:.3g} mm are noise and motion",
+        )
+
+
+def check_touch(touch_m: float, depth_m: np.ndarray) -> None:
+    """Check that the first touch lies where the readings in contact, (t,) m deep, lead back to.
+
+    Raises
+    ------
+    PressFault
+        It lies far before the shallowest of them.
+    """
+    before, usual = float(depth_m.min()) - touch_m, 1e-4 + BEFORE_CONTACT * float(np.ptp(depth_m))
+    if before > usual:
+        raise PressFault(
+            "touch",
+            f"the readings lead back to a touch {1e3 * before:.2g} mm before the first of them, at "
+            f"most {1e3 * usual:.2g} mm are usual: the body has moved meanwhile",
         )

@@ -117,6 +117,7 @@ def test_a_probe_that_is_heavier_than_modelled_is_tared_and_presses_as_asked():
     assert words(run) == ["made", "made", "made"]
     for press in run.presses:
         assert press.judged.tare_n == pytest.approx(-0.1 * 9.81, rel=0.02)
+        assert abs(press.statistics.touch_error_m) < 3e-4
         assert abs(press.statistics.force_error) < 0.01
         assert np.abs(press.scan.force_n - press.true_force_n).max() < 0.03
     run = scanned(heavier(0.8))
@@ -184,3 +185,33 @@ def test_a_body_that_sank_away_is_not_found_and_one_that_rose_is_pressed():
         assert press.statistics.touch_error_m == pytest.approx(-0.002, abs=2e-5)
         depth = press.true_displacement_m + 0.002
         assert np.abs(press.scan.displacement_m - depth).max() < 1e-4
+
+
+def rising(by_m, speed, after_s):
+    """A body that rises in press 1, from `after_s` after its begin."""
+    start = [np.inf]
+
+    def begin(press, time_s):
+        start[0] = time_s + after_s if press == 1 else np.inf
+
+    def pose(time_s, press):
+        return np.array([0.0, 0.0, float(np.clip(speed * (time_s - start[0]), 0.0, by_m))])
+
+    return Mechanisms((Mechanism("rising", begin=begin, body_pose=pose),))
+
+
+@pytest.mark.parametrize("after_s", [0.75, 1.1, 1.6, 2.2])  # approach, load, hold, unload
+def test_a_body_that_rises_under_the_tip_is_told_and_left_in_time(after_s):
+    run = scanned(rising(0.004, 0.05, after_s), Spring(2000.0))
+    assert all(outcome.peak_force_n < 2 * 0.3 + 0.5 for outcome in run.outcomes)
+    assert [outcome.kept for outcome in run.outcomes] == [True, False, True]
+    assert words(run)[0] == words(run)[2] == "made"
+
+
+@pytest.mark.parametrize(("after_s", "told"), [(1.8, "higher at the same force"), (4.0, "")])
+def test_a_body_that_rises_slowly_shows_on_the_way_back(after_s, told):
+    run = scanned(rising(0.002, 0.01, after_s), Spring(60.0))
+    assert words(run) == ["made"] * 3
+    assert told in run.outcomes[1].reason
+    assert [outcome.kept for outcome in run.outcomes] == [True, not told, True]
+    assert run.presses[1].judged.rise_m == pytest.approx(0.002 if told else 0.0, abs=2e-4)

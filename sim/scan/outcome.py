@@ -19,6 +19,9 @@ LARGEST_PLACE_ERROR_M = 2e-4
 LARGEST_RISE_M, LARGEST_RISE = 2e-4, 0.03
 """Of the surface during a press, and of its travel."""
 
+LARGEST_TOUCH_SD_M, LARGEST_TOUCH_SD = 1e-4, 0.05
+"""Of the depth of first touch, and of the travel."""
+
 LEAST_END_SHARE = 0.3
 LARGEST_ZERO = 0.03
 """Of the set force, that may be read after a press."""
@@ -108,6 +111,8 @@ class Judgement:
                 f"the tip stood {1e3 * self.rise_m:.2g} mm higher at the same force on the way "
                 "back: the body has risen, or the force comes late"
             )
+        if not self.touch_sd_m <= LARGEST_TOUCH_SD_M + LARGEST_TOUCH_SD * self.travel_m:
+            found.append(f"first touch is known to {1e3 * self.touch_sd_m:.2g} mm only")
         if not self.end_share >= LEAST_END_SHARE:
             found.append("the tip lost the body before the end of unloading")
         if not self.place_error_m <= LARGEST_PLACE_ERROR_M:

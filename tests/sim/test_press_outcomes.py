@@ -3,6 +3,8 @@
 # mujoco is a compiled module without type stubs
 # pyright: reportAttributeAccessIssue=false
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -185,6 +187,14 @@ def test_a_body_that_sank_away_is_not_found_and_one_that_rose_is_pressed():
         assert press.statistics.touch_error_m == pytest.approx(-0.002, abs=2e-5)
         depth = press.true_displacement_m + 0.002
         assert np.abs(press.scan.displacement_m - depth).max() < 1e-4
+
+
+def test_a_touch_that_is_hardly_known_is_not_kept():
+    judged = scanned().presses[0].judged
+    assert judged.kept
+    assert replace(judged, touch_sd_m=1e-4 + 0.06 * judged.travel_m).shortfalls() == (
+        "first touch is known to 0.39 mm only",
+    )
 
 
 def rising(by_m, speed, after_s):

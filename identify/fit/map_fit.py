@@ -188,7 +188,7 @@ def _from_best(
     followed = []
     for stiffness in kept:
         most = s.start_evaluations * max(2 * len(stiffness.inclusions) - 1, 1)
-        short = Search(replace(s, max_evaluations=most, confirmed=False), search.optimizer)
+        short = Search(replace(s.following, max_evaluations=most), search.optimizer)
         trial = replace(model, space=parameter_space(stiffness, box))
         end, _ = short.minimum(trial, trial.start(stiffness))
         followed.append((short, trial, end))

@@ -1,6 +1,8 @@
 """Tuning numbers of the fits."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,11 @@ class FitSettings:
     def is_gross(self, chi2_per_dof: float) -> bool:
         """Whether a misfit is gross: the one definition, see `gross_misfit`."""
         return chi2_per_dof > self.gross_misfit**2
+
+    @property
+    def following(self) -> FitSettings:
+        """The settings by which starts are compared, before any correction at their ends."""
+        return replace(self, ftol=0.1, rtol=1e-2, enough=1.0, confirmed=False, slack=100.0)
 
 
 PRECISE = FitSettings()

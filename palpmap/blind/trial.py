@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sim.body import TruthMap
 
 RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
+SMALL_RADII_M = {1: (0.005,), 2: (0.003, 0.007)}  # a tip of 10 mm would reach over its edges
 PRESSES_PER_SIDE = 9
 SMALL = 2 / 3  # edges of a small trial's block, over those of the usual one
 SMALL_PER_SIDE, SMALL_DIVISIONS, SMALL_CELL_M = 6, (10, 10, 5), 0.012
@@ -181,7 +182,7 @@ def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> 
     from sim.bench import planted_scan
     from sim.planted import HIDDEN
 
-    radii = RADII_M[trial.radii]
+    radii = (SMALL_RADII_M if trial.small else RADII_M)[trial.radii]
     grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
     scale = SMALL if trial.small else 1.0
     if trial.small:

@@ -28,7 +28,7 @@ Size = Annotated[
     ),
 ]
 Radii = Annotated[
-    int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm.")
+    int, typer.Option("--radii", min=1, max=2, help="Tip radii: 5 mm, or 3 and 10 mm (small: 7).")
 ]
 Mixed = Annotated[
     bool,

@@ -167,6 +167,17 @@ def trial(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize("radii", [1, 2])
+def test_the_tips_of_a_small_trial_lie_on_its_block(tmp_path, radii):
+    make_trial(tmp_path, Trial(3, (), (), radii, small=True))
+    study = load_study(tmp_path / "study.toml")
+    placed = place_scan(read_scan(study.scan), study).scan
+    size, reach = study.body.size_m, placed.contact_radii[:, None]
+    assert len(np.unique(placed.contact_radii)) == radii
+    assert np.all(placed.contact_points[:, :2] >= reach)
+    assert np.all(placed.contact_points[:, :2] <= np.array(size[:2]) - reach)
+
+
 def test_a_trial_is_a_study_that_places_and_its_answer_is_not_in_plain_text(trial):
     study = load_study(trial / "study.toml")
     scan = place_scan(read_scan(study.scan), study).scan

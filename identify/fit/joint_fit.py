@@ -22,7 +22,8 @@ from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError, OptimizeResult
 
-_PLAIN_WEIGHT, _PLAIN_RADIUS = 2.0, 1.6  # over the background, and over the tip's radius
+_HARD, _PLAIN_WEIGHT = 8.0, 4.0  # over the background
+_PLAIN_RADIUS, _PLAIN_DEPTH = 1.3, 2.0  # over the tip's radius
 
 
 def fit_jointly(
@@ -73,21 +74,41 @@ def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> FitRe
         return None
 
 
-def found_again(fit: FitResult) -> FitResult:
-    """Refit from plain inclusions where one ended infinitely hard, and return the better fit.
+def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
+    """Refit from plain inclusions where one ended very hard, and return the better fit.
 
-    A hard grain below the surface is a false minimum for an inclusion of ordinary size.
+    A hard grain far below the surface is a false minimum for an inclusion of ordinary size at
+    ordinary depth.
     """
-    names = [n for n in fit.at_bound if n.startswith("inclusion_") and n.endswith(".weight_pa")]
-    if not names or not isinstance(fit.map, GaussianMap):
+    if not isinstance(fit.map, GaussianMap):
         return fit
     tip_m, plain = float(np.median(fit.model.readings.radius_m)), {}
-    for name in names:
-        radius = name.replace("weight_pa", "radius_m")
-        plain[name] = _PLAIN_WEIGHT * fit.map.background_pa
-        plain[radius] = max(_PLAIN_RADIUS * tip_m, fit.values[radius])
-    other = try_fit(fit.model, fit.map.changed(plain))
-    return fit if other is None or other.chi2 > fit.chi2 else other
+    for number, inclusion in enumerate(fit.map.inclusions, 1):
+        if inclusion.weight_pa > _HARD * fit.map.background_pa:
+            place = _nearer(fit, np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m]), tip_m)
+            ordinary = (_PLAIN_WEIGHT * fit.map.background_pa, *place, _PLAIN_RADIUS * tip_m)
+            names = fit.map.names[5 * number - 4 : 5 * number + 1]
+            plain |= {n: v for n, v in zip(names, ordinary, strict=True) if fit.parameters[n].free}
+    if not plain:
+        return fit
+    search = Search(SEARCH, progress=callback)
+    search.history = list(fit.history)
+    try:
+        u = fit.model.start(fit.map.changed(plain))
+        model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
+        other = fit_from(search, model, u)
+    except (InadmissibleError, SolverError):
+        return fit
+    return fit if other.chi2 > fit.chi2 else other
+
+
+def _nearer(fit: FitResult, centre_m: np.ndarray, tip_m: float) -> list[float]:
+    """Return a place (3,) m towards the nearest press, at most some tip radii below it."""
+    points = fit.model.mechanics.coarse.contacts.points_m
+    nearest = points[np.linalg.norm(points - centre_m, axis=1).argmin()]
+    below = centre_m - nearest
+    depth = max(float(np.linalg.norm(below)), 1e-12)
+    return (nearest + below * min(1.0, _PLAIN_DEPTH * tip_m / depth)).tolist()
 
 
 def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResult:

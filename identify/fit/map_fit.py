@@ -16,7 +16,7 @@ from identify.body.compliance import compliance
 from identify.body.discretization_error import FineModel
 from identify.body.mechanics import BodyMechanics
 from identify.effects.readings import Readings
-from identify.fit.joint_fit import fit_from
+from identify.fit.joint_fit import fit_from, found_again
 from identify.fit.result import FitResult
 from identify.fit.search import Progress, Search
 from identify.fit.settings import PRECISE, FitSettings
@@ -117,7 +117,7 @@ def fit_scan(
     maps = start_maps(apparent, box, inclusions, settings.start_depths, settings.start_radii)
     ranked = _ranked(replace(whole, mechanics=quick), maps)
     search.spent += len(maps)
-    return fit_from(search, *_from_best(search, whole, ranked, box))
+    return found_again(fit_from(search, *_from_best(search, whole, ranked, box)), callback)
 
 
 def _corrected(search: Search, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:

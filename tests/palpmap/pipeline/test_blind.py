@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import palpmap as pm
 from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.__main__ import app
@@ -30,7 +31,7 @@ from palpmap.blind.reveal import stated
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import seal, unseal
 from palpmap.blind.statistics import tournament_record, tournament_screen
-from palpmap.blind.trial import Conditions, Trial, draw_map, draw_trial, make_trial
+from palpmap.blind.trial import SMALL, Conditions, Trial, draw_map, draw_trial, make_trial
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
 from tests.paths import ROOT
@@ -502,3 +503,13 @@ def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
     assert errors[0].startswith("NotADirectoryError: ")  # outside of what `play` catches
     assert "no_such_effect" in errors[1]
     assert (tmp_path / "0001").is_dir()  # a worker made it
+
+
+def test_a_deep_inclusion_is_not_taken_for_a_hard_grain(tmp_path):
+    """Here the coarse mesh's own minimum is a grain a hundred times as hard, 11 mm too deep."""
+    make_trial(tmp_path, Trial(733, (), (), 1, small=True))
+    found = pm.fit(pm.read_study(tmp_path / "study.toml"))
+    (true,), (inclusion,) = draw_map(733, SMALL).inclusions, found.map.inclusions
+    assert not found.at_bound
+    assert inclusion.z_m == pytest.approx(true.centre_m[2], abs=3e-3)
+    assert inclusion.weight_pa == pytest.approx(true.weight_pa, rel=0.3)

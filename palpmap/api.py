@@ -203,12 +203,11 @@ def scan(
     arm : times, speeds, noise and sampling of the robot
     plant : names of effects to plant in the robot's loop, with their sizes, rms(with -
         without)/rms(without); of faults, with the share of presses; of files of hooks (.py)
-    presses : number of presses that cover the upper surface evenly, in place of a program
+    presses : number of presses that cover the upper surface evenly, in place of a program; made
+        with less force where they would go too deep
     tips : that take turns, as "3,10" or "flat:3,ball:8", radii in mm; not with a program
     seed : of noise and pauses, in place of the arm's own
     on_press : called after each press with all its samples and its quality
-
-    Presses without a program are made with less force where they would go too deep.
 
     Returns
     -------

@@ -59,6 +59,9 @@ BEFORE_CONTACT = 0.6
 """Of the travel that is read, between first touch and the first reading: 0.1 on a line, 0.3 where
 the force rises with its square."""
 
+TARE_LIMIT_N = 5.0
+"""A larger reading at rest is a wrong payload or a contact."""
+
 SPREAD = 3.0
 """Readings at rest may scatter so many times as much as the sensor's data sheet says."""
 
@@ -175,31 +178,7 @@ class Watchdog:
         wanted_n : force that is followed, where the body's stiffness is known by now
         """
         rig, limits = self._rig, self.limits
-        force = float(rig.wrist_n[2])
-        if not abs(force) <= limits.force_n:
-            if force != force:
-                raise PressFault("not_a_number", "the force sensor gives no number")
-            raise PressFault(
-                "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
-            )
-        rate = (force - self._before.pop(0)) / (RATE_STEPS * rig.dt)
-        self._before.append(force)
-        ahead = AHEAD_S if loaded else AHEAD_OF_TOUCH_S
-        ahead += loaded * max(speed_m_per_s, 0.0) / BRAKING_M_PER_S2
-        if force + ahead * rate > limits.force_n:
-            raise PressFault(
-                "force",
-                f"the force reads {force:.3g} N and rises by {rate:.3g} N/s towards the limit of "
-                f"{limits.force_n:.3g} N",
-            )
-        off = 0.0 if wanted_n is None else abs(force - wanted_n)
-        self._held |= wanted_n is not None and off < limits.disagreement_n / 2
-        if self._held and off > limits.disagreement_n:
-            raise PressFault(
-                "force",
-                f"the force reads {force:.3g} N where {wanted_n:.3g} N is held: the body has "
-                "moved, the tip has slipped, or the sensor is at fault",
-            )
+        force = self._look_at_force(speed_m_per_s, loaded, wanted_n)
         # The table may lie at the limit: the tip has to stand before it
         speed = max(speed_m_per_s, 0.0)
         stands_m = depth_m + speed * rig.dt + speed**2 / (2 * BRAKING_M_PER_S2)
@@ -235,6 +214,36 @@ class Watchdog:
         self._count += 1
         if self._count % EVERY == 0:
             self._look_slowly(force, loaded)
+
+    def _look_at_force(self, speed_m_per_s: float, loaded: bool, wanted_n: float | None) -> float:
+        """Check the force, its rate, and where it is held; return it, N."""
+        rig, limits = self._rig, self.limits
+        force = float(rig.wrist_n[2])
+        if not abs(force) <= limits.force_n:
+            if force != force:
+                raise PressFault("not_a_number", "the force sensor gives no number")
+            raise PressFault(
+                "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
+            )
+        rate = (force - self._before.pop(0)) / (RATE_STEPS * rig.dt)
+        self._before.append(force)
+        ahead = AHEAD_S if loaded else AHEAD_OF_TOUCH_S
+        ahead += loaded * max(speed_m_per_s, 0.0) / BRAKING_M_PER_S2
+        if force + ahead * rate > limits.force_n:
+            raise PressFault(
+                "force",
+                f"the force reads {force:.3g} N and rises by {rate:.3g} N/s towards the limit of "
+                f"{limits.force_n:.3g} N",
+            )
+        off = 0.0 if wanted_n is None else abs(force - wanted_n)
+        self._held |= wanted_n is not None and off < limits.disagreement_n / 2
+        if self._held and off > limits.disagreement_n:
+            raise PressFault(
+                "force",
+                f"the force reads {force:.3g} N where {wanted_n:.3g} N is held: the body has "
+                "moved, the tip has slipped, or the sensor is at fault",
+            )
+        return force
 
     def _look_slowly(self, force: float, loaded: bool) -> None:
         rig, limits = self._rig, self.limits
@@ -312,10 +321,6 @@ class Watchdog:
                 "zero", f"the force reads {mean:.3g} N after the press: its zero has moved"
             )
         return mean if abs(mean) > 5 * self._noise / np.sqrt(len(readings)) else 0.0
-
-
-TARE_LIMIT_N = 5.0
-"""A larger reading at rest is a wrong payload or a contact."""
 
 
 def check_record(

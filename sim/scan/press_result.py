@@ -20,11 +20,11 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
-from sim.scan.first_touch import Ball, first_touch
+from sim.scan.first_touch import Ball, FirstTouch, first_touch
 from sim.scan.outcome import Judgement
 from sim.scan.press_log import PressLog
+from sim.scan.record_check import check_record, check_touch
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
-from sim.scan.watchdog import check_record, check_touch
 
 SMOOTHED_S = 0.05
 """Over which the force is averaged before its overshoot is judged."""
@@ -85,16 +85,7 @@ def press_result(
     check_record(log.clock_s[begun:], force, depth, wanted, settings)
     zero, touch_sd_m = mechanisms.zero_shift_m, 0.0
     if mechanisms.zero == "touch":
-        tip = plan.tip_of(log.press)
-        touch = first_touch(
-            *early,
-            log.wanted_n[read],
-            np.maximum(log.phase[read] - LOAD + 1, 0),
-            step_s,
-            settings.displacement_noise_m,
-            settings.force_noise_n,
-            Ball(tip.radius_m, plan.thickness_m(log.press)) if tip.kind == "ball" else None,
-        )
+        touch = _touch(log, plan, read, *early, settings)
         check_touch(touch.depth_m, depth)
         zero, touch_sd_m = zero + touch.depth_m, touch.sd_m
     true_depth = (log.tip_m - planned.point_m) @ planned.direction
@@ -120,6 +111,28 @@ def press_result(
     )
     truth = log.true_force_n[picked], true_depth[picked]
     return PressResult(statistics, scan, series, *truth, judged)
+
+
+def _touch(
+    log: PressLog,
+    plan: ScanPlan,
+    read: np.ndarray,
+    depth_m: np.ndarray,
+    force_n: np.ndarray,
+    settings: ScanSettings,
+) -> FirstTouch:
+    """Return the first touch from depth and force (t,) at the samples `read` (t,) of a log."""
+    tip = plan.tip_of(log.press)
+    return first_touch(
+        depth_m,
+        force_n,
+        log.wanted_n[read],
+        np.maximum(log.phase[read] - LOAD + 1, 0),
+        float(log.time_s[1] - log.time_s[0]),
+        settings.displacement_noise_m,
+        settings.force_noise_n,
+        Ball(tip.radius_m, plan.thickness_m(log.press)) if tip.kind == "ball" else None,
+    )
 
 
 def _judged(

@@ -146,7 +146,8 @@ def _next_presses(
     explained: Explanation, catalogue: Sequence[Effect], say: Say
 ) -> tuple[Proposal, ...]:
     """Return the scans that separate the last ambiguous group."""
-    ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1 and not a.decided]
+    offered = explained.ambiguous
+    ambiguous = [a for a in explained.accepted if len(a.equivalents) > 1 and a.group in offered]
     if not ambiguous:
         return ()
     group = ambiguous[-1]

@@ -83,7 +83,8 @@ def other_map(
     last = explained.final.fit
     if explained.verdict != "unexplained" or last.field is not None:
         return None
-    excess = max(last.chi2 - last.dof, 1.0)
+    before = explained.ladder[0].fit if explained.unknown else last
+    excess = max(before.chi2 - before.dof, 1.0)
     presses = free_compliance(start.scan, start.body, last.model.noise)
     own = explained.ladder[0].fit.effect_names
     given = [p for p in last.model.effects if p.effect.name in own]

@@ -11,9 +11,12 @@ from identify.effects.base import (
 )
 from identify.effects.readings import Readings
 from identify.effects.units import digits, force, length, more, percent
+from identify.effects.unknown_course import COURSES, UNKNOWN
 
 __all__ = [
     "COUNTED_FROM",
+    "COURSES",
+    "UNKNOWN",
     "Advice",
     "BodyEffect",
     "Effect",

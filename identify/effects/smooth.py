@@ -25,7 +25,12 @@ def smooth_in_time(readings: Readings, values: Sequence[float]) -> np.ndarray:
     """Natural cubic spline (m,) at the readings: 0 at the scan's start, `values` at the knots."""
     time = readings.elapsed_s
     end = max(float(time.max()), 1e-9)
-    return _basis()(time / end) @ np.asarray(values, float)
+    return natural_spline(time / end) @ np.asarray(values, float)
+
+
+def natural_spline(share: np.ndarray) -> np.ndarray:
+    """Basis (m, KNOTS) at shares (m,) of a way: one spline a knot, 1 there and 0 at the others."""
+    return _basis()(share)
 
 
 @lru_cache(maxsize=1)

@@ -11,6 +11,7 @@ from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
+from identify.effects.unknown_course import COURSES
 from identify.experiment import PlacedExperiment
 from identify.fit.result import FitResult
 from identify.map import FreeMap, GaussianMap
@@ -44,7 +45,7 @@ def fitted_model(
         effect, _, parameter = name.partition(".")
         if parameter and name not in fit.map.names:
             values.setdefault(effect, {})[parameter] = estimate.value
-    known = {effect.name for effect in catalogue}
+    known = {effect.name: effect for effect in (*COURSES, *catalogue)}
     unknown = [name for name in values if name not in known]
     if unknown:
         raise InputError(
@@ -53,7 +54,7 @@ def fitted_model(
         )
     state = mechanics.state().changed(background_pa=fit.map.background_pa)
     parts = tuple(
-        EffectInModel(catalogue[name], catalogue[name].bounded(readings, state), given)
+        EffectInModel(known[name], known[name].bounded(readings, state), given)
         for name, given in values.items()
     )
     model = MeasurementModel(

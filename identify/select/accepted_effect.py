@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
+from identify.effects.unknown_course import UNKNOWN
 from identify.fit.result import FitResult
 from identify.select.candidates import Candidate
 from identify.select.settings import SELECTION, SelectionSettings
@@ -39,7 +40,8 @@ class AcceptedEffect:
         """The effect and all candidates that explain the scan as well, to within the margin.
 
         A candidate loses by its price alone only with a clearly higher chi-square. A more general
-        effect, which contains this one, can always do nearly as well: it is no equivalent.
+        effect, which contains this one, can always do nearly as well, and so can the course of an
+        unknown cause: it is no equivalent.
         """
         best = min(self.candidates, key=lambda c: c.criterion)
         margin, close = self.settings.margin, self.settings.close
@@ -48,7 +50,10 @@ class AcceptedEffect:
             for c in self.candidates
             if c.criterion < best.criterion + margin or c.chi2 < best.chi2 + close
         ]
-        return tuple(c.name for c in near if self.name not in c.contains)
+        return tuple(
+            c.name for c in near
+            if self.name not in c.contains and (c.family != UNKNOWN or self.is_unknown)
+        )  # fmt: skip
 
     @property
     def group(self) -> tuple[str, ...]:
@@ -57,6 +62,11 @@ class AcceptedEffect:
             return self.equivalents
         others = self.confounded.get(self.name, ())
         return (*self.equivalents, *(name for name in others if name not in self.equivalents))
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether it is a course that stands in for a cause outside the catalogue."""
+        return any(c.name == self.name and c.family == UNKNOWN for c in self.candidates)
 
     @property
     def decided(self) -> bool:

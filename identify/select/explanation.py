@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
+from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
 from identify.select.candidates import is_implausible
 from identify.select.settings import SELECTION, SelectionSettings
-from identify.select.standing import standing
 from identify.select.step import Step
 
 SUSPECT_PRESSES = "suspect_presses"  # equivalent of an effect that rests on single presses
@@ -51,14 +51,21 @@ class Explanation:
         """The last step."""
         return self.ladder[-1]
 
+    def effect(self, name: str) -> Effect:
+        """Return an effect of the ladder by its name."""
+        parts = (part for step in self.ladder for part in step.fit.model.effects)
+        return next(part.effect for part in parts if part.effect.name == name)
+
     @property
     def ambiguous(self) -> tuple[tuple[str, ...], ...]:
         """Groups of effects that explain the scan equally well.
 
-        Single bad presses are among them, and, where the residual is noise, the unknown cause in
-        place of an effect whose values are doubted.
+        Single bad presses are among them, and the unknown cause in place of an effect whose values
+        are doubted. None beside a structured residual, which may be the cause of each.
         """
-        groups = tuple(a.group for a in self.accepted if not a.decided)
+        if not self.told_apart:
+            return ()
+        groups = tuple(a.group for a in self.accepted if not (a.decided or a.is_unknown))
         groups += tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
         if self.verdict == "unexplained":
             return groups
@@ -72,25 +79,31 @@ class Explanation:
     def added(self) -> tuple[str, ...]:
         """Effects that are offered by name: of one cause in their group, and plausible.
 
-        Beside a structured residual, an effect is offered only if the rest cannot be its cause
-        (`identify.select.standing`), or the contact law of the presses supports it.
+        Beside a structured residual, which may be its cause, an effect is offered only if the
+        contact law of the presses supports it.
         """
         unsure = (*self.resting_on_outliers, *self.doubted)
-        sure = tuple(a for a in self.accepted if a.decided and a.name not in unsure)
-        if self.verdict == "unexplained":
-            stand = frozenset() if self.map_error else self._standing
-            sure = tuple(a for a in sure if a.shown_by_presses or a.name in stand)
-        return tuple(a.name for a in sure)
+        return tuple(
+            a.name for a in self.accepted
+            if a.decided and not a.is_unknown and a.name not in unsure
+            and (self.told_apart or a.shown_by_presses)
+        )  # fmt: skip
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Courses of the last model that stand in for causes outside the catalogue."""
+        return tuple(a.name for a in self.accepted if a.is_unknown)
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether no structure remains that may be the cause of the effects of the last model."""
+        return self.verdict != "unexplained" or self.final.comparison.is_noise
 
     @property
     def doubted(self) -> tuple[str, ...]:
         """Effects whose values, or the structure left beside them, make the cause doubtful."""
         left = tuple(effect.name for effect in self.accepted) if self.within_laws else ()
         return (*self.at_bound, *self.undetermined, *self.implausible, *left)
-
-    @cached_property
-    def _standing(self) -> frozenset[str]:
-        return standing(self.final.fit, self.final.comparison)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -150,7 +163,7 @@ def verdict_of(
         law that would leave none may be another
     """
     noise = last.comparison.is_noise
-    if not (noise or within):
+    if not (noise or within) or any(a.is_unknown for a in accepted):
         return "unexplained"
     if not accepted and not further:
         return "nothing_missing"

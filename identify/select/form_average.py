@@ -11,7 +11,13 @@ H the inverse covariance of all unknowns and of the prior, N(c_i, s_i^2) of the 
 parameters: amplitudes about their null, shapes over their bounds. A parameter that the scan does
 not show then costs nothing, unlike in the BIC, and does not hide behind a simpler law. The interval
 is the central 95 % of the mixture.
-Source: J. A. Hoeting et al., Bayesian model averaging, Statist. Sci. 14 (1999) 382-417.
+
+Beside a structured residual no interval can be right. They are at least as wide as the structure
+itself asks for: by the scatter of the presses' pulls on each unknown, in which the readings of a
+press share an error of any form, or by the size of the residual over the noise, the larger.
+Sources: J. A. Hoeting et al., Bayesian model averaging, Statist. Sci. 14 (1999) 382-417;
+K.-Y. Liang, S. L. Zeger, Longitudinal data analysis using generalized linear models, Biometrika 73
+(1986) 13-22 (the pulls of clusters).
 """
 
 from collections.abc import Sequence
@@ -123,9 +129,20 @@ def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimate]:
-    """Return the estimates of the last model, the map's intervals averaged over the forms."""
+    """Return the estimates of the last model, the map's intervals averaged over the forms.
+
+    Beside a structured residual, all standard errors and intervals are wider (`structure_factor`).
+    """
     last = explained.final.fit
     found = dict(last.parameters)
+    if not explained.told_apart and last.solution is not None and last.field is None:
+        for p, factor in zip(last.model.unknowns.unknowns, structure_factor(last), strict=True):
+            own = found[p.name]
+            at, *ends = (p.to_scaled(v) for v in (own.value, own.lower95, own.upper95))
+            low, high = (p.to_value(at + factor * (end - at)) for end in ends)
+            found[p.name] = replace(own, std=factor * own.std, lower95=max(low, p.lower),
+                                    upper95=min(high, p.upper))  # fmt: skip
+        return found
     if len(forms) < 2 or last.solution is None:
         return found
     weights = np.array([form.weight for form in forms])
@@ -143,6 +160,20 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
         ends = [p.to_value(_quantile(q, weights, mean, below, above)) for q in (0.025, 0.975)]
         found[p.name] = replace(own, lower95=max(ends[0], p.lower), upper95=min(ends[1], p.upper))
     return found
+
+
+def structure_factor(fit: FitResult) -> np.ndarray:
+    """Factor (k,), at least one, on the standard errors of a fit with a structured residual."""
+    assert fit.solution is not None
+    press, k = fit.model.readings.press, len(fit.u)
+    pull = np.zeros((fit.model.readings.presses, k))
+    np.add.at(pull, press, fit.at.jacobian * fit.at.residual[:, None])
+    noise = fit.solution.noise_covariance
+    variance = np.sum((pull @ noise) ** 2, axis=0) * len(pull) / max(len(pull) - k, 1)
+    variance = np.maximum(variance, fit.chi2_per_dof * np.diag(noise))
+    known = np.diag(fit.solution.covariance)
+    variance += known - np.diag(noise)  # that of the meshes
+    return np.sqrt(np.maximum(variance / np.maximum(known, 1e-300), 1.0))
 
 
 def posterior_covariance(fit: FitResult) -> np.ndarray:

@@ -14,18 +14,25 @@ follows from the last residual.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
+from identify.effects.unknown_course import COURSES
 from identify.fit.joint_fit import fit_jointly, found_again, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
-from identify.select.candidates import Candidate, best_candidates
+from identify.select.candidates import (
+    Candidate,
+    best_candidates,
+    compare_candidates,
+    shortlist,
+)
+from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, few_presses, verdict_of, within_laws
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
@@ -64,7 +71,6 @@ def forward_selection(
     """
     policy = policy or Policy()
     say = progress or (lambda text: None)
-    effects = {effect.name: effect for effect in catalogue}
 
     def judged(fit: FitResult, scored: Sequence[Effect] = catalogue) -> Step:
         step = step_of(fit, scan, scored, seed, say, settings)
@@ -74,31 +80,14 @@ def forward_selection(
 
     say("fitting the map")
     fit = found_again(first or fit_jointly(model, stiffness))
-    ladder, accepted = _begun(fit, catalogue, policy, judged, say)
-    dropped: list[str] = []
-    settled = False
-    most = settings.most_effects + len(accepted)
-    while len(accepted) < most and (len(ladder) == 1 or policy.goes_on(ladder, accepted, settings)):
-        if few_presses(ladder[-1].fit, accepted, settings).any():
-            break  # what is sought for them would be laid on all others
-        now = ladder[-1]
-        candidates = policy.propose(now, effects, say, dropped, settings)
-        if not candidates:
-            settled = now.comparison.is_noise
-            break
-        if not now.comparison.is_noise and not policy.worthwhile(
-            now.fit, candidates[0].fit, settings
-        ):
-            break
-        accepted.append(_accepted(ladder, accepted, candidates, settings))
-        fit, accepted, lost, exchanged = _refitted(candidates[0], accepted, policy, say, settings)
-        dropped.extend([*lost, *exchanged])
-        for number, step in enumerate(ladder):
-            if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
-                ladder[number] = judged(with_exchanged(step.fit, exchanged, fit))
-        ladder.append(judged(fit))
-    further = "" if settled else _further(ladder, accepted, settings)
-    gone = tuple(name for name in dict.fromkeys(dropped) if name not in ladder[-1].fit.effect_names)
+    path = _Path(*_begun(fit, catalogue, policy, judged, say))
+    _grow(path, catalogue, judged, policy, say, settings)
+    if settings.most_effects and fit.field is None:
+        path = _with_unknown_cause(path, catalogue, judged, policy, say, settings)
+    ladder, accepted = path.ladder, path.accepted
+    further = "" if path.settled else _further(ladder, accepted, settings)
+    names = dict.fromkeys(path.dropped)
+    gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
     within = within_laws(ladder, accepted, settings)
     return Explanation(
         verdict_of(ladder[-1], accepted, further, within),
@@ -108,6 +97,98 @@ def forward_selection(
         further=further,
         settings=settings,
     )
+
+
+@dataclass
+class _Path:
+    """Steps, accepted effects and dropped ones so far; `settled` without candidates for noise."""
+
+    ladder: list[Step]
+    accepted: list[AcceptedEffect]
+    dropped: list[str] = field(default_factory=list)
+    settled: bool = False
+
+
+def _grow(
+    path: _Path,
+    catalogue: Sequence[Effect],
+    judged: Callable[[FitResult, Sequence[Effect]], Step],
+    policy: Policy,
+    say: Callable[[str], None],
+    settings: SelectionSettings,
+) -> None:
+    """Add effects of a catalogue to a path, step by step."""
+    ladder, effects = path.ladder, {effect.name: effect for effect in catalogue}
+    most, begun = settings.most_effects + len(path.accepted), len(ladder)
+    while len(path.accepted) < most and (
+        len(ladder) == begun or policy.goes_on(ladder, path.accepted, settings)
+    ):
+        if few_presses(ladder[-1].fit, path.accepted, settings).any():
+            return  # what is sought for them would be laid on all others
+        now = ladder[-1]
+        candidates = policy.propose(now, effects, say, path.dropped, settings)
+        if not candidates:
+            path.settled = now.comparison.is_noise
+            return
+        if not now.comparison.is_noise and not policy.worthwhile(
+            now.fit, candidates[0].fit, settings
+        ):
+            return
+        path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
+        fit, path.accepted, lost, exchanged = _refitted(
+            candidates[0], path.accepted, policy, say, settings
+        )
+        path.dropped.extend([*lost, *exchanged])
+        for number, step in enumerate(ladder):
+            if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
+                ladder[number] = judged(with_exchanged(step.fit, exchanged, fit), catalogue)
+        ladder.append(judged(fit, catalogue))
+
+
+def _with_unknown_cause(
+    path: _Path,
+    catalogue: Sequence[Effect],
+    judged: Callable[[FitResult, Sequence[Effect]], Step],
+    policy: Policy,
+    say: Callable[[str], None],
+    settings: SelectionSettings,
+) -> _Path:
+    """Return the path beside the course of an unknown cause, or the path itself.
+
+    Effects of the catalogue can imitate a cause that is in none of them, one after the other, and
+    even leave noise. Where from some step on one course takes more of the misfit than all effects
+    found since, its parameters paid for, the effects are sought anew beside that course, among
+    further ones. The better model by the information criterion stays. Where the path ends in noise,
+    a course must do better than two effects: of the form of a single one it may be a closer fit.
+    """
+    last, before = path.ladder[-1], [a for a in path.accepted if a.shown_by_presses]
+    if last.comparison.law:  # the lead to the cause, which several courses would hide
+        return path
+    steps = path.ladder[:-2] if last.comparison.is_noise else path.ladder
+    say("comparing with courses of unknown causes")
+    for step in steps:
+        courses = diagnose(step.fit, COURSES, settings=settings.diagnosis)
+        price = np.log(len(step.fit.at.residual))
+        gain = max((s.statistic - price * len(s.sizes) for s in courses.scores), default=0.0)
+        if gain <= max(step.fit.bic - last.fit.bic, settings.margin):
+            continue
+        effects: dict[str, Effect] = {c.name: c for c in COURSES}
+        names = shortlist(courses, settings=settings)
+        step = replace(step, diagnosis=courses)
+        candidates = compare_candidates(step, effects, say, names, settings)
+        if not candidates:
+            continue
+        begun, winner = path.ladder[: 1 + bool(before)], candidates[0].fit
+        name, base = candidates[0].name, begun[-1].fit
+        say(f"refitting with {name}")
+        model = base.model.with_effect(effects[name], winner.at.values[name], winner.at.state)
+        fit = found_again(fit_jointly(model, winner.map))
+        course = AcceptedEffect(name, candidates, chi2_before=base.chi2, settings=settings)
+        everything = (*catalogue, *COURSES)
+        other = _Path([*begun, judged(fit, everything)], [*before, course])
+        _grow(other, everything, judged, policy, say, settings)
+        return other if other.ladder[-1].fit.bic < last.fit.bic else path
+    return path
 
 
 def _begun(

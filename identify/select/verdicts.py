@@ -57,6 +57,8 @@ def _in_group(
     others = tuple(other for other in group if other != name)
     if name in explained.added:
         return "supported", others
+    if not explained.told_apart:
+        return "helps", ()
     if others:
         return "indistinguishable", others
     if name in explained.resting_on_outliers:

@@ -89,6 +89,6 @@ def _evidence(explained: Explanation, problem: Problem) -> list[str]:
     for number in steps_of(explained):
         names = added_names(explained.ladder[number - 1], explained.ladder[number])
         if set(names) & set(explained.final.fit.effect_names):
-            titles = " and ".join(problem.catalogue[name].title for name in names)
+            titles = " and ".join(explained.effect(name).title for name in names)
             says.append(f"{titles}: {step_evidence(explained, problem, number)}")
     return says

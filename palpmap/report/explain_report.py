@@ -71,6 +71,7 @@ def write_explain_report(
         doubts=[*doubts.doubts(record, explained), *doubts.assumed_thickness(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
+        unreliable=words.UNRELIABLE,
         unseen=doubts.unseen_effects(record),
         trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),
@@ -99,7 +100,7 @@ def _step(explained: Explanation, problem: Problem, number: int) -> _Step:
     names = added_names(explained.ladder[number - 1], explained.ladder[number])
     tables, titles = [], []
     for name in names:
-        effect, accepted = problem.catalogue[name], kept(explained, name)
+        effect, accepted = explained.effect(name), kept(explained, name)
         if accepted is not None and len(accepted.candidates) > 1:
             tables.append(_refit_table(accepted))
         about = (

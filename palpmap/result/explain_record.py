@@ -38,8 +38,14 @@ def explain_record(
         verdict=explained.verdict,
         added=explained.added,
         ambiguous=explained.ambiguous,
+        unknown=explained.unknown,
+        reliable=explained.told_apart,
         traces=explained.traces,
-        helpers=tuple(a.name for a in explained.accepted if a.name not in explained.added),
+        helpers=tuple(
+            a.name
+            for a in explained.accepted
+            if a.name not in (*explained.added, *explained.unknown)
+        ),
         ladder=tuple(step_record(step) for step in explained.ladder),
         candidates=tuple(candidate_record(found, problem, final) for found in assessment.verdicts),
         parameters=parameters_of(final, problem, assessment.parameters),

@@ -27,10 +27,7 @@ VERDICTS = {  # but see `headline`
     "unexplained": ("Unexplained: no known effect removes the structure of the residual.", "red"),
 }
 
-FITTED = {
-    "unexplained": "fitted, but not all is explained",
-    "ambiguous": "fitted with one of the equally good effects",
-}
+UNRELIABLE = "Not to be relied on: a cause is missing that moves these values."
 
 CANDIDATES = {
     "supported": "supported",
@@ -75,9 +72,11 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
         return text + (_little_left(explained) if explained.within_laws else "")
     if explained.in_few_presses:
         return _few_presses(explained)
+    maps = other_map_sentence(other)
+    if explained.unknown:
+        return f"{_unknown(explained)} {maps}".strip()
     residual = explained.final.comparison
     look = sentence(replace(residual, law=None, course=None))
-    maps = other_map_sentence(other)
     if other and other.answer == "another_map":  # what the residual looks like is the wrong map's
         return maps
     return f"{law_sentence(residual)} {look} {_help(explained)}{maps}".strip()
@@ -198,32 +197,38 @@ def _help(explained: Explanation) -> str:
     names = [a.name for a in explained.accepted]
     if not names:
         return _nearest(explained)
-    one = len(names) == 1
     if explained.map_error and explained.added:
         return (
             f"The single presses call for {listed(explained.added)}, with any map. In "
             "displacement, most of the residual comes from the map. "
         )
-    if bound := [name for name in names if name in explained.at_bound]:
-        return (
-            f"With {listed(names)} the error falls, but {listed(bound)} only at the bound of the "
-            "possible values: a help, not the answer. "
-        )
-    if undetermined := [name for name in names if name in explained.undetermined]:
-        return (
-            f"With {listed(names)} the error falls, but the scan does not determine the size of "
-            f"{listed(undetermined)}: a help, not the answer. "
-        )
-    if implausible := [name for name in names if name in explained.implausible]:
-        return (
-            f"With {listed(names)} the error falls, but {listed(implausible)} only at "
-            "implausible values: a help, not the answer. "
-        )
-    text = f"{listed(names)} {'takes' if one else 'take'} "
+    text = f"{listed(names)} {'takes' if len(names) == 1 else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
-    if not explained.added:
-        return f"{text}, but leave{'s' if one else ''} structure: a help, not the answer. "
-    return f"{text}; the rest has another cause. "
+    if explained.added:
+        return f"{text}; the rest has another cause. "
+    return (
+        f"{text}: a help, not the answer, as the structure that remains may be the cause of all "
+        "that they seem to show. "
+    )
+
+
+def _unknown(explained: Explanation) -> str:
+    """Describe the courses that stand in for unknown causes, and the residual beside them."""
+    fit = explained.final.fit
+    says = [
+        part.effect.evidence(fit.at.values[part.effect.name], fit.model.readings)
+        for part in fit.model.effects if part.effect.name in explained.unknown
+    ]  # fmt: skip
+    it = "it" if len(says) == 1 else "them"
+    if explained.told_apart:
+        beside = f" and {listed(explained.added)}" if explained.added else ""
+        says.append(f"With {it}{beside} in the model, the residual is noise; the map counts {it}.")
+    else:
+        share = percent(explained.explained_share)
+        says.append(
+            f"With {it}, {share} of the misfit goes. {explained.final.comparison.statement}"
+        )
+    return " ".join(says)
 
 
 def _nearest(explained: Explanation) -> str:
@@ -250,8 +255,9 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
     for name in added_names(steps[number - 1], steps[number]):
         having = [step for step in steps[number:] if name in step.fit.effect_names]
         values = having[-1].fit.at.values[name]
-        text = problem.catalogue[name].evidence(values, problem.model.readings)
-        says.append(text if name in explained.added else f"If it were {name}: {text}")
+        text = explained.effect(name).evidence(values, problem.model.readings)
+        sure = name in (*explained.added, *explained.unknown)
+        says.append(text if sure else f"If it were {name}: {text}")
     return " ".join(says)
 
 
@@ -303,6 +309,8 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         (part,) = (part for part in final.model.effects if part.effect.name == name)
         why = advice(part.effect).doubt(final.at.values[name], final.model.readings)
         return [f"{name} is not offered as the missing effect: {why}."]
+    if name in explained.unknown:
+        return ["It stands in for a cause that is in no catalogue: its course is found, no name."]
     if name not in explained.added:
         return [f"{name} lowers chi-square but leaves structure, {offered}"]
     return []

@@ -213,6 +213,15 @@ class ExplainRecord(CountRecord, FileRecord):
     verdict: Verdict
     added: tuple[str, ...] = Field(description="effects offered by name")
     ambiguous: tuple[tuple[str, ...], ...] = Field(description="groups of equal explanations")
+    unknown: tuple[str, ...] = Field(
+        default=(),
+        description="courses of the model that stand in for causes outside the catalogue",
+    )
+    reliable: bool = Field(
+        default=True,
+        description="values and intervals count all that is seen; false where structure remains, "
+        "whose cause moves them by an unknown amount",
+    )
     traces: tuple[str, ...] = Field(
         default=(), description="significant effects too small to be added"
     )

@@ -6,7 +6,7 @@ from typing import Literal
 
 from identify.design import UndetectedBias
 from palpmap import units
-from palpmap.result.explain_words import CANDIDATES, FITTED, step_labels
+from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, step_labels
 from palpmap.result.records import (
     CandidateRecord,
     ExplainRecord,
@@ -151,7 +151,9 @@ def _off(p: ValueRecord, true: float) -> str | Cell:
 
 def explained_table(record: ExplainRecord) -> Table:
     """Return the parameters of an explanation's last model."""
-    title = FITTED.get(record.verdict, "found")
+    title = "found" if record.reliable else UNRELIABLE
+    if record.verdict == "ambiguous":
+        title = "fitted with one of the equally good effects"
     return parameter_table(record.parameters, unseen=record.unseen_shifts, title=title)
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from identify.effects import UNKNOWN
 from identify.fit import FitResult
 from models import InputError
 from palpmap.study.study import Effect, Study, write_study
@@ -33,6 +34,7 @@ def version_of(
             initial={k: float(v) for k, v in fit.at.values[part.effect.name].items()},
         )
         for part in fit.model.effects
+        if part.effect.family != UNKNOWN
     )
     changed = study.model_copy(update={"effects": entries})
     write_study(changed, path)

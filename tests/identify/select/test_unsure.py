@@ -120,7 +120,7 @@ def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monk
     # Beside a structured residual it is no answer at all
     left = replace(found, verdict="unexplained")
     assert (left.added, left.ambiguous) == ((), ())
-    assert "implausible values" in verdict_detail(left)
+    assert "a help, not the answer" in verdict_detail(left)
     assert effect_verdict(CATALOGUE[name], left).verdict == "not_seen"
     # Nor is it a candidate of anything else
     tried = candidates.compare_candidates(

@@ -1,0 +1,112 @@
+"""Beside a cause outside the catalogue no effect is offered that may be its imitation."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.unknown_course import COURSES, UNKNOWN
+from identify.select.form_average import averaged, structure_factor
+from identify.select.forward_selection import forward_selection
+from identify.select.verdicts import effect_verdict
+from tests.identify.select.loop_problem import TRUE, model
+from tests.identify.select.test_forward_selection import planted
+
+EFFECTS = [CATALOGUE[n] for n in ("hysteresis", "force_wander")]
+
+
+def warmer(d, f, t, phase, press):
+    """A body that stiffens and softens again while the room cools and warms."""
+    return d * (1 - 0.12 * np.sin(np.pi * (t - t.min()) / np.ptp(t)) ** 2), f
+
+
+def loop(d, f, t, phase, press):
+    """A loop of 8 % of the largest travel, the way back a parabola."""
+    top = np.array([d[press == p].max() for p in range(press.max() + 1)])[press]
+    return d + 0.3 * d * (1 - d / top) * (phase == "unload"), f
+
+
+def sawtooth(d, f, t, phase, press):
+    """A tip that sticks and jumps on, by 0.12 mm."""
+    return d - 1.2e-4 * np.mod(d / 5e-4, 1), f
+
+
+@pytest.fixture(scope="module")
+def found():
+    table = planted(12, lambda d, f, t, *rest: loop(*warmer(d, f, t, *rest), t, *rest))
+    return forward_selection(model(table), TRUE, table, EFFECTS)
+
+
+def test_a_course_takes_the_place_of_the_imitations_of_an_unknown_cause(found):
+    assert found.verdict == "unexplained"  # though the residual is noise
+    assert found.final.comparison.is_noise
+    assert found.unknown == ("unknown_session_share",)
+    assert (found.added, found.ambiguous) == (("hysteresis",), ())
+    course = found.effect("unknown_session_share")
+    said = course.evidence(found.final.fit.at.values[course.name], found.final.fit.model.readings)
+    assert "goes with the time of the session, smoothly" in said
+    assert said.endswith(("12 %.", "13 %.", "11 %."))
+
+
+def test_the_map_beside_the_course_holds(found):
+    fit = found.final.fit
+    for name, value in zip(TRUE.names, TRUE.values, strict=True):
+        assert abs(fit.values[name] - value) < 3 * fit.std[name]
+
+
+def test_beside_structure_that_no_course_takes_nothing_is_offered_and_intervals_grow():
+    table = planted(13, sawtooth)
+    found = forward_selection(model(table), TRUE, table, [CATALOGUE["contact_offset"]])
+    assert found.verdict == "unexplained"
+    assert not found.told_apart
+    assert "contact_offset" in [a.name for a in found.accepted]  # the mean of the saw's teeth
+    assert (found.added, found.ambiguous, found.unknown) == ((), (), ())
+    assert effect_verdict(CATALOGUE["contact_offset"], found).verdict == "helps"
+    wide, own = averaged(found, ()), found.final.fit.parameters
+    for name in TRUE.names:
+        assert wide[name].std > own[name].std
+        assert wide[name].lower95 < own[name].lower95 < own[name].upper95 < wide[name].upper95
+
+
+def test_standard_errors_count_an_error_that_the_readings_of_a_press_share():
+    """The estimates of a linear model scatter as wide as said, where noise alone says a fifth."""
+    rng, presses, each = np.random.default_rng(4), 40, 25
+    press = np.repeat(np.arange(presses), each)
+    columns = np.column_stack([np.ones(len(press)), rng.standard_normal(presses)[press]])
+    covariance = np.linalg.inv(columns.T @ columns)
+    estimates, said = [], []
+    for _ in range(200):
+        error = rng.standard_normal(len(press)) + rng.standard_normal(presses)[press]
+        u = covariance @ columns.T @ error
+        solution = SimpleNamespace(noise_covariance=covariance, covariance=covariance)
+        fit: Any = SimpleNamespace(
+            solution=solution, u=u, chi2_per_dof=2.0,
+            model=SimpleNamespace(readings=SimpleNamespace(press=press, presses=presses)),
+            at=SimpleNamespace(jacobian=columns, residual=error - columns @ u),
+        )  # fmt: skip
+        estimates.append(u)
+        said.append(structure_factor(fit) ** 2 * np.diag(covariance))
+    np.testing.assert_allclose(np.mean(said, axis=0), np.var(estimates, axis=0), rtol=0.25)
+
+
+@pytest.mark.parametrize("course", COURSES, ids=lambda c: c.name)
+def test_a_course_is_nothing_at_its_null_and_of_its_quantity_elsewhere(course):
+    readings = model(planted(3, lambda d, f, *_: (d, f))).readings
+    force, travel = readings.force_n, 0.01 * readings.force_n
+    names = [p.name for p in course.parameters]
+
+    def moved(size):
+        values = dict.fromkeys(names, size)
+        if "force" in course.hooks:
+            return course.force(readings, force, **values) - force
+        hook = course.reading if "reading" in course.hooks else course.response
+        return hook(readings, force, travel, **values) - travel
+
+    assert course.family == UNKNOWN
+    assert np.abs(moved(0.0)).max() == 0
+    small = course.parameters[0].typical
+    change = moved(small)
+    assert np.abs(change).max() > 0
+    np.testing.assert_allclose(moved(2 * small), 2 * change, atol=1e-12)

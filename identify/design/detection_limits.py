@@ -38,6 +38,7 @@ class Limit:
     smallest_share : size of 5 standard errors, rms over that of the signal; None if never seen
     largest_share : largest possible size of an effect that is not seen even then; else None
     shape : values of its shape parameters for this limit, such as a skin's thickness
+    bend : the limit over that by the pattern at the null, from which the effect's own law differs
     sizes : amplitudes at that size, or else at the largest, by parameter, in their units
     visible : share of the pattern beyond the map
     confused_with : effects with a pattern alike
@@ -54,6 +55,7 @@ class Limit:
     untestable: str | None = None
     largest_share: float | None = None
     shape: Mapping[str, float] = field(default_factory=dict)
+    bend: float = 1.0
 
 
 def detection_limits(
@@ -71,11 +73,17 @@ def limits_at(
     u: np.ndarray,
     catalogue: Sequence[Effect],
     settings: DetectionSettings = DETECTION,
+    bends: Mapping[str, float] | None = None,
 ) -> tuple[Limit, ...]:
     """Return the limits of a model linearised at scaled unknowns u (k,).
 
     Beside a free map those of the body's effects are linear: the map takes most of their bend, and
     each size would cost a solution of its finer mesh.
+
+    Parameters
+    ----------
+    bends : `Limit.bend` of effects of the body in a scan of this body with these tips, where it is
+        much the same, and finding it takes solutions of the body
     """
     free = model.map_uncertainty is not None
     fitted = fitted_basis(at)
@@ -86,11 +94,15 @@ def limits_at(
             continue
         found = seen_patterns(model, at, effect, fitted, normal, settings)
         if not isinstance(found, str):
-            linear = free and isinstance(effect, BodyEffect)
+            bend = (bends or {}).get(effect.name, 1.0 if free else None)
+            if not isinstance(effect, BodyEffect):
+                bend = None
             found = _middle(
                 one
-                if linear or one.share * settings.sigmas >= settings.far_signal
+                if one.share * settings.sigmas >= settings.far_signal
                 else at_its_size(model, at, u, effect, one, fitted, normal, settings)
+                if bend is None
+                else one.bent(bend)
                 for one in found
             )
         seen.append((effect, found))
@@ -146,6 +158,7 @@ def _limit(
         reason,
         seen.most,
         dict(seen.shape),
+        seen.bend,
     )
 
 

@@ -63,6 +63,7 @@ def at_its_size(
             share=share,
             sizes=(values - nulls) / typical / length,
             basis=left / length,
+            bend=share / linear.share,
             # stated at 3 %: at less than the limit, the derivative is nearer to the truth
             bias=(projected if share * sigmas > settings.bias_share else bias) / length,
         )

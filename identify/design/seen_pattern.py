@@ -1,7 +1,9 @@
 """The pattern of an effect at its null, beyond the fitted parameters, for its detection limit."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +21,7 @@ class SeenPattern:
     """The pattern of an effect at one candidate of its shape, in one direction.
 
     `most` is the largest possible share of the signal if too little to be seen, `length` its number
-    of standard errors.
+    of standard errors; `bend` is the share over that of the pattern at the null.
     """
 
     shape: Mapping[str, float]
@@ -30,6 +32,12 @@ class SeenPattern:
     bias: np.ndarray
     most: float | None = None
     length: float = 0.0
+    bend: float = 1.0
+
+    def bent(self, bend: float) -> SeenPattern:
+        """Return the pattern at the null with the share of an effect whose law bends so much."""
+        changed = {name: bend * getattr(self, name) for name in ("share", "sizes", "bias")}
+        return replace(self, bend=bend, **changed)
 
 
 def seen_patterns(

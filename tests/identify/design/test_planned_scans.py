@@ -45,6 +45,23 @@ def test_the_same_scan_once_more_has_the_limits_of_the_scan_that_was_made(fit):
     assert np.median(ratios) == pytest.approx(1, abs=0.03)
 
 
+@pytest.mark.slow
+def test_how_effects_bend_in_the_present_scan_serves_one_with_its_tips(fit):
+    body = [effect for effect in CATALOGUE if effect.link == "body"]
+    shuffled = [design(fit, "shuffled")]
+    (own,) = improvements(fit, body, shuffled)
+    (quick,) = improvements(fit, body, shuffled, limits=detection_limits(fit, body))
+    told = [
+        (one.smallest_share, other.smallest_share, other.bend)
+        for one, other in zip(own.limits, quick.limits, strict=True)
+        if one.smallest_share and other.smallest_share
+    ]
+    assert len(told) > 5
+    found, taken, bend = np.array(told).T
+    assert_allclose(taken, found, rtol=0.3)
+    assert np.abs(np.log(bend)).max() > 0.3  # the pattern at the null alone would not do
+
+
 def test_the_clock_and_the_count_of_a_further_scan_go_on(fit):
     present = fit.model.readings
     presses = presses_of(present)

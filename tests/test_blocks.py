@@ -33,14 +33,19 @@ JUDGED = (
 
 
 SAID = {
-    "README.md": ("presses                 2", "The residual is noise", "cable_drag keeps to all"),
-    "docs/commands.md": ("closed, 4 of 4 presses", '"passed": true'),
+    "README.md": ("presses                 2", "cable_drag keeps to all"),
+    "docs/commands.md": ("closed, 4 of 4 presses",),
     "docs/tutorials/own_effect.md": ("cable_drag keeps to all", "warm_up keeps to all"),
     "docs/tutorials/missing_effect.md": ("presses                 81",),
 }
 """What the quick blocks of a page must say."""
 SAID_SLOWLY = {
-    "README.md": ("Best: contact_offset", "Explained. With contact_offset in the model"),
+    "README.md": (
+        "Best: contact_offset",
+        "Explained. With contact_offset in the model",
+        "The residual is noise",
+    ),
+    "docs/commands.md": ('"passed": true',),
     "docs/tutorials/missing_effect.md": ("Explained. With contact_offset in the model",),
 }
 """What the slow ones must say besides."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from models import PressProgram, read_program, read_scan, stack_scans, write_scan
 from palpmap.blind.records import TrialTruthRecord
+from palpmap.blind.robot_trial import further_robot_scan
 from palpmap.blind.seal import seal, unseal
 from palpmap.console import Output, to_type
 from palpmap.study.study import load_study, write_study
@@ -37,14 +38,19 @@ def press_further(trial: Path, program: PressProgram) -> Path:
 
     before = newest_study(trial)
     study = load_study(before)
-    further, answer = further_scan(unseal(trial).to_dict(), program)
+    sealed = unseal(trial)
+    if sealed.robot:
+        further, answer = further_robot_scan(study, sealed, program)
+    else:
+        further, said = further_scan(sealed.to_dict(), program)
+        answer = TrialTruthRecord.model_validate(said)
     number = number_of(before) + 1
     scan = trial / f"scan_{number}.csv"
     write_scan(stack_scans([read_scan(study.scan), further]), scan)
     about = study.study.model_copy(update={"scan": scan.resolve()})
     path = trial / f"study_{number}.toml"
     # Before the study: killed in between, these presses are made but lost
-    seal(trial, TrialTruthRecord.model_validate(answer))
+    seal(trial, answer)
     write_study(study.model_copy(update={"study": about}), path)
     return path
 

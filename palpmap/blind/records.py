@@ -27,6 +27,7 @@ class TrialTruthRecord(TruthRecord):
     size_m: tuple[float, float, float] | None = Field(
         default=None, description="edges of the block, m; of the paper's if null"
     )
+    robot: bool = Field(default=False, description="the virtual robot pressed")
     program: Mapping[str, tuple[float, ...]] | None = Field(
         default=None, description="the presses made, column by column, SI units"
     )

@@ -25,7 +25,7 @@ from palpmap.blind.records import AnswerRecord, AtFirstRecord, TrialLine
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import unseal
 from palpmap.blind.statistics import tally, tournament_record, tournament_screen
-from palpmap.blind.trial import PRESSES_PER_SIDE, Conditions, Trial, draw_trial, make_trial
+from palpmap.blind.trial import Conditions, Trial, draw_trial, make_trial
 from palpmap.console import Output
 from palpmap.progress import counted
 from palpmap.result.next_scan import REPEAT
@@ -132,7 +132,7 @@ def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, Tri
     path = run / FILE
     head = run / "settings.json"
     # Of tournaments whose settings do not say
-    usual = {"mixed": False, "further": 0, "small": False}
+    usual = {"mixed": False, "further": 0, "small": False, "robot": False}
     if head.is_file():
         try:
             before = {**usual, **json.loads(head.read_text(encoding="utf-8"))}
@@ -248,13 +248,13 @@ def _failed(line: TrialLine, error: BaseException) -> TrialLine:
     return line.changed(error=f"{type(error).__name__}: {error}")
 
 
-def play(game: Game, explain: Explain | None = None, per_side: int = PRESSES_PER_SIDE) -> TrialLine:
+def play(game: Game, explain: Explain | None = None, per_side: int | None = None) -> TrialLine:
     """Make, explain and judge one trial; a fault of the loop is a line too, not an end of it all.
 
     Parameters
     ----------
     explain : the loop to be judged, that of `palpmap explain` if None
-    per_side : presses along each edge
+    per_side : presses along each edge, see `make_trial`
     """
     from sim.body import forget_models
 

@@ -2,17 +2,19 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import JsonValue
 
-from models import InputError, write_scan
+from models import InputError, grid_program, write_scan
 from palpmap.blind.records import TrialTruthRecord
+from palpmap.blind.robot_trial import robot_scan
 from palpmap.blind.seal import FOLDER, seal
 from palpmap.console import Output, to_type
 from palpmap.run_folder import RunFolder
-from palpmap.study.study import About, Body, Map, Noise, Probe, Study, write_study
+from palpmap.study.study import About, Body, Map, Probe, Study, write_study
+from palpmap.study.truth_file import Truth
 
 if TYPE_CHECKING:
     from sim.body import TruthMap
@@ -45,6 +47,7 @@ class Conditions:
     radii : 1 or 2 tip radii
     mixed : places in random order with two forces, or row by row with one
     small : a smaller block, with fewer presses
+    robot : the virtual robot presses, with the effect in its loop; else finished readings change
     """
 
     effects: tuple[str, ...] = ()
@@ -52,6 +55,7 @@ class Conditions:
     radii: int = 1
     mixed: bool = True
     small: bool = False
+    robot: bool = False
 
     def settings(self) -> dict[str, JsonValue]:
         """Return the conditions as a run folder keeps them."""
@@ -69,6 +73,7 @@ class Trial:
     radii : number of tip radii
     mixed : whether the places come in random order, every other one pressed three times as hard
     small : whether the block is two thirds as large, with 36 presses and cells of the same size
+    robot : whether the virtual robot presses
     """
 
     seed: int
@@ -77,6 +82,7 @@ class Trial:
     radii: int
     mixed: bool = True
     small: bool = False
+    robot: bool = False
 
 
 def run_blind(conditions: Conditions, *, out: Path | None, seed: int, output: Output) -> bool:
@@ -124,7 +130,8 @@ def draw_trial(seed: int, conditions: Conditions) -> Trial:
     names = _draw_effects(word, rng)
     low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
     sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
-    return Trial(seed, names, tuple(sizes), radii, conditions.mixed, conditions.small)
+    kind = {"mixed": conditions.mixed, "small": conditions.small, "robot": conditions.robot}
+    return Trial(seed, names, tuple(sizes), radii, **kind)
 
 
 def _draw_effects(word: str, rng: np.random.Generator) -> tuple[str, ...]:
@@ -177,25 +184,37 @@ def draw_map(seed: int, scale: float = 1.0) -> "TruthMap":
     return TruthMap(background, (Inclusion(weight, (x, y, z), radius),))
 
 
-def make_trial(folder: Path, trial: Trial, per_side: int = PRESSES_PER_SIDE) -> int:
-    """Make a trial's scan, study and sealed answer in a folder; return the number of presses."""
+def make_trial(folder: Path, trial: Trial, per_side: int | None = None) -> int:
+    """Make a trial's scan, study and sealed answer in a folder; return the number of presses.
+
+    `per_side` : presses along each edge, None for 9, or 6 of a small trial
+    """
     from sim.bench import planted_scan
     from sim.planted import HIDDEN
 
     radii = (SMALL_RADII_M if trial.small else RADII_M)[trial.radii]
-    grid = {"per_side": per_side, **(MIXED if trial.mixed else {})}
-    scale = SMALL if trial.small else 1.0
-    if trial.small:
-        grid |= {"per_side": SMALL_PER_SIDE, "divisions": SMALL_DIVISIONS}
-    scan, truth = planted_scan(
-        trial.effects, trial.sizes, trial.seed, radii, draw_map(trial.seed, scale),
-        size_m=_size_m(trial), **grid,
-    )  # fmt: skip
-    for effect in truth["effects"]:
+    truth = draw_map(trial.seed, SMALL if trial.small else 1.0)
+    mixed: dict[str, Any] = MIXED if trial.mixed else {}
+    finer: dict[str, Any] = {"divisions": SMALL_DIVISIONS} if trial.small else {}
+    per_side = per_side or (SMALL_PER_SIDE if trial.small else PRESSES_PER_SIDE)
+    program = grid_program(_size_m(trial), per_side, radii, seed=trial.seed, **mixed)
+    study = _study(folder, trial)
+    if trial.robot:
+        plant = tuple(zip(trial.effects, trial.sizes, strict=True))
+        scan, study, said = robot_scan(study, program, Truth(truth), trial.seed, plant)
+        said["size_m"] = _size_m(trial)
+    else:
+        scan, said = planted_scan(
+            trial.effects, trial.sizes, trial.seed, radii, truth, program, size_m=_size_m(trial),
+            **finer,
+        )  # fmt: skip
+    for effect in said["effects"]:
         effect["kin"] = HIDDEN[effect["name"]].kin or _other_forms(effect["name"])
-    answer = TrialTruthRecord.model_validate(truth)
+    answer = TrialTruthRecord.model_validate(said)
+    if not trial.robot:
+        study = study.model_copy(update={"noise": answer.noise})
     write_scan(scan, folder / "scan.csv")
-    write_study(_study(folder, trial, answer.noise), folder / "study.toml")
+    write_study(study, folder / "study.toml")
     seal(folder, answer)
     return len(scan.press_ids)
 
@@ -208,8 +227,8 @@ def _size_m(trial: Trial) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
-    """Return the experimenter's knowledge: block, tip, noise, one inclusion."""
+def _study(folder: Path, trial: Trial) -> Study:
+    """Return what the experimenter knows beforehand: block, tip, one inclusion."""
     from sim.body import HiddenBody
 
     known = HiddenBody(_size_m(trial))
@@ -223,6 +242,5 @@ def _study(folder: Path, trial: Trial, noise: Noise) -> Study:
             cell_size_m=cell_m,
         ),  # pyright: ignore[reportCallIssue]
         probe=Probe(tip="flat", radius_m=RADII_M[trial.radii][0]),
-        noise=noise,
         map=Map(inclusions=1),
     )

@@ -44,6 +44,14 @@ Small = Annotated[
         "--small", help="A block two thirds as large with 36 presses: a third of the time."
     ),
 ]
+Robot = Annotated[
+    bool,
+    typer.Option(
+        "--robot",
+        help="The virtual robot presses, and what is hidden acts in its loop: slower, and as real "
+        "as it gets. Without, finished readings are changed by formula.",
+    ),
+]
 Tournament = Annotated[
     int | None,
     typer.Option(
@@ -80,6 +88,7 @@ def blind(
     radii: Radii = 1,
     mixed: Mixed = True,
     small: Small = False,
+    robot: Robot = False,
     tournament: Tournament = None,
     further: Further = 0,
     workers: Workers = None,
@@ -101,7 +110,7 @@ def blind(
 
     names = (name.strip() for name in (effects or "").split(","))
     share = None if size is None else size / 100
-    conditions = Conditions(tuple(filter(None, names)), share, radii, mixed, small)
+    conditions = Conditions(tuple(filter(None, names)), share, radii, mixed, small, robot)
     if tournament is None:
         return run_blind(conditions, out=out, seed=seed, output=Output(quiet, json))
     from palpmap.blind.tournament import run_tournament

@@ -59,7 +59,7 @@ Program = Annotated[
         metavar="FILE",
         help="CSV of presses in place of the grid, in the study's frame: x_m, y_m, radius_m, "
         "force_n, ramp_s, hold_s and optionally unload_s, pause_s, z_m, nx, ny, nz (direction "
-        "into the body); one radius, as the arm carries one tip.",
+        "into the body); where the radius changes, the arm changes its tip.",
         show_default="a grid",
     ),
 ]
@@ -96,7 +96,8 @@ Truth = Annotated[
     typer.Option(
         "--truth",
         metavar="FILE|random",
-        help="True map of the body (TOML), or 'random' for one that the seed draws.",
+        help="True map of the body (TOML), 'random' for one that the seed draws, or truth.json of "
+        "an earlier scan: its body, and what was planted in it, again.",
         show_default="the phantom's in a block, else random",
     ),
 ]

@@ -9,7 +9,7 @@ from pydantic import JsonValue
 
 from models import InputError, Scan, write_scan
 from palpmap.commands.scan_scene import draw_scene
-from palpmap.commands.scan_truth import true_parameters, write_truth
+from palpmap.commands.scan_truth import true_parameters, truth_of_scan, write_truth
 from palpmap.console import Output, to_type
 from palpmap.progress import scan_stages
 from palpmap.recording.recorder import Recording
@@ -38,7 +38,6 @@ from palpmap.study.virtual_lab import (
     default_study,
     default_truth,
     known_of,
-    truth_of,
     with_touch_error,
 )
 
@@ -259,13 +258,7 @@ def _truth(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> Trut
         return Truth(drawn_truth(plan.body, seed))
     if not truth.endswith(".json"):
         return read_truth(truth, study)
-    earlier = TruthRecord.read(Path(truth))
-    if earlier.effects:
-        raise InputError(
-            f"{truth}: found hidden effects, expected a map alone; write the map in TOML and plant "
-            "effects with --plant"
-        )
-    return Truth(truth_of(earlier.body.map))
+    return truth_of_scan(TruthRecord.read(Path(truth)))
 
 
 def make_scan(

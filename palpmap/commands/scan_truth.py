@@ -4,7 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from identify.map import GaussianMap
 from palpmap.result.truth import FILE, TruthRecord
+from palpmap.study.truth_file import Truth
+from palpmap.study.virtual_lab import truth_of
 
 if TYPE_CHECKING:
     from sim.body import HiddenBody, TruthMap
@@ -26,3 +29,13 @@ def write_truth(run: Path, body: "HiddenBody", effects: Sequence[Mapping[str, ob
         {"body": body.truth.record() | beyond, "effects": effects or None}
     )
     said.write(run / FILE)
+
+
+def truth_of_scan(record: TruthRecord) -> Truth:
+    """Return the body of an earlier scan, with the effects that were hidden in it."""
+    from sim.scan import Earlier
+
+    effects = [effect.model_dump() for effect in record.effects or ()]
+    own = len(record.body.inclusions) - sum(e["name"] == "extra_inclusion" for e in effects)
+    found = GaussianMap(record.body.background_pa, record.body.inclusions[:own])
+    return Truth(truth_of(found), earlier=Earlier(effects))

@@ -42,6 +42,7 @@ from palpmap.study.study import Study
 if TYPE_CHECKING:
     from fem.finite_strain import HyperelasticLaw
     from sim.body import Creep, TruthMap
+    from sim.scan import Earlier
 
 
 class TrueInclusion(Table):
@@ -94,11 +95,19 @@ class TruthFile(Table):
 
 @dataclass(frozen=True)
 class Truth:
-    """A true body: its map in the body's frame, its law, its creep (None: linear, elastic)."""
+    """A true body.
+
+    Attributes
+    ----------
+    map : in the body's frame
+    law, creep : None: linear, elastic
+    earlier : scans of it before, whose effects act again
+    """
 
     map: TruthMap
     law: HyperelasticLaw | None = None
     creep: Creep | None = None
+    earlier: Earlier | None = None
 
 
 def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:

@@ -113,26 +113,25 @@ def build_laboratory(
     Parameters
     ----------
     plant : effects to hide, with their sizes
-    truth : of the body; None is `default_truth`
+    truth : of the body, with the scans before whose effects act again; None is `default_truth`
     motion : of the plan, where it is known already
     """
     from sim.body import HiddenBody, SoftBody
-    from sim.scan import plant_on_robot
+    from sim.scan import Earlier, plant_on_robot
 
     truth = truth or Truth(default_truth(plan.body, settings.seed))
-    block = study.body.size_m
-    if plant and block is None:
+    block, earlier = study.body.size_m, truth.earlier or Earlier()
+    if (plant or earlier.records) and block is None:
         raise InputError(
             'effects can be planted in blocks; the study has body.shape = "surface": leave out '
             "--plant"
         )
     size = block or tuple(plan.body.extent_m)
-    hidden = plant_on_robot(
-        plant, plan, settings, HiddenBody(size, study.body.poisson_ratio, truth.map)
-    )
+    known = HiddenBody(size, study.body.poisson_ratio, truth.map)
+    hidden = plant_on_robot(plant, plan, settings, known, earlier)
     body = SoftBody(
         block or (plan.body.vertices_m, plan.body.triangles),
-        hidden.pressed.modulus if plant else truth.map,
+        hidden.pressed.modulus if hidden.records else truth.map,
         hidden.pressed.poisson_ratio,
         [plan.tip_of(press) for press in range(len(plan))],
         plan.points_m,

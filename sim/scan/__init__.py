@@ -2,7 +2,7 @@
 
 from sim.scan.outcome import PressOutcome
 from sim.scan.path_log import PathResult
-from sim.scan.plant_on_robot import RobotPlant, plant_on_robot
+from sim.scan.plant_on_robot import Earlier, RobotPlant, plant_on_robot
 from sim.scan.result import PHASES as SERIES_PHASES
 from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
 from sim.scan.session import Session
@@ -10,6 +10,7 @@ from sim.scan.whole_scan import run_scan
 
 __all__ = [
     "SERIES_PHASES",
+    "Earlier",
     "Frame",
     "PathResult",
     "PressOutcome",

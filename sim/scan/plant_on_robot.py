@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import runpy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -51,7 +51,7 @@ class RobotPlant:
 
     body: HiddenBody
     pressed: HiddenBody
-    records: tuple[dict[str, Any], ...] = ()
+    records: tuple[Mapping[str, Any], ...] = ()
     mechanisms: Mechanisms = field(default_factory=Mechanisms)
 
     def report(self, scan: Scan) -> Scan:
@@ -61,8 +61,48 @@ class RobotPlant:
         return scan.replace(force_vector_n=None, tip_pose=None)
 
 
+@dataclass(frozen=True)
+class Earlier:
+    """Scans that were made of the same body before.
+
+    Attributes
+    ----------
+    records : of the effects in them, as `RobotPlant` has them
+    end_s, presses : time of the body's clock at which the next scan begins, and presses by then
+    """
+
+    records: Sequence[Mapping[str, Any]] = ()
+    end_s: float = 0.0
+    presses: int = 0
+
+    @property
+    def planted(self) -> tuple[Planted, ...]:
+        """The effects with their values.
+
+        Raises
+        ------
+        InputError
+            Something that is no effect: a fault befalls presses of its own scan alone.
+        """
+        for record in self.records:
+            if record["name"] not in NAMES:
+                raise InputError(
+                    f"found '{record['name']}' in the earlier scan, expected effects alone: faults "
+                    "and files of hooks belong to the presses of their scan; plant them with "
+                    "--plant"
+                )
+        return tuple((HIDDEN[one["name"]], dict(one["values"])) for one in self.records)
+
+
+NONE_EARLIER = Earlier()
+
+
 def plant_on_robot(
-    wanted: Sequence[tuple[str, float]], plan: ScanPlan, settings: ScanSettings, body: HiddenBody
+    wanted: Sequence[tuple[str, float]],
+    plan: ScanPlan,
+    settings: ScanSettings,
+    body: HiddenBody,
+    earlier: Earlier = NONE_EARLIER,
 ) -> RobotPlant:
     """Draw the effects to be hidden in a robot's scan and search their amplitudes.
 
@@ -74,17 +114,19 @@ def plant_on_robot(
         it has no meaning
     plan, settings : of the scan
     body : the block without them
+    earlier : scans whose effects act again, with the same values
 
     Raises
     ------
     InputError
-        A name that is not known, a file that cannot be used.
+        A name that is not known, a file that cannot be used, a fault in an earlier scan.
     """
-    if not wanted:
+    if not (wanted or earlier.records):
         return RobotPlant(body, body)
     effects = [(name, size) for name, size in wanted if name in NAMES]
-    planted, records = _drawn(effects, plan, settings, body)
-    mechanisms = list(mechanisms_of(planted, plan, settings, body))
+    planted, drawn = _drawn(effects, plan, settings, body, earlier.planted)
+    records = [*earlier.records, *drawn]
+    mechanisms = list(mechanisms_of(planted, plan, settings, body, earlier.end_s, earlier.presses))
     rng = np.random.default_rng([settings.seed, 4])
     for name, size in wanted:
         if name in NAMES:
@@ -144,14 +186,17 @@ def mechanisms_of(
 
 
 def _drawn(
-    wanted: Sequence[tuple[str, float]], plan: ScanPlan, settings: ScanSettings, body: HiddenBody
+    wanted: Sequence[tuple[str, float]],
+    plan: ScanPlan,
+    settings: ScanSettings,
+    body: HiddenBody,
+    planted: tuple[Planted, ...],
 ) -> tuple[tuple[Planted, ...], list[dict[str, Any]]]:
-    """Draw values and search amplitudes on the bench."""
+    """Draw values and search amplitudes on the bench, beside effects that are planted already."""
     if not wanted:
-        return (), []
+        return planted, []
     rng = np.random.default_rng([settings.seed, 3])
     bench = Bench(program_of(plan, settings, body), body, divisions=SEARCH_DIVISIONS)
-    planted: tuple[Planted, ...] = ()
     records = []
     for name, size in wanted:
         effect = HIDDEN[name]

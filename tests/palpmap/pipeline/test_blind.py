@@ -17,9 +17,11 @@ from typer.testing import CliRunner
 
 import palpmap as pm
 from models.errors import InputError
+from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.blind import tournament
+from palpmap.blind.further_presses import press_further
 from palpmap.blind.records import (
     AnswerRecord,
     CoverageRecord,
@@ -513,3 +515,50 @@ def test_a_deep_inclusion_is_not_taken_for_a_hard_grain(tmp_path):
     assert not found.at_bound
     assert inclusion.z_m == pytest.approx(true.centre_m[2], abs=3e-3)
     assert inclusion.weight_pa == pytest.approx(true.weight_pa, rel=0.3)
+
+
+def softness(scan: Scan) -> np.ndarray:
+    """Travel over force of each press while it is held, (j,) m/N."""
+    held = scan.rows(scan.phase == "hold")
+    index = held.press_index
+    return np.bincount(index, held.displacement_m) / np.bincount(index, held.force_n)
+
+
+def test_the_robot_presses_a_trial_and_goes_on_where_the_body_stands(tmp_path):
+    """The body has softened by what was pressed before; clock and numbers go on."""
+    make_trial(tmp_path, Trial(3, ("preconditioning",), (0.3,), 1, False, True, True), per_side=2)
+    program = pm.grid_program((0.064, 0.064, 0.032), per_side=2)
+    scan = read_scan(load_study(press_further(tmp_path, program)).scan)
+    assert scan.press_ids.tolist() == list(range(8))
+    assert scan.time_s[scan.press == 4].min() > scan.time_s[scan.press == 3].max() + 55
+    answer = unseal(tmp_path)
+    assert answer.robot
+    assert len(answer.program["x_m"]) == 8
+    v = answer.effects[0].values
+    softened = 1 + v["share"] * (1 - (1 - 1 / v["presses"]) ** np.arange(8))
+    expected = np.log(softened[4:] / softened[:4]).mean()
+    soft = softness(scan)
+    found = np.log(soft[4:] / soft[:4]).mean()
+    assert expected > 0.05
+    assert found == pytest.approx(expected, abs=0.015)  # first touch is known to 0.05 mm of 5 mm
+
+
+@pytest.mark.slow
+def test_what_an_earlier_scan_had_planted_acts_again(tmp_path):
+    """`scan --truth truth.json`: the same body, the same effects with the same values."""
+    first, again = tmp_path / "first", tmp_path / "again"
+    plant = ["--plant", "extra_inclusion:8", "--plant", "tool_compliance:12"]
+    runs = {first: ["--seed", "1", *plant], again: ["--truth", str(first / "truth.json")]}
+    for folder, more in runs.items():
+        done = RUN.invoke(app, ["scan", "--presses-per-side", "2", *more, "--out", str(folder)])
+        assert done.exit_code == 0, done.output
+    said = [json.loads((folder / "truth.json").read_text()) for folder in runs]
+    assert said[0] == said[1]
+    soft = [softness(read_scan(folder / "scan.csv")) for folder in runs]
+    assert np.log(soft[0] / soft[1]).mean() == pytest.approx(0.0, abs=0.015)
+    told = json.loads((first / "truth.json").read_text())
+    told["effects"][0]["name"] = "sensor_frozen"
+    (first / "truth.json").write_text(json.dumps(told))
+    done = RUN.invoke(app, ["scan", "--truth", str(first / "truth.json"), "--out", str(again)])
+    assert done.exit_code == 2
+    assert "found 'sensor_frozen' in the earlier scan" in " ".join(done.stderr.split())

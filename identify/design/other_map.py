@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import chdtrc
 
+from identify.effects.unknown_course import UNKNOWN
 from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
@@ -87,9 +88,10 @@ def other_map(
     excess = max(before.chi2 - before.dof, 1.0)
     presses = free_compliance(start.scan, start.body, last.model.noise)
     own = explained.ladder[0].fit.effect_names
-    given = [p for p in last.model.effects if p.effect.name in own]
+    named = [p for p in last.model.effects if p.effect.family != UNKNOWN]
+    given = [p for p in named if p.effect.name in own]
     alone = min(
-        (_alone(presses, parts, last) for parts in (given, last.model.effects)),
+        (_alone(presses, parts, last) for parts in (given, named)),
         key=lambda fit: fit.chi2 + fit.unknowns * np.log(len(fit.residual)),
     )
     left = (alone.chi2 - alone.dof) / excess

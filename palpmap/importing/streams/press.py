@@ -155,6 +155,7 @@ def cut_press(
             f"the depth of first touch is known to {1e3 * touch_error:.2g} mm only, of a travel of "
             f"{1e3 * travel:.2g} mm"
         )
+    felt_until = contact.release
     contact = tared_at(contact, time, window.force_n, even_depth, touch)
     force = window.force_n - contact.tare_n
     even_force = smooth(force, time)
@@ -162,7 +163,8 @@ def cut_press(
         raise SpoiltPress(f"the force on the way in is no smooth curve (off by {rough:.2g} N)")
     above = np.flatnonzero(even_depth[: way_in.stop] < touch)
     first = int(above[-1]) + 1 if len(above) else contact.touch
-    touched = slice(first, contact.release + 1)
+    # A viscous body stays behind: the tip leaves it before it is back where it touched
+    touched = slice(first, felt_until + 1)
     held = _hold(time[touched], depth[touched] - touch)
     loading = slice(first, first + held.start)
     beside = window.position_m[loading] - np.outer(depth[loading], window.direction)

@@ -142,8 +142,7 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     """
     own = fit.experiment
     scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)
-    noise = experiment.study.noise
-    known = scan_noise(scan.used(), noise.displacement_m, noise.force_n, noise.touch_m or 0.0)
+    known = scan_noise(scan.used(), **experiment.study.noise.model_dump())
     opened = own.opened(progress, thin=len(fit.force_n) != len(touching(own.scan).used()))
     progress("predicting the other scan")
     found = predict_scan(opened, fit, catalogue_with(own.own_effects), scan, known)

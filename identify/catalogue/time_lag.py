@@ -7,10 +7,10 @@ import numpy as np
 from identify.body.state import BodyState
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
+from identify.effects.smooth import LocalLines
 from identify.effects.units import more
 
 _LONGEST = 0.25  # of the median press
-_LEAST, _SMOOTH_S = 3, 0.1  # readings, and time, to each side of one in a local line
 _INSTANT_S = 1e-3  # a reading that close to a corner stays on its side
 
 
@@ -75,8 +75,7 @@ def _growth(readings: Readings, lag_s: float) -> np.ndarray:
     """
     press, force = readings.press, readings.force_n
     within = readings.timed_s - readings.touch_time_s[press]
-    same = (readings.phase[1:] == readings.phase[:-1]) & (press[1:] == press[:-1])
-    run = np.append(0, np.cumsum(~same))
+    run = readings.run
     first = run[readings.first]
     last = np.append(first[1:], run[-1] + 1) - 1
     apart = 2 * (float(within.max()) + abs(lag_s)) + 1.0  # between presses, on one axis
@@ -85,31 +84,7 @@ def _growth(readings: Readings, lag_s: float) -> np.ndarray:
     felt = np.searchsorted(ends, press * apart + within - shift)  # the phase that a reading shows
     felt = np.clip(felt, first[press], last[press])
     order = np.argsort(felt, kind="stable")
-    half = max(_LEAST, int(np.ceil(_SMOOTH_S / max(readings.sampling_step_s, 1e-9))))
-    nodes = felt[order]
     place = np.empty(len(order), int)
     place[order] = np.arange(len(order))
-    course = _LocalLines(nodes, within[order], force[order], half)
+    course = LocalLines(felt[order], within[order], force[order], readings.sampling_step_s)
     return course.at(run, place, within + lag_s) - course.at(felt, place, within)
-
-
-class _LocalLines:
-    """Least-squares lines through up to 2 half + 1 neighbouring readings of a phase."""
-
-    def __init__(self, phase: np.ndarray, time_s: np.ndarray, force_n: np.ndarray, half: int):
-        self.phase, self.half = phase, half
-        rows = np.column_stack([np.ones_like(time_s), time_s, force_n, time_s**2, time_s * force_n])
-        self.sums = np.vstack([np.zeros(5), np.cumsum(rows, axis=0)])
-
-    def at(self, phase: np.ndarray, near: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Force (m,) at times on the courses of phases, each by the line nearest to a place."""
-        low = np.searchsorted(self.phase, phase)
-        high = np.searchsorted(self.phase, phase, "right")
-        width = 2 * self.half + 1
-        start = np.clip(np.minimum(near - self.half, high - width), low, None)
-        stop = np.minimum(start + width, high)
-        n, t, f, tt, tf = (self.sums[stop] - self.sums[start]).T
-        n = np.maximum(n, 1)
-        spread = np.maximum(tt - t * t / n, 0.0)
-        slope = np.divide(tf - t * f / n, spread, out=np.zeros_like(t), where=spread > 1e-12)
-        return f / n + slope * (time_s - t / n)

@@ -78,6 +78,12 @@ class Readings:
         return np.searchsorted(self.press, np.arange(self.presses))
 
     @cached_property
+    def run(self) -> np.ndarray:
+        """Number (m,) of each reading's phase of its press, rising over the scan."""
+        same = (self.phase[1:] == self.phase[:-1]) & (self.press[1:] == self.press[:-1])
+        return np.append(0, np.cumsum(~same))
+
+    @cached_property
     def between_m(self) -> np.ndarray:
         """Distances between the points of the presses, (j, j) m."""
         points = self.point_m[self.first]

@@ -32,7 +32,7 @@ from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.noise import Noise
-from identify.measurement.shared_error import decorrelated, touch_errors
+from identify.measurement.shared_error import decorrelated, lag_error_m
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
 
@@ -311,9 +311,15 @@ class FreeCompliance:
         return np.log(c), judged, columns
 
     def _white(self, judged: Judged, change_m: np.ndarray) -> np.ndarray:
-        """Whiten changes (m,) or (m, q) by the noise and the error of first touch."""
-        errors = touch_errors(self.noise.touch_m, judged.sigma_m)
-        return decorrelated((change_m.T / judged.sigma_m).T, errors, self.readings.press)
+        """Whiten changes (m,) or (m, q) by the noise and the errors of first touch and lag."""
+        sigma = judged.sigma_m
+        errors = np.column_stack([np.full_like(sigma, self.noise.touch_m), self._lag_m])
+        errors /= sigma[:, None]
+        return decorrelated((change_m.T / sigma).T, errors, self.readings.press)
+
+    @cached_property
+    def _lag_m(self) -> np.ndarray:
+        return lag_error_m(self.noise, self.readings, self.displacement_m)
 
     def _columns(
         self,

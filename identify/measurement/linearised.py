@@ -43,10 +43,11 @@ class Linearised:
     jacobian : (m, k) derivative of the whitened PREDICTION (minus that of the residual) by the
         scaled unknowns
     rms_m : root mean square of measured less predicted displacement
-    shared_errors : (m, 2) change of the whitened prediction by one standard deviation of each error
-        that the readings of a press share: of the map (by ln C) and of first touch
-    common_errors : (m, 1) the same of the error of first touch that all presses share; empty beside
-        an uncertain map
+    shared_errors : (m, 3) change of the whitened prediction by one standard deviation of each error
+        that the readings of a press share: of the map (by ln C), of first touch and, beside an
+        uncertain map, of the lag
+    common_errors : (m, 2) the same of the errors that all presses share: of first touch and of the
+        lag; zero beside an uncertain map
     by_compliance, by_modulus : (m,) derivative of the prediction by C and local modulus, at F^
     compliance, modulus : (j,) of the presses, and the modulus under the tip, there
     body : compliances and their derivatives by the map

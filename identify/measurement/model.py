@@ -32,7 +32,7 @@ from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.settings import TOUCH
-from identify.measurement.shared_error import decorrelated, touch_errors
+from identify.measurement.shared_error import decorrelated, lag_error_m
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 _OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map
@@ -172,7 +172,8 @@ class MeasurementModel:
     def is_linear(self) -> bool:
         """Whether d = C F with the noise alone, so that two rows a press suffice."""
         plain = self.press_error == 0 and self.map_uncertainty is None
-        return plain and not (self.effects or self.chain.nonlinear or self.noise.touch_m)
+        shares = self.noise != self.noise.of_readings
+        return plain and not (self.effects or self.chain.nonlinear or shares)
 
     def evaluate(self, u: np.ndarray, slack: float = 0.0) -> Compressed | Linearised:
         """Residual and derivatives at scaled coordinates (k,), compressed if that is exact.
@@ -203,22 +204,32 @@ class MeasurementModel:
         if self.unit_compliance is not None:
             e = self.unit_compliance / c
         judged = judge(self._chain(body), c, e, self.displacement_m, self.noise, self.values(u))
-        touch = touch_errors(self.noise.touch_m, judged.sigma_m)
-        white, _ = self._whitening(touch, touch)
+        white, _, _ = self._whitening(judged.sigma_m)
         return white(judged.residual_m / judged.sigma_m)
 
-    def _whitening(
-        self, touch: np.ndarray, shared: np.ndarray
-    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
-        """Return what whitens by the errors that readings share, and the column common to all.
+    @cached_property
+    def _lag_m(self) -> np.ndarray:
+        return lag_error_m(self.noise, self.readings, self.displacement_m)
 
-        `shared` (m, r) are those of each press, of which `touch` (m, 1) is partly common to all. A
-        free map is whitened press by press.
+    def _whitening(
+        self, sigma_m: np.ndarray, *errors_m: np.ndarray
+    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
+        """Return what whitens by the errors that readings share; those of a press, those of all.
+
+        `errors_m` (m,) are further ones of a press. That of the first touch is partly common to
+        all presses, that of the lag wholly. A free map is whitened press by press.
         """
         press, together = self.readings.press, np.zeros_like(self.readings.press)
-        alike = 0.0 if self.map_uncertainty is not None else TOUCH.common_share
-        common = decorrelated(alike * touch, shared, press)
-        return lambda x: decorrelated(decorrelated(x, shared, press), common, together), common
+        touch, lag = np.full_like(sigma_m, self.noise.touch_m), self._lag_m
+        alone = self.map_uncertainty is not None
+        shared = np.column_stack([*errors_m, touch, alone * lag]) / sigma_m[:, None]
+        common = np.column_stack([TOUCH.common_share * touch, lag]) / sigma_m[:, None]
+        common = decorrelated((not alone) * common, shared, press)
+        return (
+            lambda x: decorrelated(decorrelated(x, shared, press), common, together),
+            shared,
+            common,
+        )
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
@@ -295,10 +306,8 @@ class MeasurementModel:
             first += len(part.parameters)
         press = self.readings.press
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
-        map_error = off[press] * (by_c * c[press] - by_e * e[press]) / sigma
-        touch = touch_errors(self.noise.touch_m, sigma)
-        shared = np.hstack([map_error[:, None], touch])
-        white, common = self._whitening(touch, shared)
+        map_error = off[press] * (by_c * c[press] - by_e * e[press])
+        white, shared, common = self._whitening(sigma, map_error)
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,

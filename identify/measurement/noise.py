@@ -11,7 +11,9 @@ columns at once, in the ratio of the press's compliance C. With the differences 
     sd_d^2 = var(D) - C cov(D, G)        sd_F^2 = var(G) - cov(D, G) / C
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +27,8 @@ _POINTS = 4  # of a third difference
 class Noise:
     """Standard deviation of displacement (m) and force (N), each given or estimated.
 
-    `touch_m` is that of a press's depth of first touch, an error which its readings share.
+    `touch_m` is that of a press's depth of first touch, an error which its readings share;
+    `lag_s` that of the lag between the channels, which all readings share.
     """
 
     displacement_m: float
@@ -33,14 +36,19 @@ class Noise:
     displacement_estimated: bool = False
     force_estimated: bool = False
     touch_m: float = 0.0
+    lag_s: float = 0.0
 
     def __post_init__(self) -> None:
         values = (self.displacement_m, self.force_n)
-        if not (np.isfinite(self.touch_m) and self.touch_m >= 0):
-            raise InputError(
-                f"the noise's touch_m must be a number >= 0, found {self.touch_m}: it is the "
-                "standard deviation of the depth of first touch in m"
-            )
+        for name, what in (
+            ("touch_m", "depth of first touch in m"),
+            ("lag_s", "lag between force and displacement in s"),
+        ):
+            if not (np.isfinite(value := getattr(self, name)) and value >= 0):
+                raise InputError(
+                    f"the noise's {name} must be a number >= 0, found {value}: it is the "
+                    f"standard deviation of the {what}"
+                )
         if not all(np.isfinite(v) and v >= 0 for v in values) or max(values) == 0:
             raise InputError(
                 "the noise must be two numbers >= 0, not both zero, found "
@@ -53,21 +61,32 @@ class Noise:
         """Whether any of the two was estimated from the scan."""
         return self.displacement_estimated or self.force_estimated
 
+    @property
+    def of_readings(self) -> Noise:
+        """The noise of each reading alone, without the errors that readings share."""
+        return replace(self, touch_m=0.0, lag_s=0.0)
+
 
 def scan_noise(
     scan: Scan,
     displacement_m: float | None = None,
     force_n: float | None = None,
-    touch_m: float = 0.0,
+    touch_m: float | None = None,
+    lag_s: float | None = None,
     settings: NoiseSettings = NOISE,
 ) -> Noise:
-    """Return the noise as given, with a None estimated from the scan's smooth ramps.
+    """Return the noise as given; of a reading, a None is estimated from the scan's smooth ramps.
 
     Raises `InputError` for an estimate from a scan with too few runs of four samples.
     An estimate is at least a millionth of the column's rms, so that weights stay finite.
     """
+    if lag_s and not scan.has_time:
+        raise InputError(
+            "the study states noise.lag_s, but the scan has no time stamps: take the key out, or "
+            "give time_s"
+        )
     if displacement_m is not None and force_n is not None:
-        return Noise(displacement_m, force_n, touch_m=touch_m)
+        return Noise(displacement_m, force_n, touch_m=touch_m or 0.0, lag_s=lag_s or 0.0)
     d, f, compliance = _differences(scan)
     least = settings.least_differences
     if len(d) < least:
@@ -85,7 +104,8 @@ def scan_noise(
         max(np.sqrt(max(variance_f, 0.0)), floor_f) if force_n is None else force_n,
         displacement_m is None,
         force_n is None,
-        touch_m,
+        touch_m or 0.0,
+        lag_s or 0.0,
     )
 
 

@@ -1,10 +1,14 @@
-"""Errors that all readings of a press share: of the map, and of the depth of first touch.
+"""Errors that readings share: of the map, of the depth of first touch, and of the channels' lag.
 
 Beside their noise the whitened readings of a press then have the covariance I + E E', where E has
 a column for each shared error.
 """
 
 import numpy as np
+
+from identify.effects.readings import Readings
+from identify.effects.smooth import LocalLines
+from identify.measurement.noise import Noise
 
 
 def decorrelated(x: np.ndarray, errors: np.ndarray, press: np.ndarray) -> np.ndarray:
@@ -30,9 +34,19 @@ def correlated(x: np.ndarray, errors: np.ndarray, press: np.ndarray) -> np.ndarr
     return _scaled_along(x, errors, press, 0.5)
 
 
-def touch_errors(touch_m: float, sigma_m: np.ndarray) -> np.ndarray:
-    """Return the column (m, 1) of an error of first touch: the same length in all readings."""
-    return (touch_m / sigma_m)[:, None]
+def lag_error_m(noise: Noise, readings: Readings, displacement_m: np.ndarray) -> np.ndarray:
+    """Return the change (m,) of the travel by one standard deviation of the lag, m.
+
+    Travel and force then belong to different instants: the travel is off by the lag times the
+    tip's speed, and so is the first touch where travel counts from it.
+    """
+    if not noise.lag_s:
+        return np.zeros(len(readings))
+    press = readings.press
+    within = readings.timed_s - readings.timed_s[readings.first][press]
+    speed = LocalLines(readings.run, within, displacement_m, readings.sampling_step_s).slopes()
+    at_touch = 0.0 if readings.travel_from == "plane" else speed[readings.first][press]
+    return noise.lag_s * (speed - at_touch)
 
 
 def _scaled_along(x: np.ndarray, errors: np.ndarray, press: np.ndarray, power: float) -> np.ndarray:

@@ -90,7 +90,7 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
         parameters=view.absorbed.shape[1],
         rms_m=float(np.sqrt(np.mean(w.residual_m**2))),
         expected_rms_m=float(
-            np.sqrt(np.mean(w.sigma_m**2) * view.dof / len(w.residual_m) + w.touch_m**2)
+            np.sqrt(np.mean(w.sigma_m**2) * view.dof / len(w.residual_m) + w.shared_m**2)
         ),
         chi2=view.chi2,
         dof=view.dof,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from fem import PalpationModel
@@ -58,7 +56,7 @@ def fitted_model(
         for name, given in values.items()
     )
     model = MeasurementModel(
-        readings, experiment.scan.used().displacement_m, replace(fit.noise, touch_m=0.0),
+        readings, experiment.scan.used().displacement_m, fit.noise.of_readings,
         mechanics, space, parts, unit_compliance=unit_compliance(body.coarse, fit),
     )  # fmt: skip
     return model.corrected(model.start(fit.map))

@@ -35,6 +35,7 @@ from identify.map import FreeMap
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
+from identify.measurement.shared_error import lag_error_m
 from identify.residual.fitted_model import fitted_model, unit_compliance
 from identify.residual.law_error import law_error
 from identify.residual.own_errors import OwnErrors, map_error, own_errors, shared_places
@@ -144,7 +145,7 @@ def predict(
         seen,
         readings=Readings.of(scan),
         displacement_m=used.displacement_m,
-        noise=replace(noise, touch_m=0.0),
+        noise=noise.of_readings,
         mechanics=BodyMechanics.of(body.coarse, body.fine),
         press_error=0.0,
         unit_compliance=unit_compliance(body.coarse, fit),
@@ -158,6 +159,7 @@ def predict(
     laws = law_error(experiment, seen, there, min(depth_m / _depth_m(used), 1.0))
     press, columns = model.readings.press, doubt.columns
     off = doubt.own[press] * model.by_log_compliance(at) ** 2 + noise.touch_m**2
+    off += lag_error_m(noise, model.readings, used.displacement_m) ** 2
     variance = {
         "noise": at.sigma_m**2,
         "map and effects": np.einsum("mk,kl,ml->m", columns, doubt.covariance, columns),

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.measurement import Noise
+from identify.measurement.shared_error import lag_error_m
 from models import InputError, Scan
 
 
@@ -36,8 +38,8 @@ class Whitened:
     size : (chi-square, degrees of freedom)
         Of the fit itself, where it is not that of the residual without the absorbed directions:
         beside a free map that of the readings about the prior's mean.
-    touch_m : float
-        Standard deviation of the depth of first touch, an error that a press's readings share.
+    shared_m : float
+        Standard deviation (rms) of the errors that readings share: of first touch and of the lag.
     """
 
     scan: Scan
@@ -47,7 +49,7 @@ class Whitened:
     absorbed: np.ndarray
     noise_estimated: bool
     size: tuple[float, int] | None = None
-    touch_m: float = 0.0
+    shared_m: float = 0.0
 
     def __post_init__(self) -> None:
         for array in (self.residual_m, self.sigma_m, self.force_n, self.absorbed):
@@ -106,27 +108,28 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
         derivative = np.hstack([*own, fit.field.absorbed_m(rows.press_index)])
     elif derivative is None:
         derivative = fit.compliance_jacobian[rows.press_index] * fit.latent_force_n[:, None]
+    directions, shared_m = shared_errors(fit.noise, Readings.of(rows), rows.displacement_m)
     return Whitened(
         scan=rows,
         residual_m=fit.residual_m,
         sigma_m=fit.sigma_m,
         force_n=fit.latent_force_n,
-        absorbed=with_touch(
-            derivative / fit.sigma_m[:, None], rows.press_index, fit.sigma_m, fit.noise
-        ),
+        absorbed=np.hstack([derivative, directions]) / fit.sigma_m[:, None],
         noise_estimated=fit.noise.estimated,
         size=None if fit.field is None else (fit.chi2, fit.dof),
-        touch_m=fit.noise.touch_m,
+        shared_m=shared_m,
     )
 
 
-def with_touch(
-    absorbed: np.ndarray, press: np.ndarray, sigma_m: np.ndarray, noise: Noise
-) -> np.ndarray:
-    """Return absorbed directions (m, k + j), an offset of each press among them if its touch errs.
+def shared_errors(
+    noise: Noise, readings: Readings, displacement_m: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return directions (m, q) in which shared errors move the travel, and the errors' rms in m.
 
-    What an uncertain first touch shifts is no structure of the residual.
+    What an uncertain first touch of a press or an uncertain lag shifts is no structure of a
+    residual.
     """
-    if not noise.touch_m:
-        return absorbed.copy()
-    return np.hstack([absorbed, (press[:, None] == np.arange(press.max() + 1)) / sigma_m[:, None]])
+    lag_m = lag_error_m(noise, readings, displacement_m)
+    each = readings.press[:, None] == np.arange(readings.presses if noise.touch_m else 0)
+    directions = np.column_stack([each, lag_m] if noise.lag_s else [each])
+    return directions, float(np.sqrt(noise.touch_m**2 + np.mean(lag_m**2)))

@@ -3,13 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from identify.effects.base import Effect
 from identify.fit.cross_validation import CrossValidation, cross_validate
 from identify.fit.result import FitResult
 from identify.measurement.shared_error import correlated
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.whitened import Whitened, whitened, with_touch
+from identify.residual.whitened import Whitened, shared_errors, whitened
 from identify.select.diagnosis import Diagnosis, diagnose
 from identify.select.settings import SELECTION, SelectionSettings
 from models import Scan
@@ -54,7 +56,9 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
     # The comparison knows the noise alone, not an error of the map (`press_error`)
     absorbed = correlated(fit.at.jacobian, fit.at.common_errors, 0 * press)
     absorbed = correlated(absorbed, fit.at.shared_errors, press)
-    absorbed = with_touch(absorbed, press, fit.at.sigma_m, fit.model.noise)
+    model = fit.model
+    directions, shared_m = shared_errors(model.noise, model.readings, model.displacement_m)
+    absorbed = np.hstack([absorbed, directions / fit.at.sigma_m[:, None]])
     return Whitened(
         scan=scan.used(),
         residual_m=fit.residual_m,
@@ -62,5 +66,5 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         force_n=fit.at.latent_force_n.copy(),
         absorbed=absorbed,
         noise_estimated=fit.model.noise.estimated,
-        touch_m=fit.model.noise.touch_m,
+        shared_m=shared_m,
     )

@@ -240,8 +240,10 @@ def _study(made: Imported, scan_file: Path, folder: Path) -> Study:
     assert rig.body  # `Rig.needed` asks
     assert rig.probe
     body, noise = rig.body, rig.noise
-    if made.cut is not None and noise.touch_m is None:
-        noise = noise.model_copy(update={"touch_m": made.cut.touch_error_m})
+    if made.cut is not None:
+        found = {"touch_m": made.cut.touch_error_m, "lag_s": made.cut.lag_error_s}
+        stated = noise.model_dump(exclude_none=True)
+        noise = noise.model_copy(update=found | stated)
     if body.file is not None:
         body = copied(body, folder / body.file.name)
     return Study(
@@ -276,7 +278,7 @@ def commented(text: str, first: str) -> str:
         "[study]": first,
         "[body]": "# The body: size, file and origin_m (its frame in the scan's) in m.",
         "[probe]": "# The tip.",
-        "[noise]": "# One standard deviation of each reading, and of the depth of first touch.",
+        "[noise]": "# One standard deviation: of each reading, the depth of first touch, the lag.",
         "[map]": '# Number of inclusions, or "auto".',
     }
     lines = []

@@ -70,12 +70,12 @@ def open_study(
     def in_body_frame(values: dict[str, float]) -> dict[str, float]:
         return {name: value - frame_shift_m(name, origin_m) for name, value in values.items()}
 
-    body, given = build_body_model(study, used), study.noise
+    body = build_body_model(study, used)
     regions = _regions(study, body.coarse, origin_m)
     return PlacedExperiment(
         placement.scan,
         body,
-        noise or scan_noise(used, given.displacement_m, given.force_n, given.touch_m or 0.0),
+        noise or scan_noise(used, **study.noise.model_dump()),
         MapGuess(
             "auto" if study.map.kind == "auto" else study.map.inclusions,
             in_body_frame(study.map.initial),

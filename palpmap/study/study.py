@@ -64,6 +64,7 @@ class Noise(Table):
     displacement_m: Positive | None = None
     force_n: Positive | None = None
     touch_m: Positive | None = None
+    lag_s: Annotated[Real, Field(gt=0, le=0.5)] | None = None
 
 
 class Map(Table):

@@ -46,7 +46,9 @@ class Aligned:
     direction : (3,) mean direction of pressing
     spans : begin and end of each motion into the body and out again, s
     stated : direction of each press, see `palpmap.importing.streams.press.window_of`
-    lag : of the force behind the pose, in s with rough offset; None where it cannot be seen
+    lag : of the force behind the pose, in s with rough offset; None where it is stated, or cannot
+        be seen
+    lag_error_s : its standard deviation; 0 where it is stated
     offset_s : rough offset of the clocks
     """
 
@@ -59,6 +61,7 @@ class Aligned:
     spans: list[tuple[float, float]]
     stated: np.ndarray | Stream | None
     lag: Lag | None
+    lag_error_s: float
     offset_s: float
 
 
@@ -105,8 +108,10 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         if abs(more.lag_s) < SETTLED_S:
             break
     said += words
+    lag_error_s = 0.0
     if rig.pose.clock_offset_s is None:
         said.append(_lag_words(lag, offset))
+        lag_error_s = lag.error_s if lag else UNSEEN_S
     if rig.press.direction == TRAVEL:
         touching = [
             window.direction
@@ -117,8 +122,9 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     noise = float(noise_of_moving(pose.values[:, :3]).max())
     path = smooth_path(pose)
     return Aligned(
-        sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, offset
-    )
+        sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, lag_error_s,
+        offset,
+    )  # fmt: skip
 
 
 def force_with_depth(recording: Recording, rig: Rig) -> float:

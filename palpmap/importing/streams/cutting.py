@@ -10,10 +10,9 @@ import numpy as np
 from models import InputError, Scan
 from palpmap.importing.mapping.rig import Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.alignment import UNSEEN_S, Aligned, aligned
+from palpmap.importing.streams.alignment import Aligned, aligned
 from palpmap.importing.streams.clocks import GRID_S, smooth
 from palpmap.importing.streams.contact import SpoiltPress
-from palpmap.importing.streams.lag import Lag
 from palpmap.importing.streams.press import CutPress, cut_press, window_of
 from palpmap.importing.streams.stream import Stream
 
@@ -49,6 +48,11 @@ class Cut:
         error = np.sqrt(np.mean([press.touch_error_m**2 for press in self.presses]))
         return float(f"{error:.1e}")
 
+    @property
+    def lag_error_s(self) -> float | None:
+        """Standard deviation of the lag between force and pose, to two digits; None if stated."""
+        return float(f"{self.streams.lag_error_s:.1e}") or None
+
     def scan(self, radius_m: float) -> Scan:
         """Return the scan of all presses; times count from the stream's begin."""
         counts = [len(press.time_s) for press in self.presses]
@@ -82,7 +86,7 @@ def cut_stream(recording: Recording, rig: Rig) -> Cut:
     said: list[str] = []
     streams = aligned(recording, rig, said)
     presses, left_out, free = _cut_all(streams, rig)
-    presses = _unrecovered([_widened(press, streams.lag) for press in presses], streams.pose, said)
+    presses = _unrecovered([_widened(press) for press in presses], streams.pose, said)
     presses, weak = _without_weak(presses)
     left_out += weak
     if len(presses) < 2:
@@ -157,16 +161,10 @@ def _another(
     ]
 
 
-def _widened(press: CutPress, lag: Lag | None) -> CutPress:
-    """Add to the touch's error those of the lag, times the speed, and of the law of the force."""
-    load = press.phase == "load"
-    if not load.any():
-        return press
-    travel, last = float(press.displacement_m[load][-1]), float(press.time_s[load][-1])
-    speed = travel / max(last - press.touch_s, GRID_S)
-    late = (lag.error_s if lag else UNSEEN_S) * speed
-    error = np.sqrt(press.touch_error_m**2 + late**2 + (LAW * travel) ** 2)
-    return replace(press, touch_error_m=float(error))
+def _widened(press: CutPress) -> CutPress:
+    """Add to the touch's error that of the law of the force."""
+    travel = press.displacement_m[press.phase == "load"].max(initial=0.0)
+    return replace(press, touch_error_m=float(np.hypot(press.touch_error_m, LAW * travel)))
 
 
 def _unrecovered(presses: Sequence[CutPress], pose: Stream, said: list[str]) -> list[CutPress]:

@@ -117,10 +117,10 @@ def test_the_error_of_the_finer_mesh_widens_the_draws_and_leaves_their_middle(mo
     assert_allclose(u.mean(axis=0), solution.u, atol=0.1 * np.sqrt(np.diag(noise + mesh)).max())
 
 
-@pytest.mark.parametrize("touch_m", [0.0, 3e-5])
-def test_the_residual_without_derivatives_is_the_same(model, touch_m):
+@pytest.mark.parametrize(("touch_m", "lag_s"), [(0.0, 0.0), (3e-5, 0.0), (3e-5, 0.01)])
+def test_the_residual_without_derivatives_is_the_same(model, touch_m, lag_s):
     fit, _, _ = fitted(model, 1.2e-3)
-    other = replace(fit.model, noise=replace(NOISE, touch_m=touch_m))
+    other = replace(fit.model, noise=replace(NOISE, touch_m=touch_m, lag_s=lag_s))
     place = fit.u + np.array([0.1, -2.0])
     assert_allclose(other.residual(place), other.linearise(place).residual, rtol=1e-12)
 

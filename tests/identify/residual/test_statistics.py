@@ -115,7 +115,7 @@ def test_holm_is_bonferroni_for_the_smallest_and_never_falls():
     assert_allclose(adjusted, [0.003, 0.5, 0.04])
 
 
-def small_comparison(touch_m=0.0):
+def small_comparison(shared_m=0.0):
     rng = np.random.default_rng(5)
     j, n = 12, 6
     press = np.repeat(3 + 2 * np.arange(j), n)
@@ -127,7 +127,7 @@ def small_comparison(touch_m=0.0):
     )  # fmt: skip
     sigma = np.full(j * n, 2e-5)
     residual = rng.normal(0, sigma)
-    w = Whitened(scan, residual, sigma, force, force[:, None] / 2e-5, False, touch_m=touch_m)
+    w = Whitened(scan, residual, sigma, force, force[:, None] / 2e-5, False, shared_m=shared_m)
     return compare_residual(w)
 
 
@@ -139,8 +139,8 @@ def test_a_comparison_is_written_whole(tmp_path):
     assert [p["press"] for p in written["presses"]] == list(range(3, 27, 2))
 
 
-def test_the_noise_expected_of_a_residual_has_the_error_of_first_touch_in_it():
-    sharp, unsure = small_comparison(), small_comparison(touch_m=5e-5)
+def test_the_noise_expected_of_a_residual_has_the_shared_errors_in_it():
+    sharp, unsure = small_comparison(), small_comparison(shared_m=5e-5)
     assert_allclose(unsure.expected_rms_m, np.hypot(sharp.expected_rms_m, 5e-5))
 
 

@@ -46,7 +46,12 @@ def test_a_good_study_is_summed_up_as_json(case):
     found = checked(LAB / case / "study.toml")
     assert found["presses"] == 81
     assert found["samples"] == {"load": 648, "hold": 648, "unload": 486}
-    assert found["noise"] == {"displacement_m": 2e-5, "force_n": 5e-3, "touch_m": None}
+    assert found["noise"] == {
+        "displacement_m": 2e-5,
+        "force_n": 5e-3,
+        "touch_m": None,
+        "lag_s": None,
+    }
     assert found["placement"]["largest_distance_m"] < 1e-12
     assert found["sha256"]["scan"] == sha256(LAB / case / "scan.csv")
 

@@ -354,13 +354,13 @@ def faults(stream: RawStream, cut) -> tuple[list[str], list[str]]:
             continue
         k = near[0]
         taken.add(k)
-        silent += _press_faults(stream, press, cut.presses[k])
+        silent += _press_faults(stream, press, cut.presses[k], cut.streams.lag_error_s)
     silent += [f"press at {cut.presses[k].touch_s:.2f} s does not exist"
                for k in range(len(cut.presses)) if k not in taken]  # fmt: skip
     return silent, lost
 
 
-def _press_faults(stream: RawStream, press: TruePress, found) -> list[str]:
+def _press_faults(stream: RawStream, press: TruePress, found, lag_error_s: float) -> list[str]:
     wrong = []
 
     def check(what: str, error: float, allowed: float) -> None:
@@ -370,7 +370,9 @@ def _press_faults(stream: RawStream, press: TruePress, found) -> list[str]:
             )
 
     where = (found.point_m - press.point) @ press.direction
-    known = max(1e-4, 0.05 * press.travel, 4 * found.touch_error_m)
+    last = int(np.sum(found.phase == "load")) - 1
+    late = lag_error_s * found.displacement_m[last] / (found.time_s[last] - found.touch_s)
+    known = max(1e-4, 0.05 * press.travel, 4 * float(np.hypot(found.touch_error_m, late)))
     check("touch, m", where, known)
     beside = np.linalg.norm(found.point_m - press.point - where * press.direction)
     check("place beside, m", beside, 3e-4)
@@ -380,6 +382,8 @@ def _press_faults(stream: RawStream, press: TruePress, found) -> list[str]:
     )
     turned = np.degrees(np.arccos(np.clip(found.direction @ press.direction, -1, 1)))
     check("direction, degrees", turned, 1.5)
+    if stream.normal_n[int((found.time_s[-1] - stream.lag_s) / STEP)] <= 0:
+        wrong.append(f"press at {found.touch_s:.2f} s: its last row is out of contact")
     hold = found.time_s[found.phase == "hold"]
     ramp = press.hold[0] - press.touch_s
     check("begin of hold, s", hold[0] - stream.to_force_clock(press.hold[0]),

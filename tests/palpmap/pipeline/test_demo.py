@@ -160,7 +160,12 @@ def test_check_accepts_the_scan_and_study_that_the_demo_wrote(demo):
     assert checked["presses"] == 81
     assert checked["samples"] == {"load": 648, "hold": 648, "unload": 486}
     assert checked["sha256"]["scan"] == sha256(demo.folder / "scan.csv")
-    assert checked["noise"] == {"displacement_m": 2e-5, "force_n": 5e-3, "touch_m": None}
+    assert checked["noise"] == {
+        "displacement_m": 2e-5,
+        "force_n": 5e-3,
+        "touch_m": None,
+        "lag_s": None,
+    }
     assert checked["placement"]["largest_distance_m"] < 5e-4
 
 

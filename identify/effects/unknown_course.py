@@ -23,11 +23,17 @@ UNKNOWN = "unknown"  # family of all courses
 
 
 class _Argument(NamedTuple):
-    """What a course goes along: its basis (m, q) at forces (m,), for a sentence, and its needs."""
+    """What a course goes along.
+
+    `basis` (m, q) at forces (m,), `words` for a sentence, `needs`; for a picture `axis`, its name
+    and unit, and the places `at` (m,) on it, NaN where the course is nothing.
+    """
 
     basis: Callable[[Readings, np.ndarray], np.ndarray]
     words: str
     needs: tuple[Need, ...]
+    axis: tuple[str, str] = ("", "")
+    at: Callable[[Readings], np.ndarray] | None = None
 
 
 def _session(readings: Readings, force_n: np.ndarray) -> np.ndarray:
@@ -35,8 +41,12 @@ def _session(readings: Readings, force_n: np.ndarray) -> np.ndarray:
     return natural_spline(time / max(float(time.max()), 1e-9))
 
 
+def _since_touch(readings: Readings) -> np.ndarray:
+    return np.maximum(readings.timed_s - readings.touch_time_s[readings.press], 0.0)
+
+
 def _within(readings: Readings, force_n: np.ndarray) -> np.ndarray:
-    since = np.maximum(readings.timed_s - readings.touch_time_s[readings.press], 0.0)
+    since = _since_touch(readings)
     return natural_spline(np.sqrt(since / max(float(since.max()), 1e-9)))  # creep begins fast
 
 
@@ -56,18 +66,37 @@ def _place(readings: Readings, force_n: np.ndarray) -> np.ndarray:
 
 _ARGUMENTS = {
     "session": _Argument(
-        _session, "the time of the session, smoothly, the same at all places",
+        _session,
+        "the time of the session, smoothly, the same at all places",
         ("time", "several presses"),
+        ("time of the session", "s"),
+        lambda readings: readings.elapsed_s,
     ),
-    "within": _Argument(_within, "the time within a press, alike in all presses", ("time",)),
-    "force": _Argument(_force, "the force, alike in all presses", ("several forces",)),
+    "within": _Argument(
+        _within,
+        "the time within a press, alike in all presses",
+        ("time",),
+        ("time since touch", "s"),
+        _since_touch,
+    ),
+    "force": _Argument(
+        _force,
+        "the force, alike in all presses",
+        ("several forces",),
+        ("force", "N"),
+        lambda readings: readings.force_n,
+    ),
     "back": _Argument(
-        _back, "the force on the way back, alike in all presses", ("unloading", "several forces")
+        _back,
+        "the force on the way back, alike in all presses",
+        ("unloading", "several forces"),
+        ("force on the way back", "N"),
+        lambda readings: np.where(readings.phase == "unload", readings.force_n, np.nan),
     ),
     "place": _Argument(
         _place, "the place on the surface, smoothly, whenever it is pressed", ("several presses",)
     ),
-}  # fmt: skip
+}
 
 
 class UnknownCourse(Effect):
@@ -76,6 +105,7 @@ class UnknownCourse(Effect):
     family = UNKNOWN
     argument: _Argument
     quantity: str
+    as_what: str
     largest, typical = 1.0, 0.03
     summary = (
         "Something that is in no effect of the catalogue. It is described by what it goes along "
@@ -89,16 +119,17 @@ class UnknownCourse(Effect):
     cure = "Find what changes along it, and write it as an effect of your own."
     examples: tuple[WorkedExample, ...] = ()
 
-    def _course(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+    def course(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
+        """Return the course (m,) at acting forces (m,), in the unit of its quantity."""
         amplitudes = np.array([values[p.name] for p in self.parameters])
         return self.argument.basis(readings, force_n) @ amplitudes
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say along what it goes, as what, and how far."""
         said = {"length": length, "force": force, "share": percent}[self.quantity]
-        size = said(float(np.ptp(self._course(readings, readings.force_n, values))))
-        what = _QUANTITIES[self.quantity][1]
-        return f"What is missing goes with {self.argument.words}, as {what}, up to {size}."
+        size = said(float(np.ptp(self.course(readings, readings.force_n, values))))
+        how = f"{self.argument.words}, as {self.as_what}, up to {size}"
+        return f"What is missing goes with {how}."
 
 
 class _Length(UnknownCourse):
@@ -108,7 +139,7 @@ class _Length(UnknownCourse):
         self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **values: float
     ) -> np.ndarray:
         """Add the course."""
-        return travel_m + self._course(readings, force_n, values)
+        return travel_m + self.course(readings, force_n, values)
 
 
 class _Force(UnknownCourse):
@@ -116,7 +147,7 @@ class _Force(UnknownCourse):
 
     def force(self, readings: Readings, force_n: np.ndarray, **values: float) -> np.ndarray:
         """Take the course off."""
-        return force_n - self._course(readings, force_n, values)
+        return force_n - self.course(readings, force_n, values)
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound each amplitude by the largest force."""
@@ -133,7 +164,7 @@ class _Share(UnknownCourse):
         self, readings: Readings, force_n: np.ndarray, travel_m: np.ndarray, **values: float
     ) -> np.ndarray:
         """Add the course's share of the travel."""
-        return travel_m * (1 + self._course(readings, force_n, values))
+        return travel_m * (1 + self.course(readings, force_n, values))
 
 
 _QUANTITIES: dict[str, tuple[type[UnknownCourse], str, str]] = {
@@ -151,6 +182,7 @@ def _named(along: str, quantity: str) -> UnknownCourse:
         "name": f"unknown_{along}_{quantity}",
         "family": UNKNOWN,
         "argument": argument,
+        "as_what": as_what,
         "title": f"Unknown cause that goes with {what}, as {as_what}",
         "formula": f"{as_what} that is a smooth function of {what}",
         "needs": argument.needs,

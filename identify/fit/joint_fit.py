@@ -88,7 +88,7 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
             place = _nearer(fit, np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m]), tip_m)
             ordinary = (_PLAIN_WEIGHT * fit.map.background_pa, *place, _PLAIN_RADIUS * tip_m)
             names = fit.map.names[5 * number - 4 : 5 * number + 1]
-            plain |= {n: v for n, v in zip(names, ordinary, strict=True) if fit.parameters[n].free}
+            plain |= {n: v for n, v in zip(names, ordinary, strict=True) if n in fit.model.names}
     if not plain:
         return fit
     search = Search(SEARCH, progress=callback)

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from identify.effects.base import Effect, ReadingEffect, ResponseEffect
+from identify.effects.unknown_course import UnknownCourse
 from identify.fit.profile_intervals import NORMAL_95
 from identify.fit.result import FitResult
 from identify.select.form_average import posterior_covariance
@@ -77,6 +78,15 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
     """Words of both axes, places (p,) and what the effect adds there by its parameters."""
     readings, hooks = fit.model.readings, cast(Any, effect)
     none = np.zeros(len(readings))
+    if isinstance(effect, UnknownCourse):
+        if effect.argument.at is None:
+            return None
+        places = effect.argument.at(readings)
+        rows = np.flatnonzero(np.isfinite(places))
+        rows = rows[_spread(places[rows])]
+        words = (*effect.argument.axis, f"added, as {effect.as_what}", effect.parameters[0].unit)
+        force = readings.force_n
+        return words, places[rows], lambda **p: effect.course(readings, force, p)[rows]
     if effect.family in ("force_drift", "displacement_drift"):
         if readings.time_s is None:
             return None

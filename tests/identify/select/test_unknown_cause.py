@@ -9,6 +9,7 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.unknown_course import COURSES, UNKNOWN
 from identify.select.form_average import averaged, structure_factor
+from identify.select.form_curve import form_curves
 from identify.select.forward_selection import forward_selection
 from identify.select.verdicts import effect_verdict
 from tests.identify.select.loop_problem import TRUE, model
@@ -48,6 +49,15 @@ def test_a_course_takes_the_place_of_the_imitations_of_an_unknown_cause(found):
     said = course.evidence(found.final.fit.at.values[course.name], found.final.fit.model.readings)
     assert "goes with the time of the session, smoothly" in said
     assert said.endswith(("12 %.", "13 %.", "11 %."))
+
+
+def test_the_course_is_drawn_along_the_session(found):
+    (curve,) = (c for c in form_curves(found.final.fit) if c.effect == "unknown_session_share")
+    assert (curve.along, curve.unit) == ("time of the session", "1")
+    start, middle, end = (np.interp(x * curve.at[-1], curve.at, curve.value) for x in (0, 0.5, 1))
+    assert middle == pytest.approx(min(curve.value), abs=0.01)
+    assert abs(start) < 0.01
+    assert end - middle == pytest.approx(0.12, abs=0.03)
 
 
 def test_the_map_beside_the_course_holds(found):

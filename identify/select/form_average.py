@@ -134,8 +134,9 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
     Beside a structured residual, all standard errors and intervals are wider (`structure_factor`).
     """
     last = explained.final.fit
-    found = dict(last.parameters)
-    if not explained.told_apart and last.solution is not None and last.field is None:
+    structured = not explained.told_apart and last.solution is not None and last.field is None
+    found = last.intervals(curved=False) if structured else dict(last.parameters)
+    if structured:  # a valley of the misfit says nothing there
         for p, factor in zip(last.model.unknowns.unknowns, structure_factor(last), strict=True):
             own = found[p.name]
             at, *ends = (p.to_scaled(v) for v in (own.value, own.lower95, own.upper95))

@@ -74,7 +74,7 @@ def test_beside_structure_that_no_course_takes_nothing_is_offered_and_intervals_
     assert "contact_offset" in [a.name for a in found.accepted]  # the mean of the saw's teeth
     assert (found.added, found.ambiguous, found.unknown) == ((), (), ())
     assert effect_verdict(CATALOGUE["contact_offset"], found).verdict == "helps"
-    wide, own = averaged(found, ()), found.final.fit.parameters
+    wide, own = averaged(found, ()), found.final.fit.intervals(curved=False)
     for name in TRUE.names:
         assert wide[name].std > own[name].std
         assert wide[name].lower95 < own[name].lower95 < own[name].upper95 < wide[name].upper95

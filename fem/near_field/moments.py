@@ -202,19 +202,17 @@ def _integrate_points(points, weights, owner, barycentric, strain, products, sha
             count = 0
 
 
+# Neither array expressions, which would allocate, nor numpy.linalg: each costs seconds when one of
+# these is compiled
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def _integrate_cells(vertices, volumes, rule_points, rule_weights, leaf, tube, strain, products,
                      shape, radius, nu, profile, lam, mu, projection):  # fmt: skip
+    """Add cells by a rule in pieces that grow with their distance from the rim."""
     batch = batch_of_points(products.shape[1], products.shape[2], strain.shape[1])
     count = np.int64(0)
     stack = np.empty((256, 4, 4))  # barycentric coordinates of the pieces' corners
-    piece, places = np.empty((4, 4)), np.empty((4, 3))
-    corners = np.empty((10, 4))
     volume = np.empty(256)
-    barycentric = np.empty(4)
-    position = np.empty(3)
-    centre = np.empty(3)
-    # Neither array expressions nor numpy.linalg: each costs seconds when this is compiled
+    piece, barycentric, position, centre = np.empty((4, 4)), np.empty(4), np.empty(3), np.empty(3)
     for c in range(len(vertices)):
         v = vertices[c]
         for a in range(4):
@@ -225,59 +223,76 @@ def _integrate_cells(vertices, volumes, rule_points, rule_weights, leaf, tube, s
         while top > 0:
             top -= 1
             size = volume[top]
-            # Loops, as each array expression would allocate in here
-            for a in range(4):
-                for b in range(4):
-                    piece[a, b] = stack[top, a, b]
-            for i in range(3):
-                centre[i] = 0.0
-                for a in range(4):
-                    places[a, i] = 0.0
-                    for b in range(4):
-                        places[a, i] += piece[a, b] * v[b, i]
-                    centre[i] += places[a, i] / 4
-            reach = 0.0
-            for a in range(4):
-                square = 0.0
-                for i in range(3):
-                    square += (places[a, i] - centre[i]) ** 2
-                reach = max(reach, square)
-            away = _rim_distance(centre, shape, radius)
-            if 2 * np.sqrt(reach) > leaf * max(away, 0.5 * tube):
-                for b in range(4):
-                    for a in range(4):
-                        corners[a, b] = piece[a, b]
-                    for m in range(6):
-                        corners[4 + m, b] = (piece[_EDGES[m, 0], b] + piece[_EDGES[m, 1], b]) / 2
-                for k in range(8):
-                    for a in range(4):
-                        for b in range(4):
-                            stack[top, a, b] = corners[_CHILDREN[k, a], b]
-                    volume[top] = size / 8
-                    top += 1
+            width = _take_piece(stack[top], v, piece, centre)
+            if width > leaf * max(_rim_distance(centre, shape, radius), 0.5 * tube):
+                top = _divide(piece, size, stack, volume, top)
                 continue
             for q in range(len(rule_weights)):
-                for a in range(4):
-                    barycentric[a] = 0.0
-                    for b in range(4):
-                        barycentric[a] += rule_points[q, b] * piece[b, a]
-                for a in range(3):
-                    position[a] = 0.0
-                    for b in range(4):
-                        position[a] += barycentric[b] * v[b, a]
+                _point_of(rule_points[q], piece, v, barycentric, position)
                 w = 1 - _bump(_rim_distance(position, shape, radius) / tube)
                 if w > 0:
-                    w *= size * rule_weights[q]
-                    put_point(batch, count, position, w, barycentric)
+                    put_point(batch, count, position, w * size * rule_weights[q], barycentric)
                     count += 1
-                    if count == BATCH:
-                        add_batch(batch, count, strain[c], products[c], shape, radius, nu, profile,
-                                  lam, mu, projection)  # fmt: skip
-                        count = 0
+                if count == BATCH:
+                    add_batch(batch, count, strain[c], products[c], shape, radius, nu, profile,
+                              lam, mu, projection)  # fmt: skip
+                    count = 0
         if count > 0:
             add_batch(batch, count, strain[c], products[c], shape, radius, nu, profile, lam, mu,
                       projection)  # fmt: skip
             count = 0
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _take_piece(corners, vertices, piece, centre):
+    """Copy a piece's corners (4, 4), find its centre (3,); return its width."""
+    for a in range(4):
+        for b in range(4):
+            piece[a, b] = corners[a, b]
+    for i in range(3):
+        centre[i] = 0.0
+        for a in range(4):
+            for b in range(4):
+                centre[i] += piece[a, b] * vertices[b, i] / 4
+    reach = 0.0
+    for a in range(4):
+        square = 0.0
+        for i in range(3):
+            place = 0.0
+            for b in range(4):
+                place += piece[a, b] * vertices[b, i]
+            square += (place - centre[i]) ** 2
+        reach = max(reach, square)
+    return 2 * np.sqrt(reach)
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _divide(piece, size, stack, volume, top):
+    """Put the eight parts of a piece on the stack; return the new top."""
+    for k in range(8):
+        for a in range(4):
+            m = _CHILDREN[k, a]
+            for b in range(4):
+                if m < 4:
+                    stack[top, a, b] = piece[m, b]
+                else:
+                    stack[top, a, b] = (piece[_EDGES[m - 4, 0], b] + piece[_EDGES[m - 4, 1], b]) / 2
+        volume[top] = size / 8
+        top += 1
+    return top
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _point_of(rule_point, piece, vertices, barycentric, position):
+    """Find a rule's point of a piece: coordinates in the cell (4,) and place (3,)."""
+    for a in range(4):
+        barycentric[a] = 0.0
+        for b in range(4):
+            barycentric[a] += rule_point[b] * piece[b, a]
+    for i in range(3):
+        position[i] = 0.0
+        for b in range(4):
+            position[i] += barycentric[b] * vertices[b, i]
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -93,10 +93,10 @@ def assess(
     known = explained.verdict != "unexplained"
     outlying = suspects_left(explained, without)
     say("computing detection limits")
-    limits = detection_limits(first, catalogue)
-    unseen: tuple[Limit, ...] = ()
-    if known:
-        unseen = limits if last is first else detection_limits(last, catalogue)
+    # Biases are told by the last fit's, so that these are the ones found at their size
+    unseen = detection_limits(last, catalogue) if known else ()
+    alone = known and last is first
+    limits = unseen if alone else detection_limits(first, catalogue, known=unseen)
     forms = forms_of(explained)
     say("looking for confounders of the effects found")
     return Assessment(

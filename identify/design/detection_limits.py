@@ -62,9 +62,18 @@ def detection_limits(
     fit: FitResult,
     catalogue: Sequence[Effect],
     settings: DetectionSettings = DETECTION,
+    known: Sequence[Limit] = (),
 ) -> tuple[Limit, ...]:
-    """Return the limits of every effect of a catalogue beyond those of the model."""
-    return limits_at(fit.model, fit.at, fit.u, catalogue, settings)
+    """Return the limits of every effect of a catalogue beyond those of the model.
+
+    `known` : of this scan beside another fit, whose bends serve here, too
+    """
+    return limits_at(fit.model, fit.at, fit.u, catalogue, settings, bends_of(known))
+
+
+def bends_of(limits: Sequence[Limit]) -> dict[str, float]:
+    """Return how the laws of effects bend, where their limits were found at their size."""
+    return {limit.name: limit.bend for limit in limits if limit.smallest_share}
 
 
 def limits_at(

@@ -10,7 +10,7 @@ import numpy as np
 from fem import Contacts
 from fem.contact import PressedSurface
 from identify.body.mechanics import BodyMechanics
-from identify.design.detection_limits import Limit, limits_at
+from identify.design.detection_limits import Limit, bends_of, limits_at
 from identify.design.scan_variants import (
     Design,
     Presses,
@@ -124,9 +124,8 @@ def improvements(
         if progress:
             progress(f"planning a scan {design.change}")
         model, at = planned(fit, design)
-        known = bends.get(_tips(design.presses), ())
-        bend = {limit.name: limit.bend for limit in known if limit.smallest_share}
-        own = limits_at(model, at, fit.u, catalogue, settings, bend)
+        known = bends_of(bends.get(_tips(design.presses), ()))
+        own = limits_at(model, at, fit.u, catalogue, settings, known)
         bends.setdefault(_tips(design.presses), own)
         found.append(Improvement(design, own))
     return tuple(found)

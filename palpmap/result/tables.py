@@ -152,6 +152,8 @@ def _off(p: ValueRecord, true: float) -> str | Cell:
 def explained_table(record: ExplainRecord) -> Table:
     """Return the parameters of an explanation's last model."""
     title = "found" if record.reliable else UNRELIABLE
+    if record.reliable and record.unknown:
+        title = "found beside an unknown cause"
     if record.verdict == "ambiguous":
         title = "fitted with one of the equally good effects"
     return parameter_table(record.parameters, unseen=record.unseen_shifts, title=title)

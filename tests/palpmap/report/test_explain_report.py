@@ -29,7 +29,7 @@ from palpmap.report.explain_report import write_explain_report
 from palpmap.result.doubts import stated_lengths, unseen_inclusions
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.result.explain_record import limit_record
-from palpmap.result.explain_words import CANDIDATES, _name_notes, verdict_detail
+from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, _name_notes, verdict_detail
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.next_step import next_steps
@@ -39,7 +39,7 @@ from palpmap.result.records import (
     OtherMapRecord,
     WithoutSuspectsRecord,
 )
-from palpmap.result.tables import candidate_table
+from palpmap.result.tables import candidate_table, explained_table
 from palpmap.result.truth import read_truth
 from palpmap.run_files.explain_run import explain_pictures
 from palpmap.study.cell_size import smallest_cell_m
@@ -231,6 +231,20 @@ def test_a_helper_that_leaves_structure_is_not_said_to_be_supported(explained_ca
     for explained, verdict in ((case.explained, "supported"), (unexplained, "helps")):
         creep = effect_verdict(CATALOGUE["viscoelasticity"], explained)
         assert creep.verdict == verdict
+
+
+def test_a_map_beside_structure_is_not_to_be_relied_on_on_every_face(told, tmp_path):
+    """Where its numbers stand: on the page, in the terminal, in result.json."""
+    ladder = (told.explained.ladder[0], told.explained.ladder[0])
+    explained = replace(told.explained, verdict="unexplained", ladder=ladder)
+    assert not explained.told_apart
+    record = told.record.changed(verdict="unexplained", added=(), reliable=explained.told_apart)
+    assert explained_table(record).title == UNRELIABLE
+    assert explained_table(told.record).title == "found"
+    page = written(replace(told, explained=explained, record=record), tmp_path)
+    assert UNRELIABLE in page.text
+    assert UNRELIABLE not in written(told, tmp_path).text
+    assert '"reliable": false' in record.model_dump_json(indent=1)
 
 
 def test_the_page_says_of_every_effect_what_result_json_says(told):

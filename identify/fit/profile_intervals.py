@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fem import SolverError
 from identify.fit.search import Search
 from identify.fit.settings import FitSettings
 from identify.measurement.model import MeasurementModel
@@ -59,7 +60,7 @@ def valley_intervals(
                 result, at = search.minimum(here, result.x, held=position)
                 here = search.corrected(here, result.x)
                 at = search.evaluate(here, result.x)
-        except InadmissibleError:
+        except (InadmissibleError, SolverError):  # a map that a mesh does not resolve
             return np.inf, start  # no way on this side
         return 0.5 * at.chi2, result.x
 

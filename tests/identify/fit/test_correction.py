@@ -56,3 +56,13 @@ def test_a_hard_grain_is_left_for_an_inclusion_of_ordinary_size(own, found):
     assert stuck.at_bound == ("inclusion_1.weight_pa",)
     assert found_again(stuck).chi2 == pytest.approx(found.chi2, abs=0.1)
     assert found_again(found) is found
+
+
+def test_a_valley_that_a_mesh_cannot_resolve_ends_an_interval_and_not_the_run(monkeypatch, found):
+    def never(self, model, u, carried=True):
+        raise SolverError("the map is finer than the mesh around a tip resolves")
+
+    monkeypatch.setattr(Search, "corrected", never)
+    plain, curved = found.intervals(curved=False), found.intervals(curved=True)
+    for name in TRUE.names:
+        assert curved[name].lower95 <= plain[name].value <= curved[name].upper95

@@ -18,7 +18,7 @@ def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
         verdict, confused = _in_group(name, group, explained)
         found = replace(found, verdict=verdict, confused_with=confused)
     elif found.verdict == "supported" or (
-        explained.within_laws and found.verdict == "indistinguishable"
+        (explained.within_laws or not explained.told_apart) and found.verdict == "indistinguishable"
     ):
         # It scores beside a missing effect, but does not win: no support of its own
         helps = explained.verdict == "unexplained"

@@ -205,6 +205,8 @@ def without_suspects(record: ExplainRecord) -> str:
     alike = other.verdict == record.verdict
     if other.verdict == "unexplained":
         return f"Without them{', too,' if alike else ''} the scan is unexplained."
+    if other.verdict == "ambiguous" and not record.reliable:
+        return "Without them the scan is ambiguous: what it looks like then is not sure either."
     same = alike and (other.added, other.ambiguous) == (record.added, record.ambiguous)
     names = [*other.added, *(" or ".join(group) for group in other.ambiguous)]
     return f"Without them the answer is {'the same' if same else listed(names)}."

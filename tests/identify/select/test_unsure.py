@@ -138,6 +138,9 @@ def test_the_same_answer_is_one_with_the_same_verdict():
         verdict="explained", added=("breathing",), ambiguous=(), without_suspects=other
     )
     assert "is the same" in without_suspects(record)
+    doubted = other.changed(verdict="ambiguous", added=("local_creep",))
+    beside = record.changed(verdict="unexplained", reliable=False, without_suspects=doubted)
+    assert "local_creep" not in without_suspects(beside)
     structured = record.changed(verdict="unexplained")
     assert "is breathing" in without_suspects(structured)
     left = other.changed(verdict="unexplained")

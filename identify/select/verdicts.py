@@ -13,15 +13,15 @@ def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
     """Return the verdict on an effect, at the step that decided it."""
     name = effect.name
     step, group = _decided_at(name, explained)
-    found = step.diagnosis.effect_verdict(name)
+    found, helps = step.diagnosis.effect_verdict(name), explained.verdict == "unexplained"
     if group is not None:
         verdict, confused = _in_group(name, group, explained)
         found = replace(found, verdict=verdict, confused_with=confused)
     elif found.verdict == "supported" or (
-        (explained.within_laws or not explained.told_apart) and found.verdict == "indistinguishable"
+        found.verdict == "indistinguishable"
+        and (explained.within_laws or not (helps and explained.told_apart))
     ):
         # It scores beside a missing effect, but does not win: no support of its own
-        helps = explained.verdict == "unexplained"
         found = replace(found, verdict="helps" if helps else "not_seen")
     if advice(effect).refitted_from and (numbers := refit_numbers(name, explained)):
         statistic, p_value, share = numbers

@@ -65,7 +65,7 @@ def run_explain(
                 on_step=on_step,
             )
         files = {effect.name: path for effect, path in zip(own, effects, strict=True)}
-        following = next_steps(why.record, why, run.path, study)
+        following = next_steps(why.record, why, why.problem, run.path, study)
         why.leave(run.path, kept, files)
         output.result(
             {**why.to_dict(), "run": str(run.path)},

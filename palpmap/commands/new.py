@@ -36,8 +36,13 @@ def run_new(
         raise InputError(f"the scan does not tell everything; give {lacking}")
     for key in facts.missing:
         assert ask is not None
-        answer = ask(FLAGS[key][1].capitalize())
-        facts = replace(facts, **_read(key, answer, three))
+        what = question = FLAGS[key][1][0].upper() + FLAGS[key][1][1:]
+        while True:
+            try:
+                facts = replace(facts, **_read(key, ask(question), three))
+                break
+            except InputError as error:
+                question = f"{error}. {what}"
     study, said = new_study(scan, out, facts)
     output.result(
         {"schema": 1, "study": str(study), "said": said},
@@ -49,9 +54,13 @@ def run_new(
 def _read(key: str, answer: str, three: Callable[[str], tuple[float, ...] | None]) -> dict:
     """Return the fact that an answer states, by its name in `Facts`."""
     if key == "tip":
+        if answer not in ("flat", "sphere"):
+            raise InputError(f"--tip: found '{answer}', expected flat or sphere")
         return {"tip": answer}
     if key == "poisson_ratio":
-        return {"poisson_ratio": _number(answer, "--poisson")}
+        if not 0 <= (ratio := _number(answer, "--poisson")) < 0.5:
+            raise InputError(f"--poisson: found {answer}, expected 0 to 0.4999")
+        return {"poisson_ratio": ratio}
     if Path(answer).suffix.lower() in (".stl", ".obj", ".ply"):
         return {"surface": Path(answer)}
     if "," in answer or "x" in answer:

@@ -16,6 +16,7 @@ from palpmap.study.faults import fault_sentence
 from palpmap.study.kept_inputs import copied, copy_file
 from palpmap.study.placement import place_scan
 from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
+from palpmap.study.units_check import LARGEST_BODY_M
 
 FLAGS = {
     "tip": ("--tip", "the tip's shape, flat or sphere"),
@@ -189,12 +190,18 @@ def _origin(scan: Scan, size_m: tuple[float, ...]) -> tuple[float, float, float]
         It is another; the height that the points tell is in the sentence.
     """
     points, size = scan.contact_points, np.array(size_m)
+    if size.max() > LARGEST_BODY_M:
+        raise InputError(
+            f"--size: found {size.max():g} m, expected at most {LARGEST_BODY_M:g} m; this looks "
+            "like millimetres: divide by 1000"
+        )
     on_top = np.abs(points[:, 2] - size[2]).max() <= ON_TOP_M
     if on_top and (points[:, :2] >= 0).all() and (points[:, :2] <= size[:2]).all():
         return (0.0, 0.0, 0.0)
     height = float(np.median(points[:, 2])) - size[2]
     raise InputError(
         f"--origin is missing: the contact points do not lie on top of a block of "
-        f"{', '.join(f'{s:g}' for s in size)} m whose lower corner is at 0, 0, 0; give the corner "
-        f"in the scan's frame as x,y,z in m (z is {height:.4g} by the points' height)"
+        f"{', '.join(f'{s:g}' for s in size)} m whose lower corner is at 0, 0, 0; correct "
+        "--size, or give the corner in the scan's frame as x,y,z in m (z is "
+        f"{height:.4g} by the points' height)"
     )

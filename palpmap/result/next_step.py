@@ -1,27 +1,36 @@
 """The next step after a result, in sentences with the commands as they can be typed."""
 
+from itertools import chain
 from pathlib import Path
 
 from identify.select import Explanation
+from models import scan_findings
 from palpmap.console import to_type
 from palpmap.result.finding import Finding
 from palpmap.result.own_effect import OWN_EFFECT
 from palpmap.result.records import ExplainRecord
+from palpmap.study.open_study import Problem
 from palpmap.units import duration
 
 
 def next_steps(
-    record: ExplainRecord, explained: Explanation, run: Path, study: Path | None = None
+    record: ExplainRecord,
+    explained: Explanation,
+    problem: Problem,
+    run: Path,
+    study: Path | None = None,
 ) -> tuple[str, ...]:
     """Return the next step after an explanation, the first one to take on top.
 
     Parameters
     ----------
+    problem : its scan, and the effects
     run : the run folder
     study : file of the study, None for the run folder's own
     """
     source = study or run / "study.toml"
-    steps = [f"{record.finer_cells}."] if record.finer_cells else []
+    steps = [d.sentence for d in scan_findings(problem.scan) if d.kind == "free_travel"]
+    steps += [f"{record.finer_cells}."] if record.finer_cells else []
     if record.other_map and record.other_map.answer == "another_map":
         steps.append(
             f'Set kind = "free" under [map] of {source}, and `{to_type("explain", source)}` again: '
@@ -40,10 +49,10 @@ def next_steps(
             "together: a cause that holds for both tips is found."
         )
     elif explained.verdict == "ambiguous" and not record.next_presses:
-        steps.append(
-            "No other presses with this tip separate them. Rule one of them out by another "
-            "measurement."
-        )
+        group = set(chain(*record.ambiguous))
+        cures = [f"{e.title}: {e.cure}" for e in problem.catalogue if e.name in group]
+        advice = "No other presses with this tip separate them; rule them out one by one."
+        steps.append(" ".join([advice, *cures]))
     elif explained.verdict == "explained":
         effects = [part.effect for part in explained.final.fit.model.effects]
         cures = [f"{e.title}: {e.cure}" for e in effects if e.name in explained.added]

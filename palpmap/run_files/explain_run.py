@@ -75,7 +75,7 @@ def write_explain_files(
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained, record)
     paths = {path.stem: path for path in save_figures(pictures, run / "figures")}
-    following = next_steps(record, explained, run, source)
+    following = next_steps(record, explained, problem, run, source)
     write_explain_report(
         run / "report.html", finding, explained, record, problem, pictures, following
     )

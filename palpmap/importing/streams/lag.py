@@ -21,6 +21,7 @@ RELAXING = (0.02, 0.1)  # weights to start from: an elastic and a viscous body
 OUTLYING = 9.0  # times the usual variance: a press that does not count
 MOST_PRESSES = 80  # of a recording, evenly over it
 FOR_A_RATE = 6  # presses
+MOST_STEPS, MOST_DAMPING = 40, 1e8
 BESIDE_S = 4.0e-3  # at least so far beside the lag the likelihood is asked for its error
 _WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S / 2, SEARCH_STEP_S)
 _THETA = 2 + len(RELAXATION_S)  # lag, its growth over the recording, weights of the relaxation
@@ -166,6 +167,8 @@ class _Fit:
             if kept == self.kept:
                 break
             self.kept = kept
+            if len(kept) < FOR_A_RATE:
+                self.theta[1] = 0.0  # else that of a press that no longer counts would stay
         return self._errors()
 
     def _of(self, k: int, theta: np.ndarray) -> tuple[float, np.ndarray]:
@@ -193,28 +196,32 @@ class _Fit:
         )
 
     def _descend(self, lag_too: bool = True) -> None:
-        now = self._sum(self.theta, self.laws)
-        for _ in range(25):
+        """Go down by damped steps (Levenberg): weights that are hardly known step far else."""
+        now, damping = self._sum(self.theta, self.laws), 1e-3
+        held = [0] * (not lag_too) + [1] * (len(self.kept) < FOR_A_RATE)
+        for _ in range(MOST_STEPS):
             parts = {k: self._parted(k) for k in self.kept}
             matrix, gradient = np.zeros((_THETA, _THETA)), np.zeros(_THETA)
             for k, part in parts.items():
                 matrix += self.scale[k] * part[1].T @ part[1]
                 gradient += self.scale[k] * part[1].T @ part[0]
-            if not lag_too:
-                matrix[0], matrix[:, 0], matrix[0, 0], gradient[0] = 0.0, 0.0, 1.0, 0.0
-            step = _bounded_step(matrix, gradient, self.theta)
-            step /= max(1.0, abs(step[0]) / LONGEST_STEP_S)
-            for share in (1.0, 0.4, 0.15, 0.05, 0.02):
-                theta, laws = self.theta + share * step, list(self.laws)
+            matrix[held], matrix[:, held], gradient[held] = 0.0, 0.0, 0.0
+            matrix[held, held] = 1.0
+            while True:
+                damped = matrix + damping * np.diag(np.diag(matrix))
+                step = _bounded_step(damped, gradient, self.theta)
+                step /= max(1.0, abs(step[0]) / LONGEST_STEP_S)
+                theta, laws = self.theta + step, list(self.laws)
                 for k, (_, _, alone, with_step) in parts.items():
-                    laws[k] = laws[k] + share * (alone + with_step @ step)
+                    laws[k] = laws[k] + alone + with_step @ step
                 after = self._sum(theta, laws)
                 if after < now:
                     break
-            else:
-                return
-            settled = now - after < 1e-3 and abs(share * step[0]) < 1e-4
-            self.theta, self.laws, now = theta, laws, after
+                damping *= 10.0
+                if damping > MOST_DAMPING:
+                    return
+            settled = now - after < 1e-3 and abs(step[0]) < 1e-4 and damping < 1
+            self.theta, self.laws, now, damping = theta, laws, after, damping / 10
             if settled:
                 return
 

@@ -61,6 +61,7 @@ def test_another_frame_is_asked_for_with_the_height_that_the_points_tell(tmp_pat
     ("words", "said"),
     [
         (("--size", "0.096,0.096"), "three numbers"),
+        (("--size", "96,96,48"), "looks like millimetres"),
         (("--poisson", "0.7"), "poisson_ratio"),
         (("--inclusions", "many"), "inclusions"),
         (("--force-noise", "-1"), "--force-noise"),
@@ -73,11 +74,20 @@ def test_a_wrong_value_is_answered_in_a_sentence(words, said, tmp_path):
 
 
 def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):
-    answers = iter(["flat", "0.096,0.096,0.048", "0.49"])
+    answers = iter(["ball", "flat", "thick", "0.096,0.096,0.048", "1.2", "0.49"])
+    asked: list[str] = []
+
+    def ask(question):
+        asked.append(question)
+        return next(answers)
+
     command.run_new(
         scan=SCAN, out=tmp_path / "s",
         facts=Facts(displacement_noise_m=2e-5, force_noise_n=5e-3, inclusions=1),
-        ask=lambda _: next(answers), three=lambda text: tuple(map(float, text.split(","))),
+        ask=ask, three=lambda text: tuple(map(float, text.split(","))),
         output=Output(quiet=True, json=False),
     )  # fmt: skip
     assert load_study(tmp_path / "s" / "study.toml").probe.tip == "flat"
+    assert [q[: q.index(",")] for q in asked[1::2]] == [
+        "--tip: found 'ball'", "--thickness: found 'thick'", "--poisson: found 1.2"
+    ]  # fmt: skip

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
-from palpmap.importing.streams.alignment import UNSEEN_S
+from palpmap.importing.streams.alignment import UNSEEN_S, WITHIN_2_MS
 from palpmap.importing.streams.cutting import cut_stream
 from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
@@ -17,8 +17,6 @@ from tests.palpmap.importing.raw_streams import RIG, draw, faults, lag_bound
 
 QUICK, ALL = range(12), range(500)
 LAG_S = 0.002
-SHARP_S = 1.1e-3
-"""Stated standard deviation of a lag that the data give to 2 ms."""
 INFORMS_S = 1e-3
 """Bound of the lag's standard deviation below which 2 ms are asked for."""
 
@@ -71,7 +69,7 @@ def test_of_500_streams_the_presses_are_found_and_their_readings_right():
     error, stated_s, corners, bound = np.array(lags).T
     assert np.mean(error < 2 * stated_s) >= 0.95
     assert np.mean(error < 3 * stated_s) >= 0.99
-    assert np.mean(error[stated_s <= SHARP_S] < LAG_S) >= 0.95
+    assert np.mean(error[stated_s <= WITHIN_2_MS] < LAG_S) >= 0.99
     assert np.mean(error[(bound < INFORMS_S) & (corners > 0)] < LAG_S) >= 0.95
 
 

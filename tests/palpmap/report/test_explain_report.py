@@ -310,11 +310,32 @@ def test_presses_that_change_nothing_are_not_asked_for_first(told, tmp_path):
             verdict=without, added=(), ambiguous=(), chi2_per_dof=9.0, parameters={}, residual=""
         )
         record = told.record.changed(next_presses=(repeat,), other_map=other, without_suspects=rest)
-        return " | ".join(next_steps(record, explained, tmp_path))
+        return " | ".join(next_steps(record, explained, told.problem, tmp_path))
 
     assert steps(None, "explained").startswith("Next: Repeat presses 3")
     assert "Repeat" not in steps(None, "unexplained")
     assert steps(wrong, "explained").startswith("Next: Set kind")
+
+
+def test_what_no_presses_separate_is_ruled_out_by_the_cure_of_each_cause(told, tmp_path):
+    explained = replace(told.explained, verdict="ambiguous")
+    group = (("contact_offset", "surface_tilt", "suspect presses"),)
+    record = told.record.changed(next_presses=(), ambiguous=group)
+
+    def steps(problem):
+        return " | ".join(next_steps(record, explained, problem, tmp_path))
+
+    assert "rule them out one by one. " in steps(told.problem)
+    assert "Find first touch from the force's rise" in steps(told.problem)
+    scan = told.problem.scan
+    travel = scan.displacement_m + 0.01
+    force = np.array(scan.force_n)
+    for press in scan.press_ids:
+        free = np.flatnonzero(scan.press == press)[:4]
+        force[free], travel[free] = [1e-3, -2e-3, 0.0, 1e-3], [1e-3, 4e-3, 7e-3, 9.8e-3]
+    above = scan.replace(force_n=force, displacement_m=travel)
+    above = replace(told.problem, experiment=replace(told.problem.experiment, scan=above))
+    assert steps(above).startswith("Next: All presses: the tip travels without force")
 
 
 def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):

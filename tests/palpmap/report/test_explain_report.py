@@ -335,7 +335,8 @@ def test_what_no_presses_separate_is_ruled_out_by_the_cure_of_each_cause(told, t
         force[free], travel[free] = [1e-3, -2e-3, 0.0, 1e-3], [1e-3, 4e-3, 7e-3, 9.8e-3]
     above = scan.replace(force_n=force, displacement_m=travel)
     above = replace(told.problem, experiment=replace(told.problem.experiment, scan=above))
-    assert steps(above).startswith("Next: All presses: the tip travels without force")
+    assert steps(above).startswith("Next: Press ")
+    assert "(25 of 25): the tip travels without force" in steps(above)
 
 
 def test_the_run_holds_the_comparison_of_the_last_rung_and_all_figures(explained_case):

@@ -21,7 +21,8 @@ from rich.table import Column
 from rich.text import Text
 
 FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
-LINE_S = 5.0  # between two lines of a stage
+LINE_S = 5.0  # between two lines of a stage, at least ...
+LINE_SHARE = 0.05  # ... and this share of the time so far
 
 
 class Stage(NamedTuple):
@@ -143,7 +144,7 @@ class ShownTask:
     """A task on stderr while its context lasts: share and time left by its stages.
 
     In a terminal it is a bar. Elsewhere each stage is a line with the seconds so far, the share and
-    the time left; a long stage tells its steps `LINE_S` apart.
+    the time left; a long stage tells its steps further and further apart.
 
     Parameters
     ----------
@@ -200,7 +201,8 @@ class ShownTask:
         )  # fmt: skip
         stage = self._course.stage if self._course else self._told[0] + (text != self._text)
         self._text = text
-        if self._lines and (stage != self._told[0] or now - self._told[1] >= LINE_S):
+        pause = max(LINE_S, LINE_SHARE * (now - self._start))
+        if self._lines and (stage != self._told[0] or now - self._told[1] >= pause):
             self._told = (stage, now)
             done = f"{100 * share:3.0f} %  " if self._course else ""
             self._tell(done + text + ("" if left is None else f" (about {in_words(left)} left)"))

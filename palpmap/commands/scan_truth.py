@@ -38,4 +38,4 @@ def truth_of_scan(record: TruthRecord) -> Truth:
     effects = [effect.model_dump() for effect in record.effects or ()]
     own = len(record.body.inclusions) - sum(e["name"] == "extra_inclusion" for e in effects)
     found = GaussianMap(record.body.background_pa, record.body.inclusions[:own])
-    return Truth(truth_of(found), earlier=Earlier(effects))
+    return Truth(truth_of(found), earlier=Earlier(effects) if effects else None)

@@ -50,6 +50,7 @@ def count(monkeypatch):
     return counted
 
 
+@pytest.mark.slow
 def test_scan_noise_and_meshes_are_made_once_though_presses_stand_out(tmp_path, count):
     study = put(tmp_path / "study", slipped())
     tables = tomllib.loads(study.read_text())

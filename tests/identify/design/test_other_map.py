@@ -17,6 +17,7 @@ from identify.measurement.noise import Noise
 from identify.optimize.result import InadmissibleError
 from identify.select import StartFit, start_fit
 from identify.select.forward_selection import forward_selection
+from identify.select.settings import SELECTION
 from models import Catalogue, Scan
 
 SIZE_M, NU, NOISE = (0.06, 0.06, 0.03), 0.45, Noise(1e-5, 2e-3)
@@ -62,7 +63,8 @@ def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_no
         probe_radius_m=at.radius_m[press],
     )  # fmt: skip
     start: StartFit = start_fit(experiment(scan, MapGuess(inclusions), (5, 5, 3)), Catalogue(()))
-    explained = forward_selection(start.model, start.start, start.scan, [])
+    alone = replace(SELECTION, most_effects=0)  # no courses of unknown causes either
+    explained = forward_selection(start.model, start.start, start.scan, [], settings=alone)
     explained = replace(explained, verdict="unexplained")
 
     def free() -> PlacedExperiment:

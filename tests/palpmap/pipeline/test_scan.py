@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from models.errors import InputError
 from models.scan_file import read_scan
 from palpmap.commands.scan import _truth
 from palpmap.commands.scan_truth import write_truth
@@ -14,7 +13,7 @@ from palpmap.result.scan_record import ScanRecord
 from palpmap.run_folder import sha256
 from palpmap.study.press_plan import grid_plan_of
 from palpmap.study.virtual_lab import default_study
-from sim.body import HiddenBody
+from sim.body import HiddenBody, Inclusion, TruthMap
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
@@ -82,6 +81,10 @@ def test_the_truth_of_an_earlier_scan_is_pressed_again(tmp_path):
     drawn = _truth("random", study, plan, 7)
     write_truth(tmp_path, HiddenBody(truth=drawn.map), ())
     assert _truth(str(said), study, plan, 0) == drawn
-    write_truth(tmp_path, HiddenBody(), [{"name": "creep", "category": "structured"}])
-    with pytest.raises(InputError, match="expected a map alone; write the map in TOML"):
-        _truth(str(said), study, plan, 0)
+    extra = Inclusion(5000.0, (0.06, 0.03, 0.034), 0.008)
+    hidden = {"name": "extra_inclusion", "category": "structured", "values": {"weight_pa": 5e3}}
+    both = TruthMap(drawn.map.background_pa, (*drawn.map.inclusions, extra))
+    write_truth(tmp_path, HiddenBody(truth=both), [hidden])
+    again = _truth(str(said), study, plan, 0)
+    assert again.map == drawn.map  # the effect adds its inclusion itself
+    assert [record["name"] for record in again.earlier.records] == ["extra_inclusion"]

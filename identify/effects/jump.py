@@ -23,12 +23,20 @@ class Jump(Effect):
         return [{"at_s": at} for at in middles.tolist()]
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Bound the instant by the scan; its scale is the time of a press."""
+        """Bound the instant by the presses that it needs on either side.
+
+        A step before all presses would be an offset of all of them. Its scale is the time of a
+        press.
+        """
         height, at = self.parameters
         if readings.time_s is None:
             return height, at
-        end = max(float(readings.elapsed_s.max()), 1e-3)
-        return height, replace(at, upper=end, typical=end / readings.presses)
+        time, first = readings.elapsed_s, readings.first
+        end, low = max(float(time.max()), 1e-3), 0.0
+        high, scale = end, end / readings.presses
+        if readings.presses > 2 * _EDGE:
+            low, high = float(time[first[_EDGE] - 1]), float(time[first[-_EDGE]])
+        return height, replace(at, lower=low, upper=high, typical=scale)
 
 
 def step_in_time(readings: Readings, at_s: float) -> np.ndarray:

@@ -98,3 +98,18 @@ def test_the_surface_tilt_contains_the_contact_offset():
     tilted = own.out(tilt, {"offset_m": 2e-4, "slope_x": 0.0, "slope_y": 0.0})
     assert np.array_equal(tilted, own.out(offset, {"offset_m": 2e-4}))
     assert tilt.contains == ("contact_offset",)
+
+
+@pytest.mark.parametrize("name", ["force_jump", "displacement_jump"])
+def test_a_jump_leaves_three_presses_on_either_side(name):
+    """One before all presses would be an offset, and never be told from it."""
+    from identify.effects.conformance.example_scan import trial
+
+    case = trial()
+    _, at = CATALOGUE[name].bounded(case.readings, case.state)
+    first = case.readings.elapsed_s[case.readings.first]
+    for instant, before in ((at.lower, 3), (at.upper, len(first) - 3)):
+        assert np.sum(first < instant) == before
+    instants = [shape["at_s"] for shape in CATALOGUE[name].grid(case.readings, case.state)]
+    assert at.lower < min(instants)
+    assert max(instants) < at.upper

@@ -34,6 +34,7 @@ from identify.select.candidates import (
 )
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, few_presses, verdict_of, within_laws
+from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, step_of
@@ -81,9 +82,10 @@ def forward_selection(
     say("fitting the map")
     fit = found_again(first or fit_jointly(model, stiffness))
     path = _Path(*_begun(fit, catalogue, policy, judged, say))
-    _grow(path, catalogue, judged, policy, say, settings)
+    selection = _Selection(judged, policy, say, settings)
+    _grow(path, catalogue, selection)
     if settings.most_effects and fit.field is None:
-        path = _with_unknown_cause(path, catalogue, judged, policy, say, settings)
+        path = _with_unknown_cause(path, catalogue, selection)
     ladder, accepted = path.ladder, path.accepted
     further = "" if path.settled else _further(ladder, accepted, settings)
     names = dict.fromkeys(path.dropped)
@@ -109,15 +111,19 @@ class _Path:
     settled: bool = False
 
 
-def _grow(
-    path: _Path,
-    catalogue: Sequence[Effect],
-    judged: Callable[[FitResult, Sequence[Effect]], Step],
-    policy: Policy,
-    say: Callable[[str], None],
-    settings: SelectionSettings,
-) -> None:
+@dataclass(frozen=True)
+class _Selection:
+    """What every path is grown with: its steps are `judged` by scores of the effects given."""
+
+    judged: Callable[[FitResult, Sequence[Effect]], Step]
+    policy: Policy
+    say: Callable[[str], None]
+    settings: SelectionSettings
+
+
+def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> None:
     """Add effects of a catalogue to a path, step by step."""
+    policy, say, settings = selection.policy, selection.say, selection.settings
     ladder, effects = path.ladder, {effect.name: effect for effect in catalogue}
     most, begun = settings.most_effects + len(path.accepted), len(ladder)
     while len(path.accepted) < most and (
@@ -141,18 +147,13 @@ def _grow(
         path.dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
-                ladder[number] = judged(with_exchanged(step.fit, exchanged, fit), catalogue)
-        ladder.append(judged(fit, catalogue))
+                ladder[number] = selection.judged(
+                    with_exchanged(step.fit, exchanged, fit), catalogue
+                )
+        ladder.append(selection.judged(fit, catalogue))
 
 
-def _with_unknown_cause(
-    path: _Path,
-    catalogue: Sequence[Effect],
-    judged: Callable[[FitResult, Sequence[Effect]], Step],
-    policy: Policy,
-    say: Callable[[str], None],
-    settings: SelectionSettings,
-) -> _Path:
+def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:
     """Return the path beside the course of an unknown cause, or the path itself.
 
     Effects of the catalogue can imitate a cause that is in none of them, one after the other, and
@@ -161,6 +162,7 @@ def _with_unknown_cause(
     further ones. The better model by the information criterion stays. Where the path ends in noise,
     a course must do better than two effects: of the form of a single one it may be a closer fit.
     """
+    say, settings = selection.say, selection.settings
     last, before = path.ladder[-1], [a for a in path.accepted if a.shown_by_presses]
     if last.comparison.law:  # the lead to the cause, which several courses would hide
         return path
@@ -185,8 +187,8 @@ def _with_unknown_cause(
         fit = found_again(fit_jointly(model, winner.map))
         course = AcceptedEffect(name, candidates, chi2_before=base.chi2, settings=settings)
         everything = (*catalogue, *COURSES)
-        other = _Path([*begun, judged(fit, everything)], [*before, course])
-        _grow(other, everything, judged, policy, say, settings)
+        other = _Path([*begun, selection.judged(fit, everything)], [*before, course])
+        _grow(other, everything, selection)
         return other if other.ladder[-1].fit.bic < last.fit.bic else path
     return path
 
@@ -234,12 +236,12 @@ def _accepted(
 ) -> AcceptedEffect:
     """Return the best candidate with its group."""
     now, winner = ladder[-1], candidates[0]
-    left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, accepted, winner, settings)
-    confounded = {c.name: _confounded(now, c.name, settings) or left for c in candidates}
+    left = (MODEL_ERROR,) * may_be_left_of_error(ladder, accepted, winner, settings)
+    alike = {c.name: confounded(now, c.name, settings) or left for c in candidates}
     return AcceptedEffect(
         winner.name,
         candidates,
-        confounded=confounded,
+        confounded=alike,
         chi2_before=now.fit.chi2,
         settings=settings,
     )
@@ -248,48 +250,6 @@ def _accepted(
 def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
     """Whether a fit takes its share of the excess; any does without an excess."""
     return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
-
-
-def _confounded(step: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
-    """Return the effects that cannot be separated from an effect because of model error.
-
-    An effect that the map imitates is almost collinear with the map. Its amplitude would have to be
-    large and would be compensated by a wrong map, so a small model error can mimic it. If the model
-    error itself fits best, it may be any of these effects. An effect with a pattern like that of
-    the model error, which is only an estimate, is not separated from it either.
-    """
-    scores = [score for score in step.diagnosis.scores if score.untestable is None]
-    imitated = [score.name for score in scores if score.visible < settings.imitated]
-    if name == MODEL_ERROR:
-        return tuple(imitated)
-    alike = MODEL_ERROR in step.diagnosis.confused_with(name)
-    return (MODEL_ERROR,) * (name in imitated or alike)
-
-
-def _may_be_left_of_error(
-    ladder: Sequence[Step],
-    accepted: Sequence[AcceptedEffect],
-    winner: Candidate,
-    settings: SelectionSettings,
-) -> bool:
-    """Whether an effect may be the residue of a model error that was accepted before."""
-    now = ladder[-1]
-    if not any(MODEL_ERROR in effect.group for effect in accepted):
-        return False
-    explained, more = ladder[0].fit.chi2 - now.fit.chi2, now.fit.chi2 - winner.chi2
-    return more < settings.left_of_error * explained and _acts_by_compliance(
-        now, winner.name, settings
-    )
-
-
-def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> bool:
-    """Whether an effect acts as another compliance of the body under each press."""
-    at, press = step.fit.at, step.fit.model.readings.press
-    by_compliance = at.whitened(at.by_compliance, press)
-    pattern = step.diagnosis[name].beyond
-    along = np.array([np.bincount(press, by_compliance * column) for column in pattern.T])
-    square = np.bincount(press, by_compliance**2)
-    return bool(np.sum(along**2 / square) >= settings.by_compliance * np.sum(pattern**2))
 
 
 def without_unneeded(

@@ -11,7 +11,8 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
 from identify.select.explanation import verdict_of
-from identify.select.forward_selection import _confounded, is_more_missing
+from identify.select.forward_selection import is_more_missing
+from identify.select.model_error import confounded
 from identify.select.score_test import Score
 
 
@@ -118,4 +119,4 @@ def test_what_looks_like_the_models_own_error_is_not_told_from_it(cosine, beside
     )
     diagnosis = Diagnosis(scores, frozenset({"poisson_ratio"}), 200.0)
     rung: Any = SimpleNamespace(diagnosis=diagnosis)
-    assert _confounded(rung, "poisson_ratio") == beside
+    assert confounded(rung, "poisson_ratio") == beside

@@ -1,4 +1,4 @@
-"""Scans of blind trials that the virtual robot makes, with what is hidden acting in its loop."""
+"""Scans of blind trials by the virtual robot: hidden effects act in its loop."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields

@@ -102,14 +102,9 @@ def run_scan_command(
     plant = plant or [planted(text) for text in place.plant]
     force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
     plan, settings = _planned(known, program, force_n, presses, presses_per_side, tips, seed)
-    if plant:
-        settings["plant"] = [list(one) for one in plant]
-    if truth:
-        settings["truth"] = truth
+    settings |= _asked(plant, truth, arm)
     true_body = _truth(truth, known, plan, seed)
     inputs = [Path(path) for path in (study, program, lab, truth) if path and path != RANDOM]
-    if arm != Lab().arm:
-        settings["arm"] = arm
     robot = replace(place.settings(scan_settings(seed, paper_force, on_fault)), arm=arm)
     plan = place.placed(plan) if lab else plan
     plan, motion = reachable(plan, robot)
@@ -169,6 +164,14 @@ def _planned(
         seed=seed,
     )
     return plan, settings
+
+
+def _asked(plant: Sequence[tuple[str, float]], truth: str | None, arm: str) -> dict[str, JsonValue]:
+    """Return the options beyond the usual ones, as run.json keeps them."""
+    plants: list[JsonValue] = [list(one) for one in plant]
+    asked: dict[str, JsonValue] = {"plant": plants, "truth": truth, "arm": arm}
+    usual = {"plant": [], "truth": None, "arm": Lab().arm}
+    return {name: value for name, value in asked.items() if value != usual[name]}
 
 
 def _show(record: ScanRecord, run: RunFolder, plan: "ScanPlan", output: Output) -> None:

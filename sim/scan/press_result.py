@@ -72,8 +72,7 @@ def press_result(
     lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
     noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[read].shape)
     poses = [kinematics.pose(q) for q in log.q_read[read] + noise]
-    tips = np.array([tip for tip, _ in poses])
-    turns = np.array([turn for _, turn in poses])
+    tips, turns = (np.array(part) for part in zip(*poses, strict=True))
     depth = (tips - planned.point_m) @ planned.direction
     # row by row: probe axes -> world
     vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[read])

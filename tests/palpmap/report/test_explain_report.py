@@ -16,10 +16,10 @@ from identify.design.assessment import assess
 from identify.design.detection_limits import Limit
 from identify.design.geometry_confounders import GeometryConfounder
 from identify.design.undetected_bias import UndetectedBias
-from identify.select import forward_selection as explain
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.explanation import Explanation
+from identify.select.model_error import confounded
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
@@ -119,9 +119,9 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
         return replace(rung, diagnosis=replace(rung.diagnosis, scores=scores))
 
     low = seen(hysteresis=0.03, contact_offset=0.04)
-    assert explain._confounded(low, "hysteresis") == ("mesh_error",)
-    assert set(explain._confounded(low, "mesh_error")) == {"hysteresis", "contact_offset"}
-    assert explain._confounded(low, "viscoelasticity") == ()
+    assert confounded(low, "hysteresis") == ("mesh_error",)
+    assert set(confounded(low, "mesh_error")) == {"hysteresis", "contact_offset"}
+    assert confounded(low, "viscoelasticity") == ()
     best = told.explained.accepted[0].candidates[0]
     alone = AcceptedEffect("tool_compliance", (replace(best, name="tool_compliance"),), False,
                      {"tool_compliance": ("mesh_error",)})  # fmt: skip

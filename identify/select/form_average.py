@@ -1,8 +1,9 @@
-"""Intervals of a map averaged over the models that a scan does not separate.
+"""Intervals averaged over the models that a scan does not separate.
 
-A map is estimated beside one form of a cause. Another form that fits as well may want another map:
-creep that is over before the first reading is elastic for one law and creep for the next. So the
-models with a candidate in place of an accepted effect are weighed by their evidence, in Laplace's
+A map, and every other effect, is estimated beside one form of a cause. Another form that fits as
+well may want other values: creep that is over before the first reading is elastic for one law and
+creep for the next, and a late force channel looks like the fastest part of creep. So the models
+with a candidate in place of an accepted effect are weighed by their evidence, in Laplace's
 approximation,
 
     ln Z = -chi2/2 - sum_i ((u_i - c_i)/s_i)^2/2 - sum_i ln s_i - ln det(H)/2,
@@ -20,7 +21,7 @@ K.-Y. Liang, S. L. Zeger, Longitudinal data analysis using generalized linear mo
 (1986) 13-22 (the pulls of clusters).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,14 +46,13 @@ class Form:
     effect : the accepted one; empty for the last model itself
     name : the candidate
     weight : share of the evidence of all models
-    mean, variance : (k,) of the map's scaled unknowns
+    scaled : mean and variance of each scaled unknown that the last model has, too, by name
     """
 
     effect: str
     name: str
     weight: float
-    mean: np.ndarray
-    variance: np.ndarray
+    scaled: Mapping[str, tuple[float, float]]
 
 
 def forms_of(explained: Explanation) -> tuple[Form, ...]:
@@ -61,13 +61,13 @@ def forms_of(explained: Explanation) -> tuple[Form, ...]:
     They have another form of an accepted effect, or another effect of its ambiguous group.
     Empty beside a structured residual, whose cause is in none of them. A candidate was fitted less
     far than the last model: it is compared with the accepted effect as it was fitted then, and its
-    map moves with that one's to the last model.
+    values move with that one's to the last model.
     """
     final = explained.final.fit
     if explained.verdict == "unexplained" or not explained.accepted or explained.map_error:
         return ()
-    own, free = set(final.effect_names), len(final.model.space.free)
-    forms = [Form("", "", 1.0, *(values[:free] for values in _posterior(final)))]
+    own, now = set(final.effect_names), dict(zip(final.model.names, final.u.tolist(), strict=True))
+    forms = [Form("", "", 1.0, _posterior(final))]
     for accepted in explained.accepted:
         beside = own - {accepted.name}
         family = next((c.family for c in accepted.candidates if c.name == accepted.name), "")
@@ -79,13 +79,17 @@ def forms_of(explained: Explanation) -> tuple[Form, ...]:
         winner = next((c for c in near if c.name == accepted.name), None)
         if winner is None:
             continue
-        moved = (final.u - winner.fit.u)[:free]
+        then = dict(zip(winner.fit.model.names, winner.fit.u.tolist(), strict=True))
         for c in near:
             if c is winner or c.fit.at_bound:
                 continue
             weight = float(np.exp(min(log_evidence(c.fit) - log_evidence(winner.fit), 50.0)))
-            mean, variance = (values[:free] for values in _posterior(c.fit))
-            forms.append(Form(accepted.name, c.name, weight, mean + moved, variance))
+            scaled = {
+                name: (mean + now[name] - then[name], variance)
+                for name, (mean, variance) in _posterior(c.fit).items()
+                if name in now and name in then
+            }
+            forms.append(Form(accepted.name, c.name, weight, scaled))
     total = sum(form.weight for form in forms)
     shares = [replace(form, weight=form.weight / total) for form in forms]
     kept = [form for form in shares if form.weight >= _LEAST or not form.effect]
@@ -129,9 +133,10 @@ def _prior(fit: FitResult) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimate]:
-    """Return the estimates of the last model, the map's intervals averaged over the forms.
+    """Return the estimates of the last model, with intervals averaged over the forms.
 
-    Beside a structured residual, all standard errors and intervals are wider (`structure_factor`).
+    Those of an effect are averaged over the forms of the others. Beside a structured residual, all
+    standard errors and intervals are wider (`structure_factor`).
     """
     last = explained.final.fit
     structured = not explained.told_apart and last.solution is not None and last.field is None
@@ -146,19 +151,22 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
         return found
     if len(forms) < 2 or last.solution is None:
         return found
-    weights = np.array([form.weight for form in forms])
     of_meshes = np.diag(last.solution.covariance - last.solution.noise_covariance)
-    for i, index in enumerate(last.model.space.free):
-        p = last.model.space.parameters[index]
+    for p, known in zip(last.model.unknowns.unknowns, of_meshes.tolist(), strict=True):
+        beside = [form for form in forms if p.name in form.scaled]
+        if len(beside) < 2:
+            continue
         own = found[p.name]
-        mean = np.array([form.mean[i] for form in forms])
-        below = np.sqrt([form.variance[i] + max(of_meshes[i], 0.0) for form in forms])
+        weights = np.array([form.weight for form in beside])
+        mean, variance = np.array([form.scaled[p.name] for form in beside]).T
+        below = np.sqrt(variance + max(known, 0.0))
         above = below.copy()
         # the last model's own interval follows the bend of the misfit's valley
         mean[0], low, high = (p.to_scaled(v) for v in (own.value, own.lower95, own.upper95))
         below[0], above[0] = (mean[0] - low) / NORMAL_95, (high - mean[0]) / NORMAL_95
         below, above = np.maximum(below, 1e-12), np.maximum(above, 1e-12)
-        ends = [p.to_value(_quantile(q, weights, mean, below, above)) for q in (0.025, 0.975)]
+        share = weights / weights.sum()
+        ends = [p.to_value(_quantile(q, share, mean, below, above)) for q in (0.025, 0.975)]
         found[p.name] = replace(own, lower95=max(ends[0], p.lower), upper95=min(ends[1], p.upper))
     return found
 
@@ -182,13 +190,15 @@ def posterior_covariance(fit: FitResult) -> np.ndarray:
     return np.linalg.inv(_information(fit))
 
 
-def _posterior(fit: FitResult) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and variance (k,) of a fit's scaled unknowns, from noise and prior."""
+def _posterior(fit: FitResult) -> dict[str, tuple[float, float]]:
+    """Mean and variance of a fit's scaled unknowns by name, from noise and prior."""
     centre, width, first = _prior(fit)
     covariance = posterior_covariance(fit)
     pull = np.zeros(len(fit.u))
     pull[first:] = (fit.u[first:] - centre) / width**2
-    return fit.u - covariance @ pull, np.diag(covariance)
+    mean, variance = fit.u - covariance @ pull, np.diag(covariance)
+    pairs = zip(mean.tolist(), variance.tolist(), strict=True)
+    return dict(zip(fit.model.names, pairs, strict=True))
 
 
 def _quantile(

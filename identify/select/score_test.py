@@ -97,12 +97,13 @@ def effect_patterns(
     moved = np.empty((len(shapes), len(amplitudes), len(at.residual)))
     chain = replace(model.chain, effects=[*model.chain.effects, effect])
     base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
+    of_body = isinstance(effect, BodyEffect)  # once: thousands of shapes would ask the protocol
     for g, shape in enumerate(shapes):
         for a, amplitude in enumerate(amplitudes):
             step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
             size = null[amplitude.name] + step * amplitude.typical
             values = {**null, **shape, amplitude.name: size}
-            if isinstance(effect, BodyEffect):
+            if of_body:
                 dc, de = at.body.change(effect.body(at.state, **values))
                 moved[g, a] = model.moved_by_body(at, dc, de) / step
             else:

@@ -236,7 +236,7 @@ class ExplainRecord(CountRecord, FileRecord):
     )
     parameters: Mapping[str, ParameterRecord] = Field(
         default={},
-        description="of the last model; the map's intervals are averaged over the forms",
+        description="of the last model; intervals are averaged over the forms",
     )
     forms: tuple[FormRecord, ...] = Field(
         default=(), description="models that the scan does not separate, the last one first"

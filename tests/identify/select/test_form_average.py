@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.select.form_average import _quantile, averaged, forms_of, log_evidence
+from identify.select.form_average import Form, _quantile, averaged, forms_of, log_evidence
 from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import TRUE, model
 from tests.identify.select.test_families import three_times
@@ -35,6 +35,24 @@ def test_the_interval_of_the_stiffness_holds_where_one_time_stands_for_three(cre
     assert counted["background_pa"].value == alone.value
     name = f"{crept.added[0]}.g"
     assert counted[name] == crept.final.fit.parameters[name]
+
+
+def test_an_effect_is_averaged_over_the_forms_of_the_others_alone(crept):
+    """Two forms of half the evidence each: the interval reaches from the one to the other."""
+    fit, sd = crept.final.fit, 1e-3
+    (effect,) = fit.model.effects
+    key, unshared = (f"{effect.effect.name}.{p.name}" for p in effect.parameters[:2])
+    names = fit.model.names
+    mean = fit.u[names.index(key)]
+    own = Form("", "", 0.5, {n: (u, sd**2) for n, u in zip(names, fit.u, strict=True)})
+    other = Form("another", "its form", 0.5, {key: (mean + 2.0, sd**2)})
+    counted = averaged(crept, (own, other))
+    p = next(p for p in fit.model.unknowns.unknowns if p.name == key)
+    expected = p.to_value(mean + 2.0 + sd * norm.ppf(0.95))
+    assert counted[key].upper95 == pytest.approx(expected)
+    assert counted[key].lower95 < fit.parameters[key].value
+    assert counted[unshared] == fit.parameters[unshared]
+    assert counted["background_pa"] == fit.parameters["background_pa"]
 
 
 def test_a_structured_residual_averages_nothing(crept):

@@ -4,6 +4,8 @@ The sentences of `identify` write their own lengths and forces (`identify.effect
 `identify.residual.statement`); palpmap takes these from here.
 """
 
+import numpy as np
+
 from identify.effects import percent
 from identify.residual import length as length_in_words
 
@@ -13,6 +15,8 @@ _SHOWN = {
 }  # fmt: skip
 _ENDINGS = {"_pa": "Pa", "_m": "m"}
 _LEAST_P = 1e-12
+_WIDTH_95 = 2 * 1.96  # standard errors
+_MOST_PLACES = 8
 
 
 def scale(unit: str) -> tuple[float, str]:
@@ -44,33 +48,40 @@ def plain_name(name: str) -> str:
     return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
 
 
-def quantity(value: float, unit: str) -> str:
+def quantity(value: float, unit: str, std: float = 0.0) -> str:
     """Return a value with its unit: four digits, a length two decimals of a mm.
+
+    With a standard error it has the digits that this leaves (rule of the Particle Data Group).
 
     >>> quantity(6012.3, "Pa"), quantity(0.0123, "m"), quantity(1.234e-4, "m"), quantity(0.67, "1")
     ('6.012 kPa', '12.30 mm', '0.123 mm', '0.67')
+    >>> quantity(6000.0, "Pa", 17.0), quantity(31350.0, "Pa", 2700.0), quantity(9e5, "Pa", 2.4e5)
+    ('6.000 kPa', '31.4 kPa', '900 kPa')
     """
-    return _with_unit(_digits(value, unit), unit)
+    return _with_unit(_digits(value, unit, std), unit)
 
 
 def with_error(value: float, std: float, unit: str) -> str:
     """Return a value with its standard error, alone where that is zero.
 
     >>> with_error(6012.3, 123.0, "Pa"), with_error(9e5, 2.43e5, "Pa"), with_error(0.02, 0.0, "m")
-    ('6.012 ± 0.12 kPa', '900 ± 243 kPa', '20.00 mm')
+    ('6.01 ± 0.12 kPa', '900 ± 243 kPa', '20.00 mm')
+    >>> with_error(0.6712, 0.077, "1")
+    '0.67 ± 0.08'
     """
     if not std > 0:
         return quantity(value, unit)
-    return _with_unit(f"{_digits(value, unit)} ± {_two_digits(std, unit)}", unit)
+    return _with_unit(f"{_digits(value, unit, std)} ± {_digits(std, unit, std)}", unit)
 
 
 def interval(low: float, high: float, unit: str) -> str:
-    """Return an interval.
+    """Return a 95 % interval, with the digits of its standard error.
 
-    >>> interval(4960.0, 5080.0, "Pa")
-    '4.96 to 5.08 kPa'
+    >>> interval(4960.0, 5080.0, "Pa"), interval(0.0, 0.0, "m")
+    ('4.960 to 5.080 kPa', '0 to 0 mm')
     """
-    return _with_unit(f"{_digits(low, unit)} to {_digits(high, unit)}", unit)
+    std = (high - low) / _WIDTH_95
+    return _with_unit(f"{_digits(low, unit, std)} to {_digits(high, unit, std)}", unit)
 
 
 def spread(value: float, unit: str) -> str:
@@ -118,8 +129,13 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.2g} min" if seconds >= 90 else f"{seconds:.0f} s"
 
 
-def _digits(value: float, unit: str) -> str:
+def _digits(value: float, unit: str, std: float = 0.0) -> str:
     shown = scale(unit)[0] * value
+    if 0 < std < np.inf:
+        error = scale(unit)[0] * std
+        power = int(np.floor(np.log10(error)))
+        places = (error < 3.55 * 10.0**power) - power  # two digits of a small one, else one
+        return f"{shown:.{min(max(places, 0), _MOST_PLACES)}f}"
     if unit == "m":
         return f"{shown:.2f}" if abs(shown) >= 1 else f"{shown:.3g}"
     text = f"{shown:.4g}"

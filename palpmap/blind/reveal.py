@@ -121,4 +121,4 @@ def _shown(row: MapErrorRecord) -> tuple[str, str, str]:
     much = f"{100 * off / row.true:+.1f} %" if unit == "Pa" else f"{units.shift(off, unit)} mm"
     if row.std:
         much += f" ({abs(off) / row.std:.1f} sigma)"
-    return units.quantity(row.found, unit), units.quantity(row.true, unit), much
+    return units.quantity(row.found, unit, row.std or 0.0), units.quantity(row.true, unit), much

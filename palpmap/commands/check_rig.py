@@ -72,8 +72,7 @@ def figures_table(found: RigCheck, name: str) -> Table:
         ("Noise of the pose", f"{1e6 * found.noise_m:.3g} µm", "one sample, the noisiest axis"),
         ("Lag", "not seen" if lag is None else
          f"{1e3 * (found.offset_s + lag.lag_s):.1f} ± {1e3 * lag.error_s:.1f} ms",
-         "of the force behind the pose" + ("" if lag is None or lag.has_corners else
-         "; the tip starts and stops softly, viscosity looks alike")),
+         "of the force behind the pose" + (f"; {lag.doubt}" if lag and lag.doubt else "")),
     ]  # fmt: skip
     return Table.of(("Quantity", "Value", "Meaning"), rows, name)
 

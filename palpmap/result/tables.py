@@ -120,7 +120,7 @@ def parameter_table(
         return (
             units.plain_name(name),
             "" if was is None else units.with_error(was.value, was.std, p.unit),
-            units.quantity(p.value, p.unit),
+            units.quantity(p.value, p.unit, p.std),
             units.interval(p.lower95, p.upper95, p.unit) if p.std else "held",
             Cell("at its bound", "bad") if p.at_bound else "",
             "" if shift is None else f"{units.spread(shift.shift, p.unit)} ({shift.effect})",

@@ -11,12 +11,12 @@ from models import InputError
 from palpmap.importing.mapping.columns import matrices, numbers, rotated
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.clocks import rough_offset
+from palpmap.importing.streams.clocks import SHARED_S, rough_offsets
 from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
 from palpmap.importing.streams.press import Window, rough_contact, window_of
-from palpmap.importing.streams.spans import Way, way_into_body
+from palpmap.importing.streams.spans import Way, check_way, way_along
 from palpmap.importing.streams.stream import (
     Stream,
     in_base,
@@ -29,7 +29,7 @@ from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
 MOST_ROUNDS, SETTLED_S = 4, 3.0e-3
-WITHIN_2_MS = 2e-3 / 2.58  # standard deviation of the lag, s: then 99 of 100 are
+ALIKE = 3.0  # times what the best offset of two clocks leaves unexplained: another as good
 UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 
@@ -93,6 +93,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if turns:
             words = []
+            unweighed = _in_base(sensor, pose, rig)  # a tip that turns: by its pose at that moment
             force = without_weight(unweighed, pose, windows, contacts, words)
             if k == 0:  # until then a weight that turns looks like contact
                 windows, contacts = _touching(force, pose, spans, mean_direction, stated)
@@ -143,11 +144,33 @@ def force_with_depth(recording: Recording, rig: Rig) -> float:
 def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Stream, Way, float]:
     """Force and pose in the base's frame, the way into the body, and the clocks' rough offset."""
     assert rig.pose
-    rough = rough_offset(force, pose, rig.pose.clock_offset_s)
-    pose = pose.later(rough.offset_s)
-    if force.values.shape[1] == 3:
-        force = replace(force, values=in_base(rig, force, pose))
-    return force, pose, way_into_body(force, pose, rough.line, rig), rough.offset_s
+    found = []
+    for rough in rough_offsets(force, pose, rig.pose.clock_offset_s):
+        moved = pose.later(rough.offset_s)
+        turned = _in_base(force, moved, rig)
+        found.append((turned, moved, way_along(turned, moved, rough.line), rough.offset_s))
+    found.sort(key=lambda one: -abs(one[2].correlation))
+    rest = 1 - abs(found[0][2].correlation)
+    alike = [one for one in found if 1 - abs(one[2].correlation) <= ALIKE * rest]
+    same_clock = [one for one in alike if abs(one[3]) <= SHARED_S]
+    if len(alike) > 1 and not same_clock:
+        raise InputError(
+            "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "
+            f"{alike[0][3]:.2f} s and {alike[1][3]:.2f} s fit alike, as the presses follow each "
+            "other evenly; state the offset that gives the force's clock"
+        )
+    turned, moved, way, offset_s = (same_clock or alike)[0]
+    check_way(way, rig.force.sign)
+    if rig.pose.clock_offset_s is not None:
+        way = replace(way, offset_s=0.0)
+    return turned, moved, way, offset_s
+
+
+def _in_base(force: Stream, pose: Stream, rig: Rig) -> Stream:
+    """Return the force in the base's frame; one column stays as it is."""
+    if force.values.shape[1] == 1:
+        return force
+    return replace(force, values=in_base(rig, force, pose))
 
 
 def _stated_directions(
@@ -231,13 +254,8 @@ def _lag_words(lag: Lag | None, offset_s: float) -> str:
         f"The force lags the pose by {size} (standard deviation {1e3 * lag.error_s:.2g} ms, "
         f"{lag.presses} presses); the pose was moved by it."
     )
-    if not lag.has_corners:
-        words += (
-            " The tip starts and stops softly, so that lag and viscosity look alike and the lag is "
-            "not known to 2 ms: let the tip stop sharply, or state pose.clock_offset_s."
-        )
-    elif lag.error_s > WITHIN_2_MS:
-        words += " It is not known to 2 ms: press faster, deeper or more often to know it better."
+    if lag.doubt:
+        words += f" It is {lag.doubt}."
     if lag.rate:
         words += f" The clocks differ in speed by {1e6 * lag.rate:.0f} ppm, which was taken out."
     return words

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models import InputError
 from palpmap.importing.streams.stream import Stream
 
 GRID_S = 0.01
 SMOOTHED_S = 0.02
 NEAR_STEP_S = 0.02
 SHARED_S = 0.5  # two sensors of one clock are never further apart
-NEARLY = 0.9  # of the best correlation: two offsets this close cannot be separated
+POSSIBLE, MOST_POSSIBLE = 0.7, 8  # of the best correlation: offsets that are looked at closer
 
 
 @dataclass(frozen=True)
@@ -34,17 +33,12 @@ class RoughOffset:
     line: np.ndarray
 
 
-def rough_offset(force: Stream, pose: Stream, known_s: float | None) -> RoughOffset:
-    """Find the offset at which the force's rate and the tip's velocity correlate best.
+def rough_offsets(force: Stream, pose: Stream, known_s: float | None) -> list[RoughOffset]:
+    """Find the offsets at which the force's rate and the tip's velocity correlate well, best first.
 
     Parameters
     ----------
     known_s : offset that the user states; only the direction is then found
-
-    Raises
-    ------
-    InputError
-        Several offsets fit as well as each other.
     """
     start_f, start_p = force.time_s[0], pose.time_s[0]
     rate, velocity = _rate(force, slice(None), cut=True), _rate(pose, slice(0, 3), cut=False)
@@ -61,21 +55,13 @@ def rough_offset(force: Stream, pose: Stream, known_s: float | None) -> RoughOff
     strength = np.linalg.norm(correlation, axis=(1, 2))
     if known_s is not None:
         best = int(np.abs(offsets - known_s).argmin())
-        return RoughOffset(known_s, _line(correlation[best]))
-    near = np.abs(offsets) <= SHARED_S
-    best = int(strength.argmax())
-    if near.any() and strength[near].max() >= NEARLY * strength[best]:
-        best = int(np.flatnonzero(near)[strength[near].argmax()])
-    else:
-        others = np.abs(offsets - offsets[best]) > 2 * SHARED_S
-        if strength[others].max(initial=0.0) > NEARLY * strength[best]:
-            second = offsets[others][strength[others].argmax()]
-            raise InputError(
-                "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "
-                f"{offsets[best]:.2f} s and {second:.2f} s fit alike, as the presses follow each "
-                "other evenly; state the offset that gives the force's clock"
-            )
-    return RoughOffset(float(offsets[best]), _line(correlation[best]))
+        return [RoughOffset(known_s, _line(correlation[best]))]
+    least, found = POSSIBLE * strength.max(), []
+    while strength.max() > least and len(found) < MOST_POSSIBLE:
+        best = int(strength.argmax())
+        found.append(RoughOffset(float(offsets[best]), _line(correlation[best])))
+        strength[np.abs(offsets - offsets[best]) <= 2 * SHARED_S] = 0.0
+    return found
 
 
 def _line(correlation: np.ndarray) -> np.ndarray:

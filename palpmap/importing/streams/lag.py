@@ -22,6 +22,7 @@ OUTLYING = 9.0  # times the usual variance: a press that does not count
 MOST_PRESSES = 80  # of a recording, evenly over it
 FOR_A_RATE = 6  # presses
 MOST_STEPS, MOST_DAMPING = 40, 1e8
+WITHIN_2_MS = 2e-3 / 2.58  # standard deviation of the lag, s: then 99 of 100 are
 BESIDE_S = 4.0e-3  # at least so far beside the lag the likelihood is asked for its error
 _WIDE = np.arange(-FURTHEST_S, FURTHEST_S + SEARCH_STEP_S / 2, SEARCH_STEP_S)
 _THETA = 2 + len(RELAXATION_S)  # lag, its growth over the recording, weights of the relaxation
@@ -51,6 +52,18 @@ class Lag:
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Return the lag at times of the pose's clock, s."""
         return self.lag_s + self.rate * (time_s - self.middle_s)
+
+    @property
+    def doubt(self) -> str:
+        """Why the lag is not known to 2 ms, and what helps; empty if 99 of 100 such are."""
+        if not self.has_corners:
+            return (
+                "not known to 2 ms, as the tip starts and stops softly and viscosity looks like a "
+                "lag then: let the tip stop sharply, or state pose.clock_offset_s"
+            )
+        if self.error_s > WITHIN_2_MS:
+            return "not known to 2 ms: press faster, deeper or more often to know it better"
+        return ""
 
     def and_then(self, more: Lag) -> Lag:
         """Return the sum with what was found after this lag was taken out."""

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from models import InputError
-from palpmap.importing.mapping.rig import Rig
 from palpmap.importing.streams.clocks import GRID_S, closer_offset, smoothed
 from palpmap.importing.streams.stream import Stream
 
@@ -36,7 +35,7 @@ class Way:
     spans: list[tuple[float, float]]
 
 
-def way_into_body(force: Stream, pose: Stream, line: np.ndarray, rig: Rig) -> Way:
+def way_along(force: Stream, pose: Stream, line: np.ndarray) -> Way:
     """Find the way of the presses.
 
     Of the line's two directions that one points into the body along which force and depth rise
@@ -49,7 +48,16 @@ def way_into_body(force: Stream, pose: Stream, line: np.ndarray, rig: Rig) -> Wa
         spans = press_spans(pose, direction, force)
         offset, correlation = closer_offset(replace(force, values=along), pose, direction, spans)
         found.append(Way(correlation, offset, direction, spans))
-    way = max(found, key=lambda one: abs(one.correlation))
+    return max(found, key=lambda one: abs(one.correlation))
+
+
+def check_way(way: Way, sign: int) -> None:
+    """Refuse a way along which the force does not rise with the depth.
+
+    Parameters
+    ----------
+    sign : of the force, as the mapping states it
+    """
     if abs(way.correlation) < TOGETHER:
         raise InputError(
             "force and depth do not rise together in most motions (correlation "
@@ -58,11 +66,9 @@ def way_into_body(force: Stream, pose: Stream, line: np.ndarray, rig: Rig) -> Wa
         )
     if way.correlation < 0:
         raise InputError(
-            f"key force.sign: found {rig.force.sign}, with which the force falls while the tip "
-            f"goes into the body; give {-rig.force.sign}"
+            f"key force.sign: found {sign}, with which the force falls while the tip "
+            f"goes into the body; give {-sign}"
         )
-    stated = rig.pose is not None and rig.pose.clock_offset_s is not None
-    return replace(way, offset_s=0.0) if stated else way
 
 
 def press_spans(pose: Stream, direction: np.ndarray, force: Stream) -> list[tuple[float, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ FROZEN_ROWS = 5
 SELDOM = 0.05  # share of equal neighbours below which a run of them is a frozen sensor
 JUMP_NOISE = 8.0  # standard deviations of a sample: a re-tare, in one step
 WINDOW = 12  # samples on either side of a jump
+LONGEST_WINDOW = 400  # samples by which the size of a jump is known
+AGREE = 2.5  # standard deviations: so close a wider fit must stay to all narrower ones
 BESIDE, ALONE = 4, 2.5  # a jump is so much larger than the steps of so many samples on either side
 
 
@@ -209,8 +212,36 @@ def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
         alone = np.abs(step[i, k]) > ALONE * beside.max()  # a tip that leaves fast is no jump
         if np.abs(stays[k]) > 0.6 * JUMP_NOISE * noise[k] and same[k] and alone:
             jumps.append((float(force.time_s[i + 1]), float(np.linalg.norm(stays))))
-            offset[i + 1 :] += stays
+            offset[i + 1 :] += _size(values, i, noise)
     return Stream(force.time_s, values - offset, force.gaps), jumps
+
+
+def _size(values: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
+    """Size (k,) of the jump behind sample i, by as many samples on either side as agree."""
+    fits, n = [], WINDOW
+    while n <= min(i + 1, len(values) - 1 - i, LONGEST_WINDOW):
+        apart = _line_to(values[i + n : i : -1]) - _line_to(values[i - n + 1 : i + 1])
+        fits.append((apart, noise * np.sqrt(8 / n)))
+        n *= 2
+    return widest(fits)
+
+
+def widest(fits: Iterable[tuple[np.ndarray, np.ndarray | float]]) -> np.ndarray:
+    """Return of each value the widest fit that agrees with all narrower ones within the noise.
+
+    Intersection of confidence intervals, Goldenshluger and Nemirovski 1997.
+
+    Parameters
+    ----------
+    fits : the values (m,) and their standard deviations, the narrowest first
+    """
+    low, high, agrees, best = -np.inf, np.inf, True, np.zeros(0)
+    for fit, deviation in fits:
+        low = np.maximum(low, fit - AGREE * deviation)
+        high = np.minimum(high, fit + AGREE * deviation)
+        agrees = agrees & (low <= high)
+        best = np.where(agrees, fit, best if len(best) else fit)
+    return best
 
 
 def _line_to(values: np.ndarray) -> np.ndarray:

@@ -13,7 +13,11 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
+from models.errors import InputError
+from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.readers.recording import Recording, Table
+from palpmap.importing.streams.alignment import UNSEEN_S
+from palpmap.importing.streams.cutting import cut_stream
 
 STEP = 5e-4
 TAUS = np.geomspace(0.1, 20, 7)  # a body that relaxes faster cannot be told from a lag
@@ -330,6 +334,59 @@ def lag_bound(stream: RawStream) -> float:
     scale = np.sqrt(np.diag(total))
     return float(
         np.sqrt(np.linalg.pinv(total / np.outer(scale, scale), rcond=1e-12)[0, 0]) / scale[0]
+    )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the import made of a stream.
+
+    A press counts as right if its touch, travel, force, direction and hold are within tolerance,
+    the touch or within four times its stated standard deviation, and its rows are all in contact.
+    Wrong are also all presses of a refused stream, and good ones that were left out.
+    """
+
+    seed: int
+    presses: int
+    refused: str
+    silent: list[str]  # errors that nothing warns of
+    lost: list[str]  # good presses left out, with a reason
+    off_s: float  # error of the lag
+    stated_s: float  # its standard deviation as stated
+    seen: bool  # a press shows the lag
+    sharp: bool  # the tip stops sharply, as the import sees it
+    bound_s: float
+
+    @property
+    def wrong(self) -> int:
+        """Number of presses that are not right."""
+        one_each = {sentence.split(":")[0] for sentence in self.silent}
+        return self.presses if self.refused else len(self.lost) + len(one_each)
+
+
+def outcome(seed: int) -> Outcome:
+    """Import the stream of a seed and compare it with the truth."""
+    stream = draw(seed)
+    bound, count = lag_bound(stream), len(stream.presses)
+    try:
+        cut = cut_stream(stream.recording(), parse_rig(RIG, Path("rig.toml")))
+    except InputError as error:
+        return Outcome(seed, count, str(error), [], [], np.inf, np.inf, False, False, bound)
+    silent, lost = faults(stream, cut)
+    lag = cut.streams.lag
+    off = cut.streams.offset_s + (lag.lag_s if lag else 0.0) - stream.offset_s
+    stated, sharp = (lag.error_s, lag.has_corners) if lag else (UNSEEN_S, False)
+    return Outcome(
+        seed,
+        count,
+        "",
+        silent,
+        lost,
+        float(off),
+        float(stated),
+        lag is not None,
+        bool(sharp),
+        bound,
     )
 
 

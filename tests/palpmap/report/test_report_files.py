@@ -191,7 +191,7 @@ def test_the_report_shows_hostile_names_as_text(done):
 def test_the_report_says_what_was_found_and_how(done):
     text = "".join(Page((done[0] / "report.html").read_text(encoding="utf-8")).text)
     for words in (
-        "5.02 kPa", "4.96 to 5.08 kPa", "held", "seed 7", "optimizer = gauss-newton",
+        "5.020 kPa", "4.960 to 5.080 kPa", "held", "seed 7", "optimizer = gauss-newton",
         "Poisson's ratio 0.45 was given", "off the finer model by up to 3 %", "SHA-256",
     ):  # fmt: skip
         assert words in text
@@ -298,7 +298,7 @@ def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone
     assert png(draw_map(with_effect)) == png(draw_map(finding))
     table = parameter_table(with_effect.parameters)
     cells = [tuple(cell.text for cell in row) for row in table.rows]
-    assert ("rigid_tip.share", "0.67", "0.5 to 0.8") in cells
+    assert ("rigid_tip.share", "0.67", "0.50 to 0.80") in cells
 
 
 def test_positions_are_told_in_the_scans_own_frame(tmp_path):

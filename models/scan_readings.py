@@ -12,7 +12,7 @@ NOISE_LEVELS = 8.0  # robust standard deviations of the scan's differences to th
 RESOLUTION_STEPS = 2.5  # of a sensor's: lines through rounded readings are off by up to two
 LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is worth a stop
 ALIKE = 6  # presses of the same phases at least, from which a reading's place in them is known
-LEVELS_OF_PRESSES = 6.0  # robust standard deviations beside the course that the presses share
+LEVELS_OF_PRESSES = 5.0  # robust standard deviations beside the course that the presses share
 ALONE = 2.0  # times the errors of its neighbours: a press that differs as a whole is none
 
 

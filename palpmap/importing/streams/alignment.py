@@ -11,7 +11,7 @@ from models import InputError
 from palpmap.importing.mapping.columns import matrices, numbers, rotated
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.clocks import SHARED_S, rough_offsets
+from palpmap.importing.streams.clocks import rough_offsets
 from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
@@ -152,14 +152,13 @@ def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Str
     found.sort(key=lambda one: -abs(one[2].correlation))
     rest = 1 - abs(found[0][2].correlation)
     alike = [one for one in found if 1 - abs(one[2].correlation) <= ALIKE * rest]
-    same_clock = [one for one in alike if abs(one[3]) <= SHARED_S]
-    if len(alike) > 1 and not same_clock:
+    if len(alike) > 1:
         raise InputError(
             "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "
             f"{alike[0][3]:.2f} s and {alike[1][3]:.2f} s fit alike, as the presses follow each "
             "other evenly; state the offset that gives the force's clock"
         )
-    turned, moved, way, offset_s = (same_clock or alike)[0]
+    turned, moved, way, offset_s = found[0]
     check_way(way, rig.force.sign)
     if rig.pose.clock_offset_s is not None:
         way = replace(way, offset_s=0.0)

@@ -16,6 +16,7 @@ GRID_S = 0.01
 SMOOTHED_S = 0.02
 NEAR_STEP_S = 0.02
 SHARED_S = 0.5  # two sensors of one clock are never further apart
+NEARLY = 0.9  # of the best correlation: so good, an offset of one clock is preferred
 POSSIBLE, MOST_POSSIBLE = 0.7, 8  # of the best correlation: offsets that are looked at closer
 
 
@@ -56,6 +57,9 @@ def rough_offsets(force: Stream, pose: Stream, known_s: float | None) -> list[Ro
     if known_s is not None:
         best = int(np.abs(offsets - known_s).argmin())
         return [RoughOffset(known_s, _line(correlation[best]))]
+    near = np.abs(offsets) <= SHARED_S
+    if near.any() and strength[near].max() >= NEARLY * strength.max():
+        strength = np.where(near, strength, 0.0)
     least, found = POSSIBLE * strength.max(), []
     while strength.max() > least and len(found) < MOST_POSSIBLE:
         best = int(strength.argmax())

@@ -111,6 +111,16 @@ def rms(metres: float) -> str:
     return length_in_words(metres, signed=False)
 
 
+def shared_errors(touch_m: float | None, lag_s: float | None) -> str:
+    """Return the standard deviations of first touch and lag, as far as they are stated.
+
+    >>> shared_errors(7.8e-5, 2.4e-3), shared_errors(0.0, None)
+    (', depth of first touch 78 µm, lag between force and pose 2.4 ms', '')
+    """
+    touch = f", depth of first touch {rms(touch_m)}" if touch_m else ""
+    return touch + (f", lag between force and pose {1e3 * lag_s:.2g} ms" if lag_s else "")
+
+
 def p_value(p: float) -> str:
     """Return a p-value with two digits.
 
@@ -153,6 +163,6 @@ def _with_unit(text: str, unit: str) -> str:
 
 
 __all__ = [
-    "duration", "interval", "p_value", "percent", "plain_name", "quantity", "rms", "scale", "shift",
-    "spread", "unit_of", "with_error",
+    "duration", "interval", "p_value", "percent", "plain_name", "quantity", "rms", "scale",
+    "shared_errors", "shift", "spread", "unit_of", "with_error",
 ]  # fmt: skip

@@ -35,6 +35,8 @@ def _table(found: "CheckRecord") -> "Table":
     from rich import box
     from rich.table import Table
 
+    from palpmap.units import shared_errors
+
     def span(values: tuple[float, float], scale: float, unit: str) -> str:
         return f"{values[0] * scale:.4g} to {values[1] * scale:.4g} {unit}"
 
@@ -64,7 +66,8 @@ def _table(found: "CheckRecord") -> "Table":
                 ("displacement", noise.displacement_m, 1e6, "µm"),
                 ("force", noise.force_n, 1e3, "mN"),
             )
-        ),
+        )
+        + shared_errors(noise.touch_m, noise.lag_s),
     )
     table.add_row(
         "contact points",

@@ -135,6 +135,6 @@ def _scan_table(f: Finding) -> Table:
         ("Force", f"{scan.force_n.min():.3g} to {scan.force_n.max():.3g} N"),
         ("Displacement", f"up to {1e3 * scan.displacement_m.max():.3g} mm"),
         ("Tip radius", f"{radii} mm"),
-        ("Noise (1 sd)", f"{sizes}, {given}"),
+        ("Noise (1 sd)", f"{sizes}, {given}{units.shared_errors(noise.touch_m, noise.lag_s)}"),
     ]
     return Table.of(("", ""), rows)

@@ -10,11 +10,12 @@ from scipy.optimize import nnls
 
 from palpmap.importing.streams.clocks import smooth
 from palpmap.importing.streams.contact import correlation_length
-from palpmap.importing.streams.press_course import RELAXATION_S, Course, course_of
+from palpmap.importing.streams.press_course import MEAN_S, RELAXATION_S, Course, course_of
 
 CORNER_SMOOTHED_S = 0.08
 CORNER_S = 0.08  # the speed changes by most of itself within twice this time at a corner
 SHARPNESS, LAW_S = (0.7, 0.95), (7.0e-3, 5.0e-4)  # what the force's law adds to the lag's error
+FAST = 3.0  # times the width of the average: a way in or out that bends within it
 FURTHEST_S, SEARCH_STEP_S, LONGEST_STEP_S = 0.24, 0.008, 0.05
 CORNER_SHARE = 0.1
 RELAXING = (0.02, 0.1)  # weights to start from: an elastic and a viscous body
@@ -109,28 +110,33 @@ def find_lag(
         return None
     if abs(grown) < max(5 * grown_error, 1e-3):
         grown = 0.0
-    sharpness = float(np.median([_sharpest(tp, x) for _, _, tp, x in chosen]))
+    sharpness, ramp_s = np.median([_motion(tp, x) for _, _, tp, x in chosen], axis=0)
+    # Of a fast press, the mean of the force is not that at the mean travel, as its law is bent
+    bent_s = MEAN_S**2 / (24 * ramp_s) if ramp_s < FAST * MEAN_S else 0.0
+    law_s = np.hypot(np.interp(sharpness, SHARPNESS, LAW_S), bent_s)
     return Lag(
         float(lag),
         float(grown / span),
         float(middle.mean()),
-        float(np.hypot(error, np.interp(sharpness, SHARPNESS, LAW_S))),
+        float(np.hypot(error, law_s)),
         len(fit.kept),
-        sharpness > SHARPNESS[1],
+        bool(sharpness > SHARPNESS[1]),
     )
 
 
-def _sharpest(time: np.ndarray, travel: np.ndarray) -> float:
-    """Return the largest change of speed within twice `CORNER_S`, by the largest speed."""
+def _motion(time: np.ndarray, travel: np.ndarray) -> tuple[float, float]:
+    """Largest change of speed within twice `CORNER_S`, by the largest speed; time of a way, s."""
     speed = np.gradient(smooth(travel, time, CORNER_SMOOTHED_S), time)
     apart = max(1, round(CORNER_S / float(np.median(np.diff(time)))))
     inside = travel > CORNER_SHARE * travel.max()
     inside[: 2 * apart] = inside[-2 * apart :] = False
+    fastest = float(np.quantile(np.abs(speed), 0.95))
+    way_s = float(travel.max()) / fastest
     if not inside.any():
-        return 0.0
+        return 0.0, way_s
     change = np.zeros(len(speed))
     change[apart:-apart] = np.abs(speed[2 * apart :] - speed[: -2 * apart])
-    return float(change[inside].max() / np.quantile(np.abs(speed), 0.95))
+    return float(change[inside].max()) / fastest, way_s
 
 
 def _start(courses: Sequence[Course]) -> tuple[float, float] | None:

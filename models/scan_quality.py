@@ -47,10 +47,12 @@ def scan_findings(scan: Scan) -> list[Doubt]:
     """Return all doubts about a Scan, single readings first."""
     rows = np.flatnonzero(scan.in_contact)
     used = scan.rows(rows)
+    wrong = bad_readings(used)
     found = [
         _bad_reading(scan, int(rows[row]), column, value, expected)
-        for row, column, value, expected in bad_readings(used)
+        for row, column, value, expected in wrong
     ]
+    others = used.rows(~np.isin(np.arange(len(used)), [row for row, *_ in wrong]))
     bad = {press for finding in found for press in finding.presses}
     tests: Sequence[tuple[str, Callable[[Scan], list[int]], str]] = (
         ("clipped", _clipped, "the force stays at one largest value while the tip goes on into "
@@ -62,10 +64,10 @@ def scan_findings(scan: Scan) -> list[Doubt]:
          "body: the tip slipped or the sensor failed; leave these presses out"),
     )  # fmt: skip
     for kind, test, words in tests:
-        presses = [press for press in test(used) if press not in bad]
+        presses = [press for press in test(others) if press not in bad]
         if presses:
             found.append(Doubt(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
-    return found + _free_travel(used) + _missing_phases(used) + _repeated(used)
+    return found + _free_travel(others) + _missing_phases(used) + _repeated(used)
 
 
 def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
@@ -146,9 +148,10 @@ def _clipped(scan: Scan) -> list[int]:
     largest = scan.force_n.max()
     found = []
     for press, rows in presses_of(scan):
-        at = (scan.force_n[rows] == largest) & (scan.phase[rows] == "load")
+        at, load = scan.force_n[rows] == largest, scan.phase[rows] == "load"
         travel = scan.displacement_m[rows]
-        if np.sum(at) >= CLIPPED_ROWS and np.ptp(travel[at]) > CLIPPED_TRAVEL * travel.max():
+        way = float(np.ptp(travel[at & load])) if np.any(at & load) else 0.0
+        if np.sum(at) >= CLIPPED_ROWS and way > CLIPPED_TRAVEL * travel.max():
             found.append(press)
     return found
 

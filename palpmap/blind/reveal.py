@@ -95,7 +95,7 @@ def reveal_screen(record: RevealRecord) -> "list[RenderableType]":
     style = colour[record.outcome]
     table = Table(box=box.SIMPLE, show_header=False, title="hidden and found", title_justify="left")
     hidden = [
-        f"{effect.name}, {100 * effect.size:.2g} % of the signal"
+        f"{effect.name}, {100 * effect.size:.2g} % of the signal (rms displacement)"
         + "".join(f"\n  {name} {value:.4g}" for name, value in effect.values.items())
         for effect in record.hidden
     ]

@@ -62,7 +62,7 @@ def draw_ladder(explained: Explanation) -> Figure:
     axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)
     axes.set_xlim(-0.55, max(len(steps) - 0.45, 1.45))
     axes.annotate(
-        f"the noise alone: {noise:.3g} µm", (1, noise), (-6, -4), ha="right", va="top",
+        f"the noise alone: {noise:.3g} µm", (0, noise), (6, -4), ha="left", va="top",
         xycoords=("axes fraction", "data"), textcoords="offset points", color="#4b515b",
     )  # fmt: skip
     axes.set_xticks(at, _labels(steps))

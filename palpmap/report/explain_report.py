@@ -125,18 +125,18 @@ def _step(explained: Explanation, problem: Problem, number: int) -> _Step:
 
 
 def _refit_table(accepted: AcceptedEffect) -> Table:
-    """Return the effects refitted at a step, best first."""
-    best = accepted.candidates[0].criterion
+    """Return the effects refitted at a step, the chosen one first."""
+    chosen = accepted.candidates[0].criterion
     rows = (
         (
             candidate.name,
             f"{candidate.chi2:.0f}",
-            "best" if candidate.criterion == best else f"+{candidate.criterion - best:.0f}",
+            "chosen" if place == 0 else f"{candidate.criterion - chosen:+.0f}",
             "as good" if candidate.name in accepted.equivalents[1:] else "",
         )
-        for candidate in accepted.candidates
+        for place, candidate in enumerate(accepted.candidates)
     )
-    head = ("Chi-square", "BIC above the best", "")
+    head = ("Chi-square", "BIC above the chosen", "")
     return Table.of(("Refitted with the map", *map(number, head)), rows)
 
 

@@ -120,7 +120,7 @@ def parameter_table(
         return (
             units.plain_name(name),
             "" if was is None else units.with_error(was.value, was.std, p.unit),
-            units.quantity(p.value, p.unit, p.std),
+            units.quantity(p.value, p.unit, _spread(p)),
             units.interval(p.lower95, p.upper95, p.unit) if p.std else "held",
             Cell("at its bound", "bad") if p.at_bound else "",
             "" if shift is None else f"{units.spread(shift.shift, p.unit)} ({shift.effect})",
@@ -134,6 +134,11 @@ def parameter_table(
             "Unseen effect", number("True"), number("Off before"), number("Off"))  # fmt: skip
     rows = (cells(name, p) for name, p in found.items())
     return Table.of(("Parameter", *head), rows, title)
+
+
+def _spread(p: ParameterRecord) -> float:
+    """Return the standard error that an interval stands for; 0 of a fixed value."""
+    return (p.upper95 - p.lower95) / (2 * _NORMAL_95) if p.std else 0.0
 
 
 def _off(p: ValueRecord, true: float) -> str | Cell:

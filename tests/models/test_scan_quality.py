@@ -163,11 +163,22 @@ def test_travel_counted_from_above_the_surface_is_seen_with_its_start():
     assert "at about 9.8 mm" in found[0].sentence
 
 
-def test_a_clipped_sensor_is_said_press_by_press():
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_a_clipped_sensor_is_said_press_by_press(share):
     scan = read_scan(LAB / "case_a" / "scan.csv")
-    limit = 0.5 * np.median(scan.force_n[scan.deepest_rows])
+    limit = share * np.median(scan.force_n[scan.deepest_rows])
     clipped = scan.replace(force_n=np.minimum(scan.force_n, limit))
     assert len(kinds(clipped)["clipped"]) > 0.5 * len(scan.press_ids)
+
+
+def test_a_bad_reading_hides_no_other_doubt_and_makes_none():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    force = np.array(scan.force_n)
+    force[400] = 30.0
+    assert list(kinds(scan.replace(force_n=force))) == ["bad_reading"]
+    clipped = np.minimum(force, 0.5 * np.median(force[scan.deepest_rows]))
+    clipped[400] = 30.0
+    assert set(kinds(scan.replace(force_n=clipped))) == {"bad_reading", "clipped"}
 
 
 def test_hold_without_contact_and_collapsed_force_are_said_press_by_press():

@@ -82,7 +82,7 @@ class ExportedBody:
         effects = [entry.name for entry in study.effects]
         if effects:
             said.append(
-                f"The map and the body are exported, the effects {', '.join(effects)} are not."
+                f"Map and body are exported, and of the model not: {', '.join(effects)}."
             )
         if study.body.support != "base-bonded":
             said.append(f"The base is exported as bonded; in the study it is {study.body.support}.")

@@ -81,9 +81,7 @@ class ExportedBody:
         study, said = self.run.experiment.study, []
         effects = [entry.name for entry in study.effects]
         if effects:
-            said.append(
-                f"Map and body are exported, and of the model not: {', '.join(effects)}."
-            )
+            said.append(f"Map and body are exported, and of the model not: {', '.join(effects)}.")
         if study.body.support != "base-bonded":
             said.append(f"The base is exported as bonded; in the study it is {study.body.support}.")
         return said

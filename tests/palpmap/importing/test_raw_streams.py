@@ -1,13 +1,19 @@
 """Raw streams of a made-up rig are cut into their presses, or it is said which are left out."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from models.errors import InputError
+from palpmap.importing.mapping.rig import parse_rig
+from palpmap.importing.readers.recording import Recording, Table
+from palpmap.importing.streams.cutting import cut_stream
 from palpmap.importing.streams.lag import WITHIN_2_MS, find_lag
 from palpmap.importing.streams.path import smooth_path
-from palpmap.importing.streams.stream import Stream
-from tests.palpmap.importing.raw_streams import outcome
+from palpmap.importing.streams.stream import Stream, without_jumps
+from tests.palpmap.importing.raw_streams import RIG, outcome
 
 QUICK, ALL = range(12), range(500)
 LAG_S = 0.002
@@ -28,6 +34,57 @@ def test_a_stream_is_cut_and_its_lag_found(seed):
 @pytest.mark.parametrize("seed", [127, 445, 477, 6198, 6457, 6462])
 def test_what_once_hid_a_touch_does_so_no_longer(seed):
     assert outcome(seed).silent == []
+
+
+@pytest.mark.parametrize("seed", [12066, 13067])
+def test_presses_almost_in_rhythm_and_a_re_tare_before_a_touch_lose_no_press(seed):
+    assert outcome(seed).wrong == 0
+
+
+def test_the_lag_of_presses_faster_than_the_average_over_them_is_said_to_be_unsure():
+    found = outcome(98)
+    assert found.stated_s > WITHIN_2_MS
+    assert abs(found.off_s) < 3 * found.stated_s
+
+
+def rhythmic(uneven_s: float) -> Recording:
+    """Ten presses on two clocks, 300 s apart, of which the pose's begins and ends in the pause."""
+    rng = np.random.default_rng(7)
+    begins = 5.0 * np.arange(10) + uneven_s * rng.uniform(-1, 1, 10)
+    time = np.arange(-2.0, 49.0, 0.01)
+    away = np.abs(time[:, None] - begins - 1.0).min(axis=1)
+    depth = 4e-3 * np.clip(2.0 - 2.0 * away, 0.0, 1.0)
+    noise = rng.standard_normal((len(time), 4))
+    pose = {"t_s": time - 300.0, "x_mm": 0 * time, "y_mm": 0 * time}
+    pose |= {"z_mm": 40 - 1e3 * depth + 0.005 * noise[:, 3]}
+    pose |= {name: 0 * time + (name == "qw") for name in ("qx", "qy", "qz", "qw")}
+    force = -400 * np.maximum(depth - 2e-3, 0.0)[:, None] * [0, 0, 1] + 0.003 * noise[:, :3]
+    columns = dict(zip(("Fx_N", "Fy_N", "Fz_N"), force.T, strict=True))
+    return Recording.of(
+        [Table("ft", {"time_s": time, **columns}, {}, str), Table("pose", pose, {}, str)]
+    )
+
+
+def test_two_clocks_are_brought_together_by_presses_that_are_not_quite_in_rhythm():
+    cut = cut_stream(rhythmic(0.1), parse_rig(RIG, Path("rig.toml")))
+    assert cut.streams.offset_s + cut.streams.lag.lag_s == pytest.approx(300.0, abs=0.01)
+
+
+def test_presses_in_an_exact_rhythm_leave_the_offset_of_two_clocks_to_be_stated():
+    with pytest.raises(InputError, match=r"key pose.clock_offset_s: .* fit alike"):
+        cut_stream(rhythmic(0.0), parse_rig(RIG, Path("rig.toml")))
+
+
+def test_the_size_of_a_re_tare_is_known_to_a_fraction_of_the_noise():
+    rng = np.random.default_rng(8)
+    time, off = 0.002 * np.arange(1200), []
+    for _ in range(30):
+        at, size = int(rng.integers(500, 700)), rng.uniform(0.3, 1.0)
+        force = 0.01 * rng.standard_normal((1200, 1)) + 0.02 * time[:, None]
+        force[at:] += size
+        found = without_jumps(Stream(time, force, np.zeros((0, 2))))[0].values[:, 0]
+        off.append(np.polyfit(time, found, 1)[0] - 0.02)  # a step that stays tilts the line
+    assert np.std(off) * time[-1] / 1.5 < 0.3 * 0.01
 
 
 @pytest.mark.slow

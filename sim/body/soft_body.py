@@ -36,7 +36,7 @@ DIVISIONS = (14, 14, 7)
 COARSENING = 0.7
 SPLIT = "alternating"
 CELLS = float(np.prod(DIVISIONS))
-CHANGED, LEAST_FORCE_N, CREPT_M = 0.02, 1e-5, 2e-8  # from which the contact asks for the law again
+CREPT_M = 2e-8  # from which on the contact asks for the law again
 LEVELS = (0.125, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.08)  # of the set force, of a hyperelastic path
 RING_PATCHES = 40  # across a ring
 SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
@@ -123,7 +123,7 @@ class SoftBody:
             ]
         )
         self._creep = creep
-        self._press, self._time_s, self._last = -1, 0.0, 0.0
+        self._press, self._time_s = -1, 0.0
         self._lag = np.zeros(len(creep.shares) if creep else 0)
         self._history: list[tuple[float, float]] = []
         self._keep_surface(meshes, solved, grows)
@@ -136,29 +136,31 @@ class SoftBody:
         """Local stiffness at a press, N/m, of a quick change."""
         return 1.0 / self.curves[press].at(force_n)[1]
 
+    @property
+    def in_time(self) -> bool:
+        """True if the body creeps: its law then has to be asked in each step."""
+        return self._creep is not None
+
     def advance(self, press: int, time_s: float, force_n: float) -> bool:
         """Creep on to a time under a force; True if the law has to be asked again.
 
         A press begins on a body that has recovered.
         """
         if press != self._press:
-            self._press, self._time_s, self._last = press, time_s, 0.0
+            self._press, self._time_s = press, time_s
             self._lag[:] = 0.0
             self._history = []
-        moved = abs(force_n - self._last) > CHANGED * max(abs(force_n), LEAST_FORCE_N)
-        if self._creep is not None:
-            quick = self.curves[press].at(max(force_n, 0.0))[0]
-            before = float(self._lag.sum())
-            shares, times = np.array(self._creep.shares), np.array(self._creep.times_s)
-            left = np.exp(-(time_s - self._time_s) / times)
-            self._lag = left * self._lag + (1 - left) * shares * quick
-            lag = float(self._lag.sum())
-            self._history.append((time_s, lag))
-            moved = moved or abs(lag - before) > CREPT_M
+        if self._creep is None:
+            return False
+        quick = self.curves[press].at(max(force_n, 0.0))[0]
+        before = float(self._lag.sum())
+        shares, times = np.array(self._creep.shares), np.array(self._creep.times_s)
+        left = np.exp(-(time_s - self._time_s) / times)
+        self._lag = left * self._lag + (1 - left) * shares * quick
+        lag = float(self._lag.sum())
+        self._history.append((time_s, lag))
         self._time_s = time_s
-        if moved:
-            self._last = force_n
-        return moved
+        return abs(lag - before) > CREPT_M
 
     def displacement_at(self, press: int, force_n: float, time_s: float) -> float:
         """Depth of the tip under a force at an earlier time of the press just made, m."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from sim.robot.inverse_kinematics import TipKinematics
@@ -22,22 +23,31 @@ class PressPath:
     Attributes
     ----------
     start_m, end_m : range of h
-    coefficients : (KNOTS, 2 n), of q and of dq/dh, in powers of the range scaled to -1..1
+    coefficients : (KNOTS, 2 n), of q and of dq/dh, in powers of (h - middle_m) scale_per_m, -1..1
     """
 
     start_m: float
     end_m: float
     coefficients: np.ndarray
-    _powers: np.ndarray
-    _middle: float
-    _scale: float
+    middle_m: float
+    scale_per_m: float
 
     def at(self, depth_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the configuration (n,) rad and its derivative (n,) rad/m at a depth."""
-        s = (depth_m - self._middle) * self._scale
-        both = (s**self._powers) @ self.coefficients
-        half = both.size // 2
-        return both[:half], both[half:]
+        q, slope = np.empty((2, self.coefficients.shape[1] // 2))
+        path_at(self.coefficients, (depth_m - self.middle_m) * self.scale_per_m, q, slope)
+        return q, slope
+
+
+@numba.njit(cache=True)
+def path_at(coefficients: np.ndarray, s: float, q: np.ndarray, slope: np.ndarray) -> None:
+    """Put both polynomials (see `PressPath`) at -1..1 into (n,) each."""
+    n = len(q)
+    for i in range(n):
+        q[i] = slope[i] = 0.0
+        for k in range(len(coefficients) - 1, -1, -1):
+            q[i] = q[i] * s + coefficients[k, i]
+            slope[i] = slope[i] * s + coefficients[k, n + i]
 
 
 def sideways_yield(kinematics: TipKinematics, path: PressPath, direction: np.ndarray) -> np.ndarray:
@@ -93,4 +103,4 @@ def press_path(
     q_part = np.linalg.solve(matrix, solved)
     rate = np.zeros_like(q_part)
     rate[:-1] = q_part[1:] * powers[1:, None] * scale
-    return PressPath(start_m, end_m, np.hstack([q_part, rate]), powers, middle, scale), end_m
+    return PressPath(start_m, end_m, np.hstack([q_part, rate]), middle, scale), end_m

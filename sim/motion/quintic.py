@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 PEAK_SPEED = 15 / 8
@@ -29,7 +30,14 @@ def quintic(
     (0.5, True)
     """
     change = end - start
-    position = start + s**3 * (10 - 15 * s + 6 * s * s) * change
-    velocity = 30 * s * s * (1 - s) ** 2 / duration_s * change
-    acceleration = 60 * s * (1 - s) * (1 - 2 * s) / duration_s**2 * change
+    position, velocity, acceleration = blend(s, duration_s)
+    return start + position * change, velocity * change, acceleration * change
+
+
+@numba.njit(cache=True)
+def blend(s: float, duration_s: float) -> tuple[float, float, float]:
+    """Return how much of the way is gone at a part `s` of it in time, its rate and acceleration."""
+    position = s**3 * (10 - 15 * s + 6 * s * s)
+    velocity = 30 * s * s * (1 - s) ** 2 / duration_s
+    acceleration = 60 * s * (1 - s) * (1 - 2 * s) / duration_s**2
     return position, velocity, acceleration

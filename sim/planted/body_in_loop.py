@@ -34,6 +34,8 @@ class Part:
 class LawOnBody:
     """A body under one more law; a `PressedBody` in time."""
 
+    in_time = True
+
     def __init__(self, below: PressedBody, part: Part) -> None:
         self.below, self.part = below, part
         self._in_time = below if isinstance(below, BodyInTime) else None

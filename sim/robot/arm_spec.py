@@ -1,8 +1,8 @@
 """Scene of the laboratory for any arm, as a MuJoCo specification.
 
 Whatever the arm's file calls its parts, the finished scene has one set of names: body `probe` with
-the sites `ft` and `tcp` and the geoms `probe_tip` and `tip_contact`, sensors `ft_force` and
-`ft_torque`, one motor a joint, and table, body and pad.
+the sites `ft` and `tcp` and the geoms `probe_tip` and `tip_contact`, sensors `ft_force`,
+`ft_torque` and `touch`, one motor a joint, and table, body and pad.
 """
 
 # mujoco is a compiled module without type stubs
@@ -131,6 +131,16 @@ def _mount_probe(spec: mujoco.MjSpec, arm: Arm) -> None:
             name=name, type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"), objname="ft",
             objtype=mujoco.mjtObj.mjOBJ_SITE,
         )  # fmt: skip
+
+
+def add_touch_sensor(spec: mujoco.MjSpec) -> None:
+    """Add the sensor `touch`: the true force of all contacts of the probe."""
+    everywhere = spec.body(PROBE).add_site(name="touch", group=5)
+    everywhere.type, everywhere.size = mujoco.mjtGeom.mjGEOM_SPHERE, [1.0, 0, 0]
+    spec.add_sensor(
+        name="touch", type=mujoco.mjtSensor.mjSENS_TOUCH, objname="touch",
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+    )  # fmt: skip
 
 
 Boxes = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]

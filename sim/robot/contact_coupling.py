@@ -21,7 +21,8 @@ Stability. The spring acts on the arm's effective mass m = 4 to 5 kg under MuJoC
 Euler step, which is stable for k dt^2 / m < 4, that is for k < 4 MN/m at dt = 2 ms; the joint
 servo damps it. Tested from 50 N/m to 100 kN/m at 2 ms. There is no relaxation factor and no inner
 iteration. For a stiffening law the threshold has to be small against the range of force over
-which the tangent changes: 2 % of the set force is taken.
+which the tangent changes: 2 % of the force is taken, and where the law stayed on its line 2 % of
+the set force.
 """
 
 # mujoco and pinocchio are compiled modules without type stubs
@@ -39,7 +40,8 @@ from sim.robot.laboratory import Laboratory
 PAIR = "tip_on_pad"
 IMPEDANCE = 2e-4
 FAR_M = 1.0
-RENEW_FRACTION = 0.02
+RENEW_FRACTION, LEAST_FORCE_N = 0.02, 1e-5
+STRAIGHT = 1e-6
 
 
 class PressedBody(Protocol):
@@ -56,7 +58,14 @@ class PressedBody(Protocol):
 
 @runtime_checkable
 class BodyInTime(Protocol):
-    """Soft body whose law changes with time: creep, breathing, a history."""
+    """Soft body whose law changes with time: creep, breathing, a history.
+
+    Attributes
+    ----------
+    in_time : false where it does not after all
+    """
+
+    in_time: bool
 
     def advance(self, press: int, time_s: float, force_n: float) -> bool:
         """Go on to a time under a force; True if the law is another one than before."""
@@ -79,17 +88,19 @@ class MatchedContact:
     Attributes
     ----------
     calls : number of pairs exchanged in the present press
+    band_n : contact forces between which the last pair holds
+    in_time : whether the body has to be asked in each step
     """
 
     def __init__(self, laboratory: Laboratory, data: mujoco.MjData, body: PressedBody) -> None:
-        model = laboratory.model
+        model = laboratory.physics
         self._model, self._data, self._body = model, data, body
-        self._in_time = body if isinstance(body, BodyInTime) else None
+        self._in_time = body if isinstance(body, BodyInTime) and body.in_time else None
+        self.in_time = self._in_time is not None
         self._pair = model.pair(PAIR).id
         model.pair_solimp[self._pair, :2] = IMPEDANCE
         self._regularisation = _regularisation(laboratory)
-        self._press, self._renew_at = 0, np.inf
-        self._force = 0.0
+        self._press, self._set_force, self._force, self._stiffness = 0, 0.0, 0.0, 1.0
         self._point, self._normal = np.zeros(3), np.array([0.0, 0.0, 1.0])
         self._shift, self._line_m = np.zeros(3), 0.0
         self.calls = 0
@@ -102,10 +113,11 @@ class MatchedContact:
         ----------
         press : number of the press in the body's contacts
         point_m, direction : (3,) m and unit into the body, world frame
-        force_n : set force; the pair is renewed each time the force moved by 2 % of it
+        force_n : set force; the pair is renewed each time the force moved by 2 % of itself, on a
+            straight law by 2 % of the set force
         """
         self._press, self._point, self._normal = press, point_m, -direction
-        self._renew_at = RENEW_FRACTION * force_n
+        self._set_force = force_n
         self._data.mocap_quat[0] = _quaternion_of_normal(self._normal)
         self.calls, self._line_m, self._shift = 0, 0.0, np.zeros(3)
         self._exchange(0.0)
@@ -113,7 +125,7 @@ class MatchedContact:
     def follow(self, force_n: float, time_s: float) -> None:
         """Renew the pair where the contact force has moved away from the last one."""
         moved = self._in_time and self._in_time.advance(self._press, time_s, force_n)
-        if moved or abs(force_n - self._force) > self._renew_at:
+        if moved or not self.band_n[0] <= force_n <= self.band_n[1]:
             self._exchange(force_n)
 
     def shift(self, by_m: np.ndarray) -> None:
@@ -130,7 +142,7 @@ class MatchedContact:
     def release(self) -> None:
         """Take the pad away, so that the arm moves freely."""
         self._data.mocap_pos[0] = self._point - FAR_M * self._normal
-        self._renew_at = np.inf
+        self.band_n = -np.inf, np.inf
 
     def _exchange(self, force_n: float) -> None:
         """Give the body a force; put its displacement and tangent into the contact."""
@@ -141,7 +153,12 @@ class MatchedContact:
                 f"the body answers {force_n:.3g} N with a travel of {depth:.3g} m and a stiffness "
                 f"of {stiffness:.3g} N/m; a positive stiffness is needed"
             )
-        self._force = force_n
+        foreseen = self._line_m + force_n / self._stiffness
+        straight = self.calls > 0 and abs(depth - foreseen) < STRAIGHT * abs(depth)
+        moved = self._set_force if straight else max(force_n, LEAST_FORCE_N)
+        moved = RENEW_FRACTION * min(moved, self._set_force)
+        self.band_n = force_n - moved, force_n + moved
+        self._force, self._stiffness = force_n, stiffness
         self.calls += 1
         self._model.pair_solref[self._pair] = (-stiffness * self._regularisation * IMPEDANCE, 0.0)
         self._line_m = depth - force_n / stiffness
@@ -153,7 +170,7 @@ class MatchedContact:
 
 def _regularisation(laboratory: Laboratory) -> float:
     """R of the pair's constraint, from a pad put 0.5 mm into the tip; the same everywhere."""
-    model = laboratory.model
+    model = laboratory.physics
     data = mujoco.MjData(model)
     data.qpos[:] = laboratory.home
     mujoco.mj_forward(model, data)

@@ -24,6 +24,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numba
+import numpy as np
+
 from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 FILTER_HZ = 10.0
@@ -47,15 +50,21 @@ class RoundedLine:
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Return how far it has come and its rate, 1/s."""
-        rate = 1 / (self.duration_s - self.blend_s)
-        left = self.duration_s - time_s
-        if time_s < self.blend_s:
-            grown = time_s / self.blend_s
-            return rate * grown * time_s / 2, rate * grown
-        if left < self.blend_s:
-            grown = left / self.blend_s
-            return 1 - rate * grown * left / 2, rate * grown
-        return rate * (time_s - self.blend_s / 2), rate
+        return line_at(self.duration_s, self.blend_s, time_s)
+
+
+@numba.njit(cache=True)
+def line_at(duration_s: float, blend_s: float, time_s: float) -> tuple[float, float]:
+    """See `RoundedLine`."""
+    rate = 1 / (duration_s - blend_s)
+    left = duration_s - time_s
+    if time_s < blend_s:
+        grown = time_s / blend_s
+        return rate * grown * time_s / 2, rate * grown
+    if left < blend_s:
+        grown = left / blend_s
+        return 1 - rate * grown * left / 2, rate * grown
+    return rate * (time_s - blend_s / 2), rate
 
 
 def rounded_line(length_m: float, duration_s: float, acceleration: float) -> RoundedLine:
@@ -80,6 +89,20 @@ def rounded_line(length_m: float, duration_s: float, acceleration: float) -> Rou
     return RoundedLine(duration, max((duration - math.sqrt(room)) / 2, ROUNDED * duration))
 
 
+CONTROL = np.dtype(
+    [
+        (name, float)
+        for name in (
+            "depth_m", "speed_m_per_s", "force_n", "stiffness", "wanted_n", "sinking_m_per_s",
+            "servo_m", "servo_m_per_s", "servo_filtered_m", "origin_n", "origin_m",
+            "dt", "filter", "learn", "least_rise_n",
+        )
+    ]
+)  # fmt: skip
+"""State of the force control: command, filtered force, estimate of the stiffness, followed force,
+speed of a creeping body, model of the servo, where the tip touched; and its constants."""
+
+
 class ForceControl:
     """Commanded depth of the tip along a press direction.
 
@@ -91,26 +114,50 @@ class ForceControl:
 
     Attributes
     ----------
-    depth_m, speed_m_per_s : command for the servo
-    force_n : filtered measured force
-    stiffness : present estimate, N/m; it is kept from press to press
+    state : (1,) of `CONTROL`
     """
 
     def __init__(self, dt: float, stiffness_n_per_m: float, force_noise_n: float) -> None:
-        self._dt = dt
-        self._filter = 1 - math.exp(-2 * math.pi * FILTER_HZ * dt)
-        self._learn = 1 - math.exp(-dt / LEARN_S)
-        noise_left = force_noise_n * math.sqrt(self._filter / (2 - self._filter))
-        self._least_rise = max(6 * noise_left, 1e-3)
+        self.state = np.zeros(1, CONTROL)
+        share = 1 - math.exp(-2 * math.pi * FILTER_HZ * dt)
+        noise_left = force_noise_n * math.sqrt(share / (2 - share))
+        self.state["dt"], self.state["filter"] = dt, share
+        self.state["learn"] = 1 - math.exp(-dt / LEARN_S)
+        self.state["least_rise_n"] = max(6 * noise_left, 1e-3)
         self.stiffness = stiffness_n_per_m
-        self.rest(0.0)
+
+    @property
+    def depth_m(self) -> float:
+        """Commanded depth."""
+        return float(self.state["depth_m"][0])
+
+    @property
+    def speed_m_per_s(self) -> float:
+        """Commanded speed."""
+        return float(self.state["speed_m_per_s"][0])
+
+    @property
+    def force_n(self) -> float:
+        """Filtered measured force."""
+        return float(self.state["force_n"][0])
+
+    @property
+    def stiffness(self) -> float:
+        """Present estimate, N/m; it is kept from press to press."""
+        return float(self.state["stiffness"][0])
+
+    @stiffness.setter
+    def stiffness(self, value: float) -> None:
+        self.state["stiffness"] = value
 
     def rest(self, depth_m: float) -> None:
         """Stand still at a depth, out of contact."""
-        self.depth_m, self.speed_m_per_s = depth_m, 0.0
-        self._servo, self._servo_speed, self._servo_filtered = depth_m, 0.0, depth_m
-        self.force_n = self._wanted = self._sinking = 0.0
-        self._origin = (0.0, depth_m)
+        kept = ("stiffness", "dt", "filter", "learn", "least_rise_n")
+        for name in CONTROL.names or ():
+            if name not in kept:
+                self.state[name] = 0.0
+        for name in ("depth_m", "servo_m", "servo_filtered_m", "origin_m"):
+            self.state[name] = depth_m
 
     def line(self, change_n: float, duration_s: float) -> RoundedLine:
         """Return a rounded line over a change of force that keeps to half of the acceleration.
@@ -122,50 +169,70 @@ class ForceControl:
 
     def feel(self, force_n: float) -> None:
         """Take in a measured force."""
-        self.force_n += self._filter * (force_n - self.force_n)
+        feel(self.state, force_n)
 
-    def move(self, speed_m_per_s: float) -> None:
-        """Go on at a speed; the force is not controlled."""
-        self._advance(speed_m_per_s)
+    def press(self, wanted_n: float, rate_n_per_s: float) -> None:
+        """Follow a wanted force and its rate of change."""
+        press(self.state, wanted_n, rate_n_per_s, False)
 
     def touch(self) -> None:
         """Note that the tip has come into contact: stiffness is learnt from here on."""
-        self._wanted, self._sinking = self.force_n, 0.0
-        self._origin = (self.force_n, self._servo_filtered)
+        state = self.state
+        state["wanted_n"] = state["origin_n"] = state["force_n"]
+        state["origin_m"], state["sinking_m_per_s"] = state["servo_filtered_m"], 0.0
 
-    def stop(self) -> None:
-        """Hold the depth, as after touching."""
-        self._advance(0.0)
-        self._learn_stiffness()
-        self._wanted = self.force_n
 
-    def press(self, wanted_n: float, rate_n_per_s: float, learn: bool) -> None:
-        """Follow a wanted force and its rate of change."""
-        self._wanted += self._filter * (wanted_n - self._wanted)
-        if learn:
-            self._learn_stiffness()
-        missing = (self._wanted - self.force_n) / RETURN_S
-        # A body that creeps sinks on while the force is held
-        held = rate_n_per_s == 0
-        self._sinking += held * missing * self._dt / (self.stiffness * SINKING_S)
-        self._sinking *= held
-        speed = (rate_n_per_s + missing) / self.stiffness + self._sinking
-        self._advance(max(-FASTEST_M_PER_S, min(FASTEST_M_PER_S, speed)))
+@numba.njit(cache=True)
+def feel(state: np.ndarray, force_n: float) -> None:
+    """Take in a measured force; `state` is (1,) of `CONTROL`, here and below."""
+    c = state[0]
+    c.force_n += c.filter * (force_n - c.force_n)
 
-    def _advance(self, speed: float) -> None:
-        dt, gain = self._dt, SERVO_RAD_PER_S
-        change = ACCELERATION_M_PER_S2 * dt
-        speed = max(self.speed_m_per_s - change, min(self.speed_m_per_s + change, speed))
-        self.depth_m += speed * dt
-        self.speed_m_per_s = speed
-        pull = gain * gain * (self.depth_m - self._servo) + 2 * gain * (speed - self._servo_speed)
-        self._servo_speed += pull * dt
-        self._servo += self._servo_speed * dt
-        self._servo_filtered += self._filter * (self._servo - self._servo_filtered)
 
-    def _learn_stiffness(self) -> None:
-        rise = self.force_n - self._origin[0]
-        travel = self._servo_filtered - self._origin[1]
-        if rise > self._least_rise and travel > 0:
-            slope = max(STIFFNESS_RANGE[0], min(STIFFNESS_RANGE[1], rise / travel))
-            self.stiffness += self._learn * (slope - self.stiffness)
+@numba.njit(cache=True)
+def move(state: np.ndarray, speed: float) -> None:
+    """Go on at a speed, as far as the acceleration allows; the force is not controlled."""
+    c = state[0]
+    dt, gain = c.dt, SERVO_RAD_PER_S
+    change = ACCELERATION_M_PER_S2 * dt
+    speed = max(c.speed_m_per_s - change, min(c.speed_m_per_s + change, speed))
+    c.depth_m += speed * dt
+    c.speed_m_per_s = speed
+    pull = gain * gain * (c.depth_m - c.servo_m) + 2 * gain * (speed - c.servo_m_per_s)
+    c.servo_m_per_s += pull * dt
+    c.servo_m += c.servo_m_per_s * dt
+    c.servo_filtered_m += c.filter * (c.servo_m - c.servo_filtered_m)
+
+
+@numba.njit(cache=True)
+def stop(state: np.ndarray) -> None:
+    """Hold the depth, as after touching."""
+    move(state, 0.0)
+    _learn_stiffness(state)
+    state[0].wanted_n = state[0].force_n
+
+
+@numba.njit(cache=True)
+def press(state: np.ndarray, wanted_n: float, rate_n_per_s: float, learn: bool) -> None:
+    """Follow a wanted force and its rate of change."""
+    c = state[0]
+    c.wanted_n += c.filter * (wanted_n - c.wanted_n)
+    if learn:
+        _learn_stiffness(state)
+    missing = (c.wanted_n - c.force_n) / RETURN_S
+    if rate_n_per_s == 0:  # a body that creeps sinks on while the force is held
+        c.sinking_m_per_s += missing * c.dt / (c.stiffness * SINKING_S)
+    else:
+        c.sinking_m_per_s = 0.0
+    speed = (rate_n_per_s + missing) / c.stiffness + c.sinking_m_per_s
+    move(state, max(-FASTEST_M_PER_S, min(FASTEST_M_PER_S, speed)))
+
+
+@numba.njit(cache=True)
+def _learn_stiffness(state: np.ndarray) -> None:
+    c = state[0]
+    rise = c.force_n - c.origin_n
+    travel = c.servo_filtered_m - c.origin_m
+    if rise > c.least_rise_n and travel > 0:
+        slope = max(STIFFNESS_RANGE[0], min(STIFFNESS_RANGE[1], rise / travel))
+        c.stiffness += c.learn * (slope - c.stiffness)

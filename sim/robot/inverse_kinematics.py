@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from sim.robot.rigid_chain import rigid_chain, tip_poses
+
 DAMPING = 1e-3
 LIMIT_MARGIN_RAD = 1e-3
 LARGEST_STEP_RAD = 0.3
@@ -49,6 +51,7 @@ class TipKinematics:
         self.arm = arm
         self._data = arm.createData()
         self._frame = arm.getFrameId(frame)
+        self._chain = rigid_chain(arm, arm, frame)
         self.low = np.array(arm.lowerPositionLimit) + LIMIT_MARGIN_RAD
         self.high = np.array(arm.upperPositionLimit) - LIMIT_MARGIN_RAD
         lengths = [np.linalg.norm(place.translation) for place in arm.jointPlacements]
@@ -61,6 +64,12 @@ class TipKinematics:
         pin.framesForwardKinematics(self.arm, self._data, q)
         found = self._data.oMf[self._frame]
         return found.translation.copy(), found.rotation.copy()
+
+    def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (t, 3) m and rotations (t, 3, 3) at configurations (t, n) rad."""
+        places, rotations = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+        tip_poses(self._chain, q, places, rotations)
+        return places, rotations
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian of the tip's position in world axes, (3, n) m/rad."""

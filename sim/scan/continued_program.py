@@ -30,7 +30,7 @@ class ContinuedProgram(Program):
         if after is None:
             return
         self.rig, self.control, self.encoder_rng = after.rig, after.control, after.encoder_rng
-        self.steps, self.posture = after.steps, after.posture
+        self.task["steps"], self.posture = after.task["steps"], after.posture
         self.rig.live = self.live
         self.watchdog = Watchdog(self.rig, self.settings)
         self.contact = MatchedContact(self.rig.laboratory, self.rig.data, self.body)
@@ -42,19 +42,20 @@ class ContinuedProgram(Program):
 
     def arrive(self, planned: PlannedPress) -> None:
         """Go to a planned press and touch."""
-        self.number, self.planned, self.wanted = 0, planned, 0.0
+        self._aim(0, planned)
+        self.task["wanted_n"] = 0.0
         self.recorder.begin()
         self._transit(planned.waypoints)
         self._tare(TARE_S)
-        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
+        self._sideways[:] = sideways_yield(self.kinematics, planned.path, planned.direction)
         self.contact.start(0, planned.point_m, planned.direction, self.plan.force_of(0))
         self.control.rest(-self.settings.lift_m)
         self._touch()
 
     def slide(self, q: np.ndarray, v: np.ndarray, wanted_n: float, rate_n_per_s: float) -> None:
         """Make one step in contact, and follow a wanted force."""
-        self.control.press(wanted_n, rate_n_per_s, learn=False)
-        self._step(HOLD, q - self.control.force_n * self.sideways, v)
+        self.control.press(wanted_n, rate_n_per_s)
+        self._step(HOLD, q - self.control.force_n * self._sideways, v)
         self.posture = q
         self.control.feel(self.rig.wrist_n[2])
         self.contact.follow(self.rig.contact_n, self.time_s)

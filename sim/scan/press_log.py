@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from sim.robot.simulated_arm import SimulatedArm
+from sim.robot.simulated_arm import ArmState
 
 
 @dataclass(frozen=True)
@@ -43,33 +45,67 @@ class PressLog:
     outcome: str
 
 
+class Rows(NamedTuple):
+    """Columns of a press as they come, by their names in `PressLog`; (N,) or (N, k), `used` of N.
+
+    `by_torque_n` : force that the joints' torques show, NaN where it was not asked for
+    """
+
+    used: np.ndarray
+    time_s: np.ndarray
+    phase: np.ndarray
+    wanted_n: np.ndarray
+    true_force_n: np.ndarray
+    by_torque_n: np.ndarray
+    wrist_n: np.ndarray
+    tip_m: np.ndarray
+    q: np.ndarray
+    q_read: np.ndarray
+
+
+@numba.njit(cache=True)
+def add_row(rows: Rows, time_s: float, phase: int, wanted_n: float, arm: ArmState) -> None:
+    """Keep the step that the arm has just made."""
+    i = rows.used[0]
+    rows.time_s[i], rows.phase[i], rows.wanted_n[i] = time_s, phase, wanted_n
+    rows.true_force_n[i], rows.by_torque_n[i] = arm.now[0].contact_n, np.nan
+    for k in range(3):
+        rows.wrist_n[i, k], rows.tip_m[i, k] = arm.wrist_n[k], arm.tip_m[k]
+    for k in range(len(arm.q)):
+        rows.q[i, k], rows.q_read[i, k] = arm.q_seen[k], arm.q_read[k]
+    rows.used[0] = i + 1
+
+
 class PressRecorder:
-    """Keeps the rows of a press as they come; `joints` is the number of the arm's joints."""
+    """Keeps the rows of a press; `joints` is the number of the arm's joints."""
 
     def __init__(self, joints: int) -> None:
-        numbers = ("time_s", "wanted_n", "true_force_n")
-        vectors = {"wrist_n": 3, "tip_m": 3, "q": joints, "q_read": joints}
-        row = [("phase", np.int8), *((name, float) for name in numbers)]
-        row += [(name, float, size) for name, size in vectors.items()]
-        self._rows, self._used = np.empty(8192, row), 0
+        count, vectors = 8192, (3, 3, joints, joints)
+        self.rows = Rows(
+            np.zeros(1, np.int64),
+            np.empty(count),
+            np.empty(count, np.int8),
+            *np.empty((3, count)),
+            *(np.empty((count, size)) for size in vectors),
+        )
 
     def begin(self) -> None:
         """Forget the rows of the press before."""
-        self._used = 0
+        self.rows.used[0] = 0
 
-    def add(self, time_s: float, phase: int, wanted_n: float, rig: SimulatedArm) -> None:
-        """Keep the step that the arm has just made."""
-        if self._used == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[self._used] = (
-            phase, time_s, wanted_n, rig.contact_n, rig.wrist_n, rig.tip_m, rig.q_seen, rig.q_read
-        )  # fmt: skip
-        self._used += 1
+    def make_room(self) -> bool:
+        """Double the room if it is used up; true if it was."""
+        used, *columns = self.rows
+        if used[0] < len(columns[0]):
+            return False
+        self.rows = Rows(used, *(np.concatenate([c, np.empty_like(c)]) for c in columns))
+        return True
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Column of the rows so far, by its name in `PressLog`."""
-        return self._rows[name][: self._used]
+        """Column of the rows so far, by its name in `Rows`."""
+        return getattr(self.rows, name)[: self.rows.used[0]]
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return a copy of all columns, by their names in `PressLog`."""
-        return {name: self[name].copy() for name in self._rows.dtype.names or ()}
+        """Return a copy of all columns of `PressLog`."""
+        names = set(Rows._fields) & set(PressLog.__dataclass_fields__)
+        return {name: self[name].copy() for name in names}

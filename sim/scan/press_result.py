@@ -71,8 +71,7 @@ def press_result(
     read = np.arange(contact[0] - before, contact[-1] + 1)
     lever = np.linalg.norm(planned.direction @ kinematics.jacobian(planned.touch))
     noise = settings.displacement_noise_m / lever * rng.standard_normal(log.q[read].shape)
-    poses = [kinematics.pose(q) for q in log.q_read[read] + noise]
-    tips, turns = (np.array(part) for part in zip(*poses, strict=True))
+    tips, turns = kinematics.poses(log.q_read[read] + noise)
     depth = (tips - planned.point_m) @ planned.direction
     # row by row: probe axes -> world
     vectors = np.einsum("tij,tj->ti", turns, log.wrist_n[read])

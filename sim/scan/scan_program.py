@@ -9,34 +9,44 @@ import numpy as np
 
 from sim.motion.planned_motion import Motion, PlannedPress
 from sim.motion.planner import plan_motion
-from sim.motion.press_path import sideways_yield
-from sim.motion.quintic import quintic
+from sim.motion.press_path import KNOTS, sideways_yield
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.scene import plan_scene
 from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
-from sim.robot.force_control import ACCELERATION_M_PER_S2, FASTEST_M_PER_S, ForceControl
+from sim.robot.force_control import FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Live, Mechanisms
-from sim.robot.simulated_arm import SimulatedArm
+from sim.robot.simulated_arm import SimulatedArm, read_wrist, servo_step
+from sim.scan import control_loop
+from sim.scan.control_loop import (
+    APPROACH,
+    DWELL,
+    DWELL_S,
+    FAULT,
+    FOLLOW,
+    FRAME,
+    GIVEN,
+    HOLD,
+    LEAVE,
+    LOAD,
+    NEAR_M,
+    RETRACT,
+    SEEK,
+    TASK,
+    TOUCH,
+    TRANSIT,
+    UNLOAD,
+    WAY,
+    Loop,
+)
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
 from sim.scan.press_log import PressLog, PressRecorder
 from sim.scan.press_result import press_result
 from sim.scan.result import PHASES, Frame, PressResult
 from sim.scan.watchdog import BRAKING_M_PER_S2, Watchdog, limits_of
 
-TRANSIT, APPROACH, TOUCH, LOAD, HOLD, UNLOAD, RETRACT = range(len(PHASES))
-DWELL_S = 0.06
-"""Stand still after touching, longer than the lag of servo and filter."""
-
-TOUCH_SAMPLES = 2
-"""Samples in a row above the touch force: one alone may be noise."""
-
-NEAR_M = 1e-5
-
 FALSE_TOUCHES = 3
-UNSTEADY = 4.0
-"""Times the touch force that say touch while the tip gathers or loses speed."""
 
 TARE_S = 0.1
 """The arm rests at least so long before an approach; the sensor is tared meanwhile."""
@@ -82,20 +92,30 @@ class Program:
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
         self.links = [self.rig.model.body(name).id for name in laboratory.links]
         self.dt = self.rig.dt
-        self.steps, self.every = 0, max(1, round(1 / (settings.frames_per_s * self.dt)))
         self.posture = laboratory.home
-        self.wanted, self.phase = 0.0, TRANSIT
         self.joints = len(laboratory.home)
         self.recorder = PressRecorder(self.joints)
+        self.task = np.zeros(1, TASK)
+        for name in ("lift_m", "slow_m", "approach_m_per_s", "touch_m_per_s", "touch_force_n"):
+            self.task[name] = getattr(settings, name)
+        every = max(1, round(1 / (settings.frames_per_s * self.dt)))
+        self.task["frame_every"] = every if on_frame else 0
+        self._path = np.zeros((KNOTS, 2 * self.joints))
+        self._sideways, self._start, self._goal, self._slope = np.zeros((4, self.joints))
 
     @property
     def time_s(self) -> float:
         """Clock of the robot, s."""
-        return self.steps * self.dt
+        return self.task["steps"][0] * self.dt
+
+    @property
+    def phase(self) -> int:
+        """Number of the phase in `PHASES`."""
+        return int(self.task["phase"][0])
 
     def pass_by(self, number: int, planned: PlannedPress) -> None:
         """Go to the approach pose of a press that is not made: the way to the next begins there."""
-        self.number, self.planned = number, planned
+        self._aim(number, planned)
         self.recorder.begin()
         self._transit(planned.waypoints)
 
@@ -150,10 +170,10 @@ class Program:
         return float(np.nanmax(self.recorder["true_force_n"], initial=0.0))
 
     def _attempt(self, number: int, planned: PlannedPress, again: bool) -> None:
-        self.number, self.planned = number, planned
+        self._aim(number, planned)
         settings, control, force = self.settings, self.control, self.plan.force_of(number)
         ramp_s, hold_s, unload_s, pause_s = self._times(number)
-        self.wanted = 0.0
+        self.task["wanted_n"] = 0.0
         self.recorder.begin()
         self._renew_live(number, planned)
         self.mechanisms.begin(number, self.time_s)
@@ -162,22 +182,26 @@ class Program:
         if not again:
             self._transit(planned.waypoints)
         self._tare(max(pause_s, TARE_S))
-        self.sideways = sideways_yield(self.kinematics, planned.path, planned.direction)
+        self._sideways[:] = sideways_yield(self.kinematics, planned.path, planned.direction)
         self.contact.start(number, planned.point_m, planned.direction, force)
         control.rest(-settings.lift_m)
         self._touch()
         self._ramp(LOAD, control.force_n, force, ramp_s)
         self._ramp(HOLD, force, force, hold_s)
         self._ramp(UNLOAD, force, settings.residual * force, unload_s)
-        self.wanted = 0.0
-        while (left := control.depth_m + settings.lift_m) > NEAR_M:
-            speed = max(0.9 * math.sqrt(2 * ACCELERATION_M_PER_S2 * left), settings.touch_m_per_s)
-            control.move(-min(settings.approach_m_per_s, speed))
-            self._tick(RETRACT, touched=True)
+        self.task["wanted_n"] = 0.0
+        self._run(LEAVE, RETRACT)
         self.contact.release()
-        self.watchdog.check_forces()
+        by_torque = self.recorder["by_torque_n"]
+        looked = np.isfinite(by_torque)
+        self.watchdog.check_forces(self.recorder["wrist_n"][looked, 2], by_torque[looked])
         free = self.recorder["wrist_n"][-round(FREE_S / self.dt) :, 2]
         self.zero_after_n = self.watchdog.zero_moved(free - self.zero_n, force)
+
+    def _aim(self, number: int, planned: PlannedPress) -> None:
+        self.number, self.planned, path = number, planned, planned.path
+        self._path[:] = path.coefficients
+        self.task["middle_m"], self.task["scale_per_m"] = path.middle_m, path.scale_per_m
 
     def _renew_live(self, number: int, planned: PlannedPress) -> None:
         live, pose = self.live, self.kinematics.pose
@@ -245,24 +269,21 @@ class Program:
             if rig.behind_rad < AT_REST_RAD and np.abs(rig.v).max() < AT_REST_RAD:
                 break
         rig.by_motors = self.mechanisms.servo_by_motors
-        self.phase = TRANSIT
+        self.task["phase"] = TRANSIT
         self.posture = planned.approach
 
     def _transit(self, waypoints: tuple[tuple[np.ndarray, float], ...]) -> None:
         """Quintic joint motion through the waypoints, standing still at each."""
         for goal, duration in waypoints:
-            start, count = self.posture, max(1, round(duration / self.dt))
-            for i in range(1, count + 1):
-                self._step(TRANSIT, *quintic(start, goal, i / count, duration))
+            self._start[:], self._goal[:] = self.posture, goal
+            self.task["duration_s"] = duration
+            self._run(WAY, TRANSIT, max(1, round(duration / self.dt)))
             self.posture = goal
 
     def _tare(self, duration: float) -> None:
         """Stand still; take the force that is read meanwhile off the later readings."""
-        standing, readings = np.zeros(self.joints), []
-        for _ in range(round(duration / self.dt)):
-            self._step(TRANSIT, self.posture, standing)
-            readings.append(self.rig.wrist_n)
-        last = np.array(readings[-round(TARE_S / self.dt) :])
+        self._transit(((self.posture, duration),))
+        last = self.recorder["wrist_n"][-round(TARE_S / self.dt) :]
         planned = self.planned
         lever = planned.direction @ self.kinematics.jacobian(planned.touch)
         self.watchdog.begin(
@@ -279,15 +300,17 @@ class Program:
             self.recorder["wrist_n"][:] -= mean  # first touch is found from these readings too
         # A sensor that is not tared here still has its zero, to find touch by
         self.zero_n = 0.0 if tared else float(mean[2])
+        self.task["zero_n"] = self.zero_n
         self.live.first_approach_s = min(self.live.first_approach_s, self.time_s)
 
     def _touch(self) -> None:
         """Go down until the measured force says touch, and stand; go on if that was none."""
         for _ in range(FALSE_TOUCHES):
-            self._approach()
-            for _ in range(round(DWELL_S / self.dt)):
-                self.control.stop()
-                self._tick(TOUCH)
+            self.task["above"] = self.task["steady"] = 0
+            self._run(SEEK, APPROACH)
+            self.touch_depth_m = self.control.depth_m
+            self.control.touch()
+            self._run(DWELL, TOUCH, round(DWELL_S / self.dt))
             left = self.control.force_n - self.zero_n
             if left >= 0.3 * self.settings.touch_force_n:
                 return
@@ -297,64 +320,81 @@ class Program:
             f"{1e3 * self.touch_depth_m:.3g} mm from the planned surface: nothing was touched",
         )
 
-    def _approach(self) -> None:
-        settings, control = self.settings, self.control
-        braking = settings.approach_m_per_s**2 / (2 * ACCELERATION_M_PER_S2)
-        above, steady = 0, 0
-        while above < TOUCH_SAMPLES:
-            fast = control.depth_m < -settings.slow_m - braking
-            before = control.speed_m_per_s
-            control.move(settings.approach_m_per_s if fast else settings.touch_m_per_s)
-            self._tick(APPROACH)
-            steady = steady + 1 if control.speed_m_per_s == before else 0
-            # An unknown mass on the sensor shows as a force while the arm gathers or loses speed
-            enough = 1.0 if steady * self.dt > DWELL_S else UNSTEADY
-            touching = self.rig.wrist_n[2] - self.zero_n >= enough * settings.touch_force_n
-            above = above + 1 if touching else 0
-        self.touch_depth_m = control.depth_m
-        control.touch()
-
     def _ramp(self, phase: int, start_n: float, end_n: float, duration: float) -> None:
         """Follow a straight line of force over time, its ends rounded."""
-        line = self.control.line(end_n - start_n, duration)
-        count = max(1, round(line.duration_s / self.dt))
-        for i in range(1, count + 1):
-            share, rate = line.at(line.duration_s * i / count)
-            self.wanted = start_n + (end_n - start_n) * share
-            self.control.press(self.wanted, (end_n - start_n) * rate, learn=phase == LOAD)
-            self._tick(phase, touched=True)
-
-    def _tick(self, phase: int, touched: bool = False) -> None:
-        """One step at the commanded depth; measured force and body follow."""
-        control = self.control
-        q, slope = self.planned.path.at(control.depth_m)
-        q = q - control.force_n * self.sideways
-        if self.body_pose:
-            self.contact.shift(self.body_pose(self.time_s, self.number))
-        self._step(phase, q, slope * control.speed_m_per_s)
-        self.posture = q
-        loaded = LOAD <= phase <= UNLOAD
-        held = self.wanted if HOLD <= phase <= UNLOAD else None
-        self.watchdog.look(control.depth_m, control.speed_m_per_s, touched, loaded, held)
-        control.feel(self.rig.wrist_n[2])
-        self.contact.follow(self.rig.contact_n, self.time_s)
+        line, task = self.control.line(end_n - start_n, duration), self.task
+        task["start_n"], task["end_n"] = start_n, end_n
+        task["duration_s"], task["blend_s"] = line.duration_s, line.blend_s
+        self._run(FOLLOW, phase, max(1, round(line.duration_s / self.dt)))
 
     def _step(self, phase: int, q: np.ndarray, v: np.ndarray, a: np.ndarray | float = 0.0) -> None:
-        rig = self.rig
-        self.phase = phase
+        """Make one step towards a configuration, its rate and acceleration."""
+        arm = self.rig.state
+        arm.goal_q[:], arm.goal_v[:], arm.goal_a[:] = q, v, a
+        self._run(GIVEN, phase, 1)
+
+    def _run(self, motion: int, phase: int, count: int = 0) -> None:
+        """Make the steps of one motion; those that touch follow the body's law and are watched."""
+        task, rig, contact = self.task, self.rig, self.contact
+        task["motion"], task["phase"], task["step"], task["count"] = motion, phase, 0, count
+        touching = motion > WAY
+        by_hand = rig.hooked or (touching and (contact.in_time or self.body_pose))
         self.live.touched = TOUCH <= phase <= UNLOAD
-        rig.step(q, v, a)
-        self.recorder.add(self.steps * self.dt, phase, self.wanted, rig)
-        if self.on_frame and self.steps % self.every == 0:
-            self.on_frame(self._frame(PHASES[phase]))
-        self.steps += 1
+        loop, why = self._loop(), 0
+        while not why & control_loop.DONE:
+            rig.renew_noise()
+            if self.recorder.make_room():
+                loop = loop._replace(rows=self.recorder.rows)
+            task["law_from_n"], task["law_to_n"] = contact.band_n
+            why = self._step_by_hand(loop, touching) if by_hand else control_loop.run(loop)
+            if why & FRAME and self.on_frame:
+                self.on_frame(self._frame(PHASES[phase]))
+            if not touching:
+                continue
+            self.posture = rig.state.goal_q.copy()
+            if why >= FAULT:
+                raise self.watchdog.fault(why // FAULT)
+            if not why & control_loop.DONE:
+                contact.follow(rig.contact_n, self.time_s)
+
+    def _step_by_hand(self, loop: Loop, touching: bool) -> int:
+        """Make a step between whose parts mechanisms act; see `control_loop.run`."""
+        rig = self.rig
+        if not control_loop.begin_step(loop):
+            return control_loop.DONE
+        if touching and self.body_pose:
+            self.contact.shift(self.body_pose(self.time_s, self.number))
+        rig.look_at_joints()
+        servo_step(rig.state, rig.has_encoders)
+        rig.look_at_sensor()
+        read_wrist(rig.state)
+        self.watchdog.state["apart_rad"] = rig.apart_rad
+        return control_loop.end_step(loop, rig.has_encoders)
+
+    def _loop(self) -> Loop:
+        watchdog = self.watchdog
+        return Loop(
+            self.task,
+            self.rig.state,
+            self.control.state,
+            watchdog.state,
+            self.recorder.rows,
+            watchdog.lever,
+            watchdog.speed_limit,
+            watchdog.room,
+            self._path,
+            self._sideways,
+            self._start,
+            self._goal,
+            self._slope,
+        )
 
     def _frame(self, phase: str) -> Frame:
         data, planned = self.rig.data, self.planned
         rotation = data.site("tcp").xmat.reshape(3, 3)
         tip = self.rig.tip_m.copy()
         return Frame(
-            time_s=self.time_s,
+            time_s=self.time_s - self.dt,
             press=self.number,
             phase=phase,
             positions_m=data.xpos[self.links].copy(),
@@ -363,6 +403,6 @@ class Program:
             tip_quaternion=data.xquat[self.links[-1]].copy(),
             force_vector_n=rotation @ np.nan_to_num(self.rig.wrist_n),
             force_n=float(np.nan_to_num(self.rig.wrist_n[2])),
-            wanted_n=self.wanted,
+            wanted_n=float(self.task["wanted_n"][0]),
             displacement_m=float((tip - planned.point_m) @ planned.direction),
         )

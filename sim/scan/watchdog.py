@@ -5,12 +5,14 @@ None of them uses what only the simulator knows, but for the warnings of the sim
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from sim.motion.settings import ScanSettings
-from sim.robot.simulated_arm import SimulatedArm
+from sim.robot.simulated_arm import ArmState, SimulatedArm, force_by_torque
 from sim.scan.outcome import PressFault
 
 KINDS = (
@@ -41,9 +43,6 @@ AHEAD_S, AHEAD_OF_TOUCH_S = 0.012, 0.004
 """At its present rate the force must stay below its limit for so long, and until the tip stands:
 then it moves back. At touch-down a hard body's force rises as fast and stops."""
 
-RATE_STEPS = 2
-"""Steps over which the rate is taken."""
-
 LAG_S = 0.1
 GAIN = 0.25
 """Largest lag and relative gain of the force sensor against the joints' torques. Smaller ones are
@@ -60,6 +59,27 @@ TARE_LIMIT_N = 5.0
 
 SPREAD = 3.0
 """Readings at rest may scatter so many times as much as the sensor's data sheet says."""
+
+
+(
+    FINE, NO_NUMBER, FORCE, FORCE_RISES, FORCE_LOST, NO_TOUCH, TRAVEL, REPEATED, NO_ANGLE, APART,
+    BEHIND, UNSTABLE, TORQUES_FORCE, DISAGREE, TORQUE, SPEED,
+) = range(16)  # fmt: skip
+"""What a look at a step finds."""
+
+WATCH = np.dtype(
+    [
+        (name, float)
+        for name in (
+            "force_limit_n", "disagreement_n", "travel_limit_m", "seek_limit_m", "share", "rest_n",
+            "last_n", "before_n", "before_that_n", "by_torque_n", "apart_n",
+            "force_n", "rate_n_per_s", "wanted_n", "stands_m", "behind_rad", "apart_rad",
+        )
+    ]
+    + [(name, np.int64) for name in ("repeats_at", "repeats", "looks", "held")]
+)  # fmt: skip
+"""State of the watchdogs: limits (a reading may repeat `repeats_at` times, 0 for any), what they
+remember of earlier steps, and what they saw in the last one."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +123,22 @@ class Watchdog:
     ----------
     rig : the arm
     settings : noise and limits
+
+    Attributes
+    ----------
+    state : (1,) of `WATCH`
+    lever, speed_limit, room : (n,) m, the tip's Jacobian along the press direction; rad/s; room for
+        torques
     """
 
     def __init__(self, rig: SimulatedArm, settings: ScanSettings) -> None:
         self._rig, self._noise = rig, settings.force_noise_n
         self._allowed = max(settings.force_noise_n, LEAST_NOISE_N)
-        self._repeats_at = round(REPEATED_S / rig.dt)
-        self._share = 1 - np.exp(-2 * np.pi * SLOW_HZ * EVERY * rig.dt)
-        self._last, self._repeats, self._count, self._apart = np.nan, 0, 0, 0.0
-        self._by_torque, self._before = 0.0, [0.0] * RATE_STEPS
+        self.state = np.zeros(1, WATCH)
+        self.lever, self.speed_limit, self.room = np.zeros((3, len(rig.q)))
+        self.state["repeats_at"] = round(REPEATED_S / rig.dt) if self._noise else 0
+        self.state["share"] = 1 - np.exp(-2 * np.pi * SLOW_HZ * EVERY * rig.dt)
+        self.state["last_n"] = np.nan
 
     def begin(self, limits: Limits, lever: np.ndarray) -> None:
         """Begin a press; the arm stands still and nothing is touched.
@@ -120,11 +147,14 @@ class Watchdog:
         ----------
         lever : (n,) m, the tip's Jacobian along the press direction
         """
-        self.limits, self._lever = limits, lever
-        self._repeats, self._apart, self._count = 0, 0.0, 0
-        self._forces: list[tuple[float, float]] = []
-        self._before, self._held = [0.0] * RATE_STEPS, False
-        self._rest = self._rig.force_by_torque(lever)
+        self.limits = limits
+        self.lever[:], self.speed_limit[:] = lever, limits.speed
+        state = self.state
+        state["force_limit_n"], state["disagreement_n"] = limits.force_n, limits.disagreement_n
+        state["travel_limit_m"], state["seek_limit_m"] = limits.travel_m, limits.seek_m
+        for name in ("repeats", "looks", "held", "apart_n", "before_n", "before_that_n"):
+            state[name] = 0
+        state["rest_n"] = self._rig.force_by_torque(lever)
 
     def refuse_tare(self, readings: np.ndarray) -> np.ndarray:
         """Check the readings (t, 3) N at rest before an approach; return what is to be tared.
@@ -156,139 +186,76 @@ class Watchdog:
         error = self._noise / np.sqrt(len(readings))
         return np.where(np.abs(mean) > 4 * error, mean, 0.0)
 
-    def look(
-        self,
-        depth_m: float,
-        speed_m_per_s: float,
-        touched: bool,
-        loaded: bool,
-        wanted_n: float | None = None,
-    ) -> None:
-        """Check one step; raise the fault that was found.
-
-        Parameters
-        ----------
-        depth_m, speed_m_per_s : commanded
-        touched : the tip is or was in contact
-        loaded : the force is controlled
-        wanted_n : force that is followed, where the body's stiffness is known by now
-        """
-        rig, limits = self._rig, self.limits
-        force = self._look_at_force(speed_m_per_s, loaded, wanted_n)
-        # The table may lie at the limit: the tip has to stand before it
-        speed = max(speed_m_per_s, 0.0)
-        stands_m = depth_m + speed * rig.dt + speed**2 / (2 * BRAKING_M_PER_S2)
-        if stands_m > (limits.travel_m if touched else limits.seek_m):
-            if not touched:
-                raise PressFault(
-                    "touch",
-                    f"no touch within {1e3 * limits.seek_m:.3g} mm below the planned surface; "
-                    "check the body's place and the force sensor",
-                )
-            raise PressFault(
-                "travel",
-                f"the tip comes {1e3 * stands_m:.3g} mm deep at {force:.3g} N, the limit is "
-                f"{1e3 * limits.travel_m:.3g} mm; press with less force or set a larger depth_m",
-            )
-        read = float(rig.sensor_n[2])
-        self._repeats = self._repeats + 1 if read == self._last else 0
-        self._last = read
-        if self._repeats >= self._repeats_at and self._noise:
-            raise PressFault(
-                "repeated", f"the force sensor has repeated {read:.4g} N for {REPEATED_S:g} s"
-            )
-        if rig.q_read is not rig.q_seen:
-            if not np.isfinite(rig.q_read).all():
-                raise PressFault("encoders", "an encoder gives no number")
-            if rig.apart_rad > APART_RAD:
-                raise PressFault(
-                    "encoders",
-                    f"a joint's reading has moved by {rig.apart_rad:.3g} rad from that at its "
-                    f"motor, at most {APART_RAD:g} rad are usual",
-                )
-            self._look_behind()
-        self._count += 1
-        if self._count % EVERY == 0:
-            self._look_slowly(force, loaded)
-
-    def _look_at_force(self, speed_m_per_s: float, loaded: bool, wanted_n: float | None) -> float:
-        """Check the force, its rate, and where it is held; return it, N."""
-        rig, limits = self._rig, self.limits
-        force = float(rig.wrist_n[2])
-        if not abs(force) <= limits.force_n:
-            if force != force:
-                raise PressFault("not_a_number", "the force sensor gives no number")
-            raise PressFault(
-                "force", f"the force reads {force:.3g} N, the limit is {limits.force_n:.3g} N"
-            )
-        rate = (force - self._before.pop(0)) / (RATE_STEPS * rig.dt)
-        self._before.append(force)
-        ahead = AHEAD_S if loaded else AHEAD_OF_TOUCH_S
-        ahead += loaded * max(speed_m_per_s, 0.0) / BRAKING_M_PER_S2
-        if force + ahead * rate > limits.force_n:
-            raise PressFault(
-                "force",
-                f"the force reads {force:.3g} N and rises by {rate:.3g} N/s towards the limit of "
-                f"{limits.force_n:.3g} N",
-            )
-        off = 0.0 if wanted_n is None else abs(force - wanted_n)
-        self._held |= wanted_n is not None and off < limits.disagreement_n / 2
-        if self._held and off > limits.disagreement_n:
-            raise PressFault(
-                "force",
-                f"the force reads {force:.3g} N where {wanted_n:.3g} N is held: the body has "
-                "moved, the tip has slipped, or the sensor is at fault",
-            )
-        return force
-
-    def _look_slowly(self, force: float, loaded: bool) -> None:
-        rig, limits = self._rig, self.limits
-        if rig.unstable:
-            raise PressFault("simulation", "the simulation became unstable (MuJoCo's warning)")
-        self._by_torque = rig.force_by_torque(self._lever) - self._rest
-        if not abs(self._by_torque) <= limits.force_n:
-            raise PressFault(
-                "force",
-                f"the joints' torques show {self._by_torque:.3g} N, the limit is "
-                f"{limits.force_n:.3g} N; the force sensor reads {force:.3g} N",
-            )
-        self._apart += self._share * (force - self._by_torque - self._apart)
-        if abs(self._apart) > limits.disagreement_n:
-            raise PressFault(
-                "cross_check",
-                f"the force sensor reads {self._apart:+.3g} N beside the force that the joints' "
-                f"torques show, at most {limits.disagreement_n:.3g} N are usual",
-            )
-        if loaded:
-            self._forces.append((force, self._by_torque))
-        self._look_behind()
-        if rig.torque_share > 1:
-            raise PressFault("torque", "a joint's torque is at its limit")
-        if (np.abs(rig.v) > limits.speed).any():
+    def fault(self, found: int) -> PressFault:
+        """Return the fault that a look has found, in words."""
+        seen, limits, rig = self.state[0], self.limits, self._rig
+        force, limit = seen["force_n"], f"the limit is {limits.force_n:.3g} N"
+        if found == SPEED:
             joint = int((np.abs(rig.v) / limits.speed).argmax())
-            raise PressFault(
+            return PressFault(
                 "speed",
                 f"joint {joint + 1} turns at {abs(rig.v[joint]):.3g} rad/s, its limit is "
                 f"{limits.speed[joint]:.3g}",
             )
-
-    def _look_behind(self) -> None:
-        rig, limits = self._rig, self.limits
-        usual = FOLLOWING_RAD + FOLLOWING_RAD_PER_N * limits.force_n
-        if rig.behind_rad > usual:
-            raise PressFault(
+        kind, words = {
+            NO_NUMBER: ("not_a_number", "the force sensor gives no number"),
+            FORCE: ("force", f"the force reads {force:.3g} N, {limit}"),
+            FORCE_RISES: (
+                "force",
+                f"the force reads {force:.3g} N and rises by {seen['rate_n_per_s']:.3g} N/s "
+                f"towards the limit of {limits.force_n:.3g} N",
+            ),
+            FORCE_LOST: (
+                "force",
+                f"the force reads {force:.3g} N where {seen['wanted_n']:.3g} N is held: the body "
+                "has moved, the tip has slipped, or the sensor is at fault",
+            ),
+            NO_TOUCH: (
+                "touch",
+                f"no touch within {1e3 * limits.seek_m:.3g} mm below the planned surface; "
+                "check the body's place and the force sensor",
+            ),
+            TRAVEL: (
+                "travel",
+                f"the tip comes {1e3 * seen['stands_m']:.3g} mm deep at {force:.3g} N, the limit "
+                f"is {1e3 * limits.travel_m:.3g} mm; press with less force or set a larger depth_m",
+            ),
+            REPEATED: (
+                "repeated",
+                f"the force sensor has repeated {seen['last_n']:.4g} N for {REPEATED_S:g} s",
+            ),
+            NO_ANGLE: ("encoders", "an encoder gives no number"),
+            APART: (
+                "encoders",
+                f"a joint's reading has moved by {seen['apart_rad']:.3g} rad from that at its "
+                f"motor, at most {APART_RAD:g} rad are usual",
+            ),
+            BEHIND: (
                 "following",
-                f"a joint reads {rig.behind_rad:.3g} rad beside its command, at most "
-                f"{usual:.3g} rad are usual",
-            )
+                f"a joint reads {seen['behind_rad']:.3g} rad beside its command, at most "
+                f"{_usually_behind(limits.force_n):.3g} rad are usual",
+            ),
+            UNSTABLE: ("simulation", "the simulation became unstable (MuJoCo's warning)"),
+            TORQUES_FORCE: (
+                "force",
+                f"the joints' torques show {seen['by_torque_n']:.3g} N, {limit}; the force sensor "
+                f"reads {force:.3g} N",
+            ),
+            DISAGREE: (
+                "cross_check",
+                f"the force sensor reads {seen['apart_n']:+.3g} N beside the force that the "
+                f"joints' torques show, at most {limits.disagreement_n:.3g} N are usual",
+            ),
+            TORQUE: ("torque", "a joint's torque is at its limit"),
+        }[found]
+        return PressFault(kind, words)
 
-    def check_forces(self) -> None:
-        """Compare the two measurements of force over the whole press.
+    def check_forces(self, force: np.ndarray, torque: np.ndarray) -> None:
+        """Compare the two measurements of force (k,) N over the whole press, EVERY steps apart.
 
         The sensor's force is a + b T + c dT/dt + d d2T/dt2 with T from the joints' torques: b is
         its gain, -c its lag, and a single reading beside that line is no force on the arm.
         """
-        force, torque = np.array(self._forces).T
         rate = np.gradient(torque, EVERY * self._rig.dt)
         change = np.gradient(rate, EVERY * self._rig.dt)
         columns = np.column_stack([np.ones_like(torque), torque, rate, change])
@@ -317,3 +284,118 @@ class Watchdog:
                 "zero", f"the force reads {mean:.3g} N after the press: its zero has moved"
             )
         return mean if abs(mean) > 5 * self._noise / np.sqrt(len(readings)) else 0.0
+
+
+@numba.njit(cache=True)
+def _usually_behind(force_limit_n: float) -> float:
+    return FOLLOWING_RAD + FOLLOWING_RAD_PER_N * force_limit_n
+
+
+@numba.njit(cache=True)
+def look(
+    watch: np.ndarray,
+    arm: ArmState,
+    lever: np.ndarray,
+    speed_limit: np.ndarray,
+    room: np.ndarray,
+    depth_m: float,
+    speed_m_per_s: float,
+    touched: bool,
+    loaded: bool,
+    wanted_n: float,
+    encoders: bool,
+) -> int:
+    """Check one step; return what was found.
+
+    Parameters
+    ----------
+    watch, lever, speed_limit, room : of `Watchdog`
+    depth_m, speed_m_per_s : commanded
+    touched : the tip is or was in contact
+    loaded : the force is controlled
+    wanted_n : force that is followed, where the body's stiffness is known by now; else NaN
+    encoders : the joints have encoders of their own
+    """
+    w = watch[0]
+    found = _look_at_force(watch, arm, speed_m_per_s, loaded, wanted_n)
+    if found:
+        return found
+    # The table may lie at the limit: the tip has to stand before it
+    speed = max(speed_m_per_s, 0.0)
+    w.stands_m = depth_m + speed * arm.dt + speed * speed / (2 * BRAKING_M_PER_S2)
+    if touched and w.stands_m > w.travel_limit_m:
+        return TRAVEL
+    if not touched and w.stands_m > w.seek_limit_m:
+        return NO_TOUCH
+    read = arm.sensor_n[2]
+    w.repeats = w.repeats + 1 if read == w.last_n else 0
+    w.last_n = read
+    if 0 < w.repeats_at <= w.repeats:
+        return REPEATED
+    if encoders:
+        for i in range(len(arm.q_read)):
+            if not math.isfinite(arm.q_read[i]):
+                return NO_ANGLE
+        if w.apart_rad > APART_RAD:
+            return APART
+        if _is_behind(watch, arm):
+            return BEHIND
+    w.looks += 1
+    if w.looks % EVERY == 0:
+        return _look_slowly(watch, arm, lever, speed_limit, room)
+    return FINE
+
+
+@numba.njit(cache=True)
+def _look_at_force(watch, arm, speed_m_per_s, loaded, wanted_n):
+    """Check the force, its rate, and where it is held."""
+    w = watch[0]
+    force = arm.wrist_n[2]
+    w.force_n, w.wanted_n = force, wanted_n
+    if not abs(force) <= w.force_limit_n:
+        return NO_NUMBER if force != force else FORCE
+    w.rate_n_per_s = (force - w.before_that_n) / (2 * arm.dt)
+    w.before_that_n, w.before_n = w.before_n, force
+    ahead = AHEAD_OF_TOUCH_S
+    if loaded:
+        ahead = AHEAD_S + max(speed_m_per_s, 0.0) / BRAKING_M_PER_S2
+    if force + ahead * w.rate_n_per_s > w.force_limit_n:
+        return FORCE_RISES
+    off = abs(force - wanted_n)  # NaN where no force is followed: then no comparison holds
+    if off < w.disagreement_n / 2:
+        w.held = 1
+    if w.held and off > w.disagreement_n:
+        return FORCE_LOST
+    return FINE
+
+
+@numba.njit(cache=True)
+def _look_slowly(watch, arm, lever, speed_limit, room):
+    w = watch[0]
+    for i in range(len(arm.warnings)):
+        if arm.warnings[i]:
+            return UNSTABLE
+    w.by_torque_n = force_by_torque(arm, lever, room) - w.rest_n
+    if not abs(w.by_torque_n) <= w.force_limit_n:
+        return TORQUES_FORCE
+    w.apart_n += w.share * (w.force_n - w.by_torque_n - w.apart_n)
+    if abs(w.apart_n) > w.disagreement_n:
+        return DISAGREE
+    if _is_behind(watch, arm):
+        return BEHIND
+    for i in range(len(lever)):
+        if abs(arm.torque[i]) / arm.limit[i] > 1:
+            return TORQUE
+    for i in range(len(lever)):
+        if abs(arm.v[i]) > speed_limit[i]:
+            return SPEED
+    return FINE
+
+
+@numba.njit(cache=True)
+def _is_behind(watch, arm):
+    w = watch[0]
+    w.behind_rad = 0.0
+    for i in range(len(arm.behind)):
+        w.behind_rad = max(w.behind_rad, abs(arm.behind[i]))
+    return w.behind_rad > _usually_behind(w.force_limit_n)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from sim.robot.compiled import compiled
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
@@ -39,7 +39,7 @@ class PressPath:
         return q, slope
 
 
-@numba.njit(cache=True)
+@compiled
 def path_at(coefficients: np.ndarray, s: float, q: np.ndarray, slope: np.ndarray) -> None:
     """Put both polynomials (see `PressPath`) at -1..1 into (n,) each."""
     n = len(q)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from sim.robot.compiled import compiled
 
 PEAK_SPEED = 15 / 8
 """Largest rate of the blend over its mean rate."""
@@ -34,7 +35,7 @@ def quintic(
     return start + position * change, velocity * change, acceleration * change
 
 
-@numba.njit(cache=True)
+@compiled
 def blend(s: float, duration_s: float) -> tuple[float, float, float]:
     """Return how much of the way is gone at a part `s` of it in time, its rate and acceleration."""
     position = s**3 * (10 - 15 * s + 6 * s * s)

@@ -24,9 +24,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from sim.robot.compiled import compiled, part
 from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 FILTER_HZ = 10.0
@@ -53,7 +53,7 @@ class RoundedLine:
         return line_at(self.duration_s, self.blend_s, time_s)
 
 
-@numba.njit(cache=True)
+@compiled
 def line_at(duration_s: float, blend_s: float, time_s: float) -> tuple[float, float]:
     """See `RoundedLine`."""
     rate = 1 / (duration_s - blend_s)
@@ -182,14 +182,14 @@ class ForceControl:
         state["origin_m"], state["sinking_m_per_s"] = state["servo_filtered_m"], 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def feel(state: np.ndarray, force_n: float) -> None:
     """Take in a measured force; `state` is (1,) of `CONTROL`, here and below."""
     c = state[0]
     c.force_n += c.filter * (force_n - c.force_n)
 
 
-@numba.njit(cache=True)
+@part
 def move(state: np.ndarray, speed: float) -> None:
     """Go on at a speed, as far as the acceleration allows; the force is not controlled."""
     c = state[0]
@@ -204,7 +204,7 @@ def move(state: np.ndarray, speed: float) -> None:
     c.servo_filtered_m += c.filter * (c.servo_m - c.servo_filtered_m)
 
 
-@numba.njit(cache=True)
+@part
 def stop(state: np.ndarray) -> None:
     """Hold the depth, as after touching."""
     move(state, 0.0)
@@ -212,7 +212,7 @@ def stop(state: np.ndarray) -> None:
     state[0].wanted_n = state[0].force_n
 
 
-@numba.njit(cache=True)
+@compiled
 def press(state: np.ndarray, wanted_n: float, rate_n_per_s: float, learn: bool) -> None:
     """Follow a wanted force and its rate of change."""
     c = state[0]
@@ -228,7 +228,7 @@ def press(state: np.ndarray, wanted_n: float, rate_n_per_s: float, learn: bool) 
     move(state, max(-FASTEST_M_PER_S, min(FASTEST_M_PER_S, speed)))
 
 
-@numba.njit(cache=True)
+@part
 def _learn_stiffness(state: np.ndarray) -> None:
     c = state[0]
     rise = c.force_n - c.origin_n

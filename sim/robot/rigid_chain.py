@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import pinocchio as pin
+
+from sim.robot.compiled import compiled, part
 
 
 class Chain(NamedTuple):
@@ -87,32 +88,32 @@ def rigid_chain(arm: pin.Model, tool: pin.Model, tip: str = "tcp") -> Chain:
     )
 
 
-@numba.njit(cache=True)
+@part
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@numba.njit(cache=True)
+@part
 def _plus(a, b):
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@numba.njit(cache=True)
+@part
 def _scaled(s, a):
     return s * a[0], s * a[1], s * a[2]
 
 
-@numba.njit(cache=True)
+@part
 def _row(array, j):
     return array[j, 0], array[j, 1], array[j, 2]
 
 
-@numba.njit(cache=True)
+@part
 def _keep(array, j, v):
     array[j, 0], array[j, 1], array[j, 2] = v
 
 
-@numba.njit(cache=True)
+@part
 def _times(m, j, v):
     return (
         m[j, 0, 0] * v[0] + m[j, 0, 1] * v[1] + m[j, 0, 2] * v[2],
@@ -121,7 +122,7 @@ def _times(m, j, v):
     )
 
 
-@numba.njit(cache=True)
+@part
 def _back(m, j, v):
     return (
         m[j, 0, 0] * v[0] + m[j, 1, 0] * v[1] + m[j, 2, 0] * v[2],
@@ -130,7 +131,7 @@ def _back(m, j, v):
     )
 
 
-@numba.njit(cache=True)
+@part
 def _move(chain, j, angle):
     """Turn or slide a joint: its frame in its parent's."""
     axis, rotation, place = _row(chain.axes, j), chain.rotation, _row(chain.places, j)
@@ -150,7 +151,7 @@ def _move(chain, j, angle):
     _keep(chain.place, j, place)
 
 
-@numba.njit(cache=True)
+@part
 def _accelerate(chain, q, v, a):
     """Fill in how each joint's frame moves."""
     gravity = chain.gravity
@@ -179,7 +180,7 @@ def _accelerate(chain, q, v, a):
         _keep(chain.rising, j, rising)
 
 
-@numba.njit(cache=True)
+@part
 def _needed(chain, j, mass, centre):
     """Force (3,) N that a body's acceleration and weight need, in its joint's frame."""
     spin, turning = _row(chain.spin, j), _row(chain.turning, j)
@@ -187,7 +188,7 @@ def _needed(chain, j, mass, centre):
     return _scaled(mass, _plus(_row(chain.rising, j), bent))
 
 
-@numba.njit(cache=True)
+@compiled
 def inverse_dynamics(chain, q, v, a, torque):
     """Put the joints' torques for an acceleration into (n,) N m; without damping."""
     _accelerate(chain, q, v, a)
@@ -211,7 +212,7 @@ def inverse_dynamics(chain, q, v, a, torque):
             _keep(chain.moment, parent, _plus(_row(chain.moment, parent), moment))
 
 
-@numba.njit(cache=True)
+@part
 def tool_force(chain, q, v, a):
     """Return the force that the probe's weight and inertia need, last joint's frame, N."""
     _accelerate(chain, q, v, a)
@@ -219,14 +220,27 @@ def tool_force(chain, q, v, a):
     return _needed(chain, len(q) - 1, probe[0], (probe[1], probe[2], probe[3]))
 
 
-@numba.njit(cache=True)
+@part
+def _product(a, b, c):
+    """Put the product of (3, 3) `a` and `b` into `c`."""
+    for i in range(3):
+        for k in range(3):
+            c[i, k] = a[i, 0] * b[0, k] + a[i, 1] * b[1, k] + a[i, 2] * b[2, k]
+
+
+@compiled
 def tip_poses(chain, q, places, rotations):
     """Put the tip's place (t, 3) m and rotation (t, 3, 3) in the world at configurations (t, n)."""
+    turns = np.zeros((2, 3, 3))
     for t in range(len(q)):
-        rotation, place = np.eye(3), np.zeros(3)
+        turns[0] = 0.0
+        turns[0, 0, 0] = turns[0, 1, 1] = turns[0, 2, 2] = 1.0
+        place, k = (0.0, 0.0, 0.0), 0
         for j in range(q.shape[1]):
             _move(chain, j, q[t, j])
-            place += rotation @ chain.place[j]
-            rotation = rotation @ chain.rotation[j]
-        places[t] = place + rotation @ chain.tip_place
-        rotations[t] = rotation @ chain.tip_rotation
+            place = _plus(place, _times(turns, k, _row(chain.place, j)))
+            _product(turns[k], chain.rotation[j], turns[1 - k])
+            k = 1 - k
+        tip = chain.tip_place
+        _keep(places, t, _plus(place, _times(turns, k, (tip[0], tip[1], tip[2]))))
+        _product(turns[k], chain.tip_rotation, rotations[t])

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import mujoco
-import numba
 import numpy as np
 
+from sim.robot.compiled import compiled
 from sim.robot.laboratory import Laboratory
 from sim.robot.mechanism import Live, Mechanisms
 from sim.robot.mujoco_library import mj_step
@@ -94,7 +94,7 @@ class ArmState(NamedTuple):
     now: np.ndarray
 
 
-@numba.njit(cache=True)
+@compiled
 def servo_step(arm: ArmState, clipped: bool) -> None:
     """Servo by `read` towards the goal and advance MuJoCo by a step; `sensor_n` is the new reading.
 
@@ -127,7 +127,7 @@ def servo_step(arm: ArmState, clipped: bool) -> None:
     now.drawn += 1
 
 
-@numba.njit(cache=True)
+@compiled
 def read_wrist(arm: ArmState) -> None:
     """End the step: the tip's force is the sensor's less the probe's weight and inertia."""
     own = tool_force(arm.chain, arm.read, arm.v_seen, arm.a)
@@ -138,7 +138,7 @@ def read_wrist(arm: ArmState) -> None:
     arm.now[0].time_s += arm.dt
 
 
-@numba.njit(cache=True)
+@compiled
 def force_by_torque(arm: ArmState, lever: np.ndarray, free: np.ndarray) -> float:
     """See `SimulatedArm.force_by_torque`; `free` is room for (n,) torques."""
     inverse_dynamics(arm.chain, arm.q_seen, arm.v_seen, arm.a, free)

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from sim.motion.press_path import path_at
 from sim.motion.quintic import blend
+from sim.robot.compiled import compiled
 from sim.robot.force_control import (
     ACCELERATION_M_PER_S2,
     feel,
@@ -97,7 +97,7 @@ class Loop(NamedTuple):
     slope: np.ndarray
 
 
-@numba.njit(cache=True)
+@compiled
 def begin_step(loop: Loop) -> bool:
     """Set the servo's goal of the next step; false if the motion is done."""
     t, c, arm = loop.task[0], loop.control[0], loop.arm
@@ -140,7 +140,7 @@ def begin_step(loop: Loop) -> bool:
     return True
 
 
-@numba.njit(cache=True)
+@compiled
 def end_step(loop: Loop, encoders: bool) -> int:
     """Record the step that the arm has made, and look at it; return why to stop, or 0."""
     t, c, w, arm = loop.task[0], loop.control[0], loop.watch[0], loop.arm
@@ -170,7 +170,7 @@ def end_step(loop: Loop, encoders: bool) -> int:
     return why
 
 
-@numba.njit(cache=True)
+@compiled
 def run(loop: Loop) -> int:
     """Make steps until there is a reason to stop; 0 where noise or room for rows is used up."""
     arm = loop.arm

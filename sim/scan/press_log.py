@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from sim.robot.compiled import part
 from sim.robot.simulated_arm import ArmState
 
 
@@ -63,7 +63,7 @@ class Rows(NamedTuple):
     q_read: np.ndarray
 
 
-@numba.njit(cache=True)
+@part
 def add_row(rows: Rows, time_s: float, phase: int, wanted_n: float, arm: ArmState) -> None:
     """Keep the step that the arm has just made."""
     i = rows.used[0]

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from sim.motion.settings import ScanSettings
+from sim.robot.compiled import compiled, part
 from sim.robot.simulated_arm import ArmState, SimulatedArm, force_by_torque
 from sim.scan.outcome import PressFault
 
@@ -286,12 +286,12 @@ class Watchdog:
         return mean if abs(mean) > 5 * self._noise / np.sqrt(len(readings)) else 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def _usually_behind(force_limit_n: float) -> float:
     return FOLLOWING_RAD + FOLLOWING_RAD_PER_N * force_limit_n
 
 
-@numba.njit(cache=True)
+@part
 def look(
     watch: np.ndarray,
     arm: ArmState,
@@ -346,7 +346,7 @@ def look(
     return FINE
 
 
-@numba.njit(cache=True)
+@part
 def _look_at_force(watch, arm, speed_m_per_s, loaded, wanted_n):
     """Check the force, its rate, and where it is held."""
     w = watch[0]
@@ -369,7 +369,7 @@ def _look_at_force(watch, arm, speed_m_per_s, loaded, wanted_n):
     return FINE
 
 
-@numba.njit(cache=True)
+@part
 def _look_slowly(watch, arm, lever, speed_limit, room):
     w = watch[0]
     for i in range(len(arm.warnings)):
@@ -392,7 +392,7 @@ def _look_slowly(watch, arm, lever, speed_limit, room):
     return FINE
 
 
-@numba.njit(cache=True)
+@part
 def _is_behind(watch, arm):
     w = watch[0]
     w.behind_rad = 0.0

@@ -23,6 +23,7 @@ import finite_strain  # isort: skip
 import paper_tests  # isort: skip
 import peers  # isort: skip
 import reduced  # isort: skip
+import robot_loop  # isort: skip
 import scaling  # isort: skip
 import solver  # isort: skip
 from fem import default_solver  # isort: skip
@@ -30,6 +31,7 @@ from fem import default_solver  # isort: skip
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BENCHMARKS = {
     "demo": demo_run.table,
+    "robot": robot_loop.table,
     "explain": explain.table,
     "reduced": reduced.table,
     "solver": solver.table,

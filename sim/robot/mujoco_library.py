@@ -4,15 +4,15 @@
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 
-import llvmlite.binding as llvm
 import mujoco
 from numba import types
 
 
 def _load() -> None:
-    """Let compiled functions find the library that the mujoco package has loaded."""
+    """Let compiled functions find the symbols of the library that the mujoco package has loaded."""
     folder = Path(mujoco.__file__).parent
     files = [
         file
@@ -21,7 +21,7 @@ def _load() -> None:
     ]
     if not files:
         raise ImportError(f"{folder}: found no MuJoCo library; install mujoco from its wheel")
-    llvm.load_library_permanently(str(files[0]))
+    ctypes.CDLL(str(files[0]), mode=ctypes.RTLD_GLOBAL)
 
 
 _load()

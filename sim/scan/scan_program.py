@@ -91,6 +91,7 @@ class Program:
         self.contact = MatchedContact(laboratory, self.rig.data, self.body)
         self.control = ForceControl(self.rig.dt, settings.stiffness_n_per_m, settings.force_noise_n)
         self.links = [self.rig.model.body(name).id for name in laboratory.links]
+        self.tip = self.rig.model.site("tcp").id
         self.dt = self.rig.dt
         self.posture = laboratory.home
         self.joints = len(laboratory.home)
@@ -390,19 +391,19 @@ class Program:
         )
 
     def _frame(self, phase: str) -> Frame:
-        data, planned = self.rig.data, self.planned
-        rotation = data.site("tcp").xmat.reshape(3, 3)
-        tip = self.rig.tip_m.copy()
+        data, planned, tip = self.rig.data, self.planned, self.rig.tip_m.copy()
+        turns = data.xquat[self.links]
+        force = np.where(np.isfinite(self.rig.wrist_n), self.rig.wrist_n, 0.0)
         return Frame(
             time_s=self.time_s - self.dt,
             press=self.number,
             phase=phase,
-            positions_m=data.xpos[self.links].copy(),
-            quaternions=data.xquat[self.links].copy(),
+            positions_m=data.xpos[self.links],
+            quaternions=turns,
             tip_m=tip,
-            tip_quaternion=data.xquat[self.links[-1]].copy(),
-            force_vector_n=rotation @ np.nan_to_num(self.rig.wrist_n),
-            force_n=float(np.nan_to_num(self.rig.wrist_n[2])),
+            tip_quaternion=turns[-1],
+            force_vector_n=data.site_xmat[self.tip].reshape(3, 3) @ force,
+            force_n=float(force[2]),
             wanted_n=float(self.task["wanted_n"][0]),
             displacement_m=float((tip - planned.point_m) @ planned.direction),
         )

@@ -3,7 +3,10 @@
 # mujoco is a compiled module without type stubs
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 
+from pathlib import Path
+
 import mujoco
+import numba
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -16,6 +19,7 @@ from sim.motion.settings import ScanSettings
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
 from sim.robot.pinocchio_model import pinocchio_model
+from sim.robot.rigid_chain import inverse_dynamics, rigid_chain, tip_poses, tool_force
 from sim.scan.whole_scan import run_scan
 from tests.sim.springs import Spring
 
@@ -49,6 +53,11 @@ OTHERS = [
 ]
 
 
+@numba.njit
+def probe_force(chain, q, v, a):
+    return tool_force(chain, q, v, a)
+
+
 @pytest.fixture(scope="module")
 def laboratory():
     return build_laboratory()
@@ -60,6 +69,50 @@ def configurations(laboratory):
     arm = laboratory.arm
     q = rng.uniform(arm.lowerPositionLimit, arm.upperPositionLimit, (100, 7))
     return [(angles, rng.normal(size=7)) for angles in q]
+
+
+def sliding_arm():
+    """Pinocchio model of four joints with skew axes, one of which slides; the last has the tip."""
+    model, rng = pin.Model(), np.random.default_rng(3)
+    for j in range(4):
+        axis = rng.normal(size=3)
+        kind = pin.JointModelPrismaticUnaligned if j == 1 else pin.JointModelRevoluteUnaligned
+        model.addJoint(j, kind(axis / np.linalg.norm(axis)), pin.SE3.Random(), f"j{j}")
+        model.appendBodyToJoint(j + 1, pin.Inertia.Random(), pin.SE3.Random())
+    model.addFrame(pin.Frame("tcp", 4, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME), False)
+    model.armature = rng.uniform(size=4)
+    return model
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_the_compiled_dynamics_are_pinocchios(laboratory, slides):
+    arm, tool = (sliding_arm(),) * 2 if slides else (laboratory.arm, laboratory.tool)
+    chain, data, rng = rigid_chain(arm, tool), arm.createData(), np.random.default_rng(5)
+    own = tool.createData()
+    torque, place, turn = np.zeros(arm.nv), np.zeros((1, 3)), np.zeros((1, 3, 3))
+    for _ in range(20):
+        q, v, a = rng.normal(size=(3, arm.nv))
+        inverse_dynamics(chain, q, v, a, torque)
+        assert_allclose(torque, pin.rnea(arm, data, q, v, a), atol=1e-12)
+        tip_poses(chain, q[None], place, turn)
+        pin.framesForwardKinematics(arm, data, q)
+        tip = data.oMf[arm.getFrameId("tcp")]
+        assert_allclose(place[0], tip.translation, atol=1e-13)
+        assert_allclose(turn[0], tip.rotation, atol=1e-13)
+        pin.rnea(tool, own, q, v, a)
+        assert_allclose(probe_force(chain, q, v, a), own.f[arm.nv].linear, atol=1e-12)
+
+
+def test_machine_code_of_the_loop_is_renewed_when_any_of_its_files_changes():
+    kept = inverse_dynamics._cache._cache_file._source_stamp
+    assert {Path(file).stem for file, _, _ in kept} >= {"control_loop", "watchdog", "rigid_chain"}
+
+
+def test_the_model_without_shapes_is_the_same_arm(laboratory):
+    whole, bare = laboratory.model, laboratory.physics
+    assert bare.ngeom == 3 < whole.ngeom
+    for name in ("body_mass", "body_inertia", "body_ipos", "dof_invweight0", "body_subtreemass"):
+        assert_allclose(getattr(bare, name), getattr(whole, name), rtol=1e-12)
 
 
 def test_sites_and_links_of_both_models_stand_at_the_same_place(laboratory, configurations):

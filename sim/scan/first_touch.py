@@ -1,14 +1,13 @@
 """Depth of first touch, from the readings of one press, for any law of the body.
 
 A touch can only be noticed above the force noise, and on a soft body the tip has then already gone
-on by a good part of a millimetre. Where force rises in proportion to depth, the straight line
-through all rising and falling samples leads back to the touch. A ball, a stiffening body or one
-that creeps does not lie on a line; then the samples from before the touch on, loading and
-unloading, are fitted by several laws of the depth since touch, see `LAWS`. The touch is their mean,
-weighted by the Bayesian information criterion (Kass & Raftery, J. Am. Stat. Assoc. 1995), so that a
-parameter that the noise hides does not blur it. Under a ball the law is known but for a small part,
-see `BALL`. Where none holds, the loading is fitted alone, or
-its first part. A body that goes on sinking while the force is held is described by the force's
+on by a good part of a millimetre. The samples from before the touch on, loading and unloading, are
+fitted by several laws of the depth since touch, see `LAWS`; where they lie on a straight line as
+far as the noise shows, by the nearly straight ones, since a curvature that the noise hides still
+moves the touch by several times a line's standard deviation. The touch is their mean, weighted by
+the Bayesian information criterion (Kass & Raftery, J. Am. Stat. Assoc. 1995). Under a ball the law
+is known but for a small part, see `BALL`. Where none holds, the loading is fitted alone, or its
+first part. A body that goes on sinking while the force is held is described by the force's
 history.
 """
 
@@ -42,20 +41,43 @@ CREEP_TIMES_S = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 POWERS = 0.9, 2.0
 
-LAWS: tuple[tuple[Callable[..., np.ndarray], tuple[float, ...]], ...] = (
+
+def _rounded(depth: np.ndarray, share: float) -> np.ndarray:
+    """Force at a depth of which a share is a ball's: depth = (1 - share) F + share F^(2/3)."""
+    share = min(max(share, 0.0), 1.0)
+    root = np.cbrt(depth) if share < 0.5 else np.sqrt(depth)  # of the force, the third one
+    for _ in range(6):
+        slope = 3 * (1 - share) * root**2 + 2 * share * root
+        off = (1 - share) * root**3 + share * root**2 - depth
+        root = root - off / np.maximum(slope, 1e-12)
+    return root**3
+
+
+Laws = tuple[tuple[Callable[..., np.ndarray], tuple[float, ...]], ...]
+
+NEARLY_STRAIGHT: Laws = (
+    (lambda s: s, ()),
+    (lambda s, b: np.expm1(b * s) / b if abs(b) > 1e-6 else s, (0.1,)),
+    (_rounded, (0.1,)),
+)
+"""Where no curvature stands out of the noise, one may hide in it and move the touch: a line's,
+Fung's law and a rounded tip's."""
+
+LAWS: Laws = (
     (lambda s: s, ()),
     (lambda s: s**1.5, ()),
     (lambda s, c: s * np.exp(c * s), (0.3,)),
     (lambda s, c: s**1.5 * np.exp(c * s), (0.1,)),
     (lambda s, p: s ** np.clip(p, *POWERS), (1.2,)),
     (lambda s, b: np.expm1(b * s) / b if abs(b) > 1e-6 else s, (1.0,)),
+    (_rounded, (0.1,)),
     (lambda s, c: s * (1 + c * s * s), (0.5,)),
     (lambda s, p, c: s ** np.clip(p, *POWERS) * np.exp(c * s), (1.2, 0.1)),
     (lambda s, b, c: (np.expm1(b * s) / b if abs(b) > 1e-6 else s) * np.exp(c * s * s), (1.0, 0.0)),
 )
 """Laws f of the force k f(s), s the depth since touch over the fitted range, with the values from
 which their parameters start: a line; a ball's contact; both stiffening; a power; Fung's law; a
-cubic one; and more general ones."""
+rounded tip's; a cubic one; and more general ones."""
 
 BALL = (lambda s, b, c: s**1.5 * np.exp(b * np.sqrt(s) + c * s), (0.0, 0.0))
 """Law of a ball: Hertz's, and a series in the contact's radius for all that the body is beside a
@@ -116,10 +138,14 @@ def first_touch(
     moving = (part == 1) | (part == 3)
     noise = depth_noise_m, force_noise_n
     line = depth_at_zero_force(depth_m[moving], force_n[moving], *noise)
-    if not ball and _is_line(depth_m[moving], force_n[moving], part[moving] == 3, *noise):
-        return FirstTouch(line, _line_sd(depth_m[moving], force_n[moving], *noise))
+    laws = (BALL,) if ball else LAWS
+    straight = not ball and _is_line(depth_m[moving], force_n[moving], part[moving] == 3, *noise)
+    if straight:
+        laws = NEARLY_STRAIGHT
     size = max(1, round(BLOCK_S / step_s))
-    if _creeps(depth_m[part == 2], depth_noise_m):
+    softness = float(np.ptp(depth_m[moving]) / np.ptp(force_n[moving]))
+    sinking = np.hypot(depth_noise_m, softness * force_noise_n)  # the control follows that noise
+    if not straight and _creeps(depth_m[part == 2], sinking):
         touch, holds = _creeping_start(depth_m, force_n, part, step_s, size, *noise)
         if holds:
             return touch
@@ -133,7 +159,7 @@ def first_touch(
             values[used][: count * size].reshape(count, size).mean(axis=1)
             for values in (depth_m, force_n)
         )
-        touch, holds = _law_start(depth, force, line, *sd, ball)
+        touch, holds = _law_start(depth, force, line, *sd, laws, ball)
         if holds:
             break
     return touch
@@ -216,14 +242,6 @@ def depth_at_zero_force(
     return float(depth_m.mean() - force_n.mean() / slope)
 
 
-def _line_sd(depth: np.ndarray, force: np.ndarray, depth_noise: float, noise: float) -> float:
-    """Return the standard deviation of `depth_at_zero_force`, m."""
-    spread = float(((force - force.mean()) ** 2).sum())
-    softness = float(np.ptp(depth) / np.ptp(force))
-    by_sample = 1 / len(force) + force.mean() ** 2 / spread
-    return float(np.hypot(depth_noise, softness * noise) * np.sqrt(by_sample))
-
-
 def _is_line(
     depth: np.ndarray, force: np.ndarray, falling: np.ndarray, depth_noise: float, noise: float
 ) -> bool:
@@ -244,6 +262,7 @@ def _law_start(
     line: float,
     depth_noise: float,
     noise: float,
+    laws: Laws,
     ball: Ball | None,
 ) -> tuple[FirstTouch, bool]:
     """Fit the laws to block means; return their mean touch and whether the best one holds."""
@@ -253,7 +272,7 @@ def _law_start(
     floor = LEAST_NOISE * float(np.ptp(force))
     slope = float(np.ptp(force))
     found_by, spread = [], BENT if ball else np.inf
-    for law, start in (BALL,) if ball else LAWS:
+    for law, start in laws:
         sd = np.full(len(x), np.hypot(max(noise, floor), depth_noise * slope / far))
         expected = ball.series(far) if ball else np.array(start)
         found = np.r_[first - 0.05, expected]

@@ -181,7 +181,7 @@ def test_a_body_that_sank_away_is_not_found_and_one_that_rose_is_pressed():
     run = scanned(pose(-0.03))
     assert words(run) == ["aborted"] * 3
     assert "no touch within 20 mm" in run.outcomes[0].reason
-    run = scanned(pose(0.002))
+    run = scanned(pose(0.002), force_noise_n=1e-3)
     assert words(run) == ["made"] * 3
     for press in run.presses:
         assert press.statistics.touch_error_m == pytest.approx(-0.002, abs=2e-5)

@@ -70,12 +70,18 @@ class Breathing(Advice, Effect):
         """Add the motion."""
         return travel_m + self.moved(readings, frequency_hz, (sine_m, cosine_m))
 
-    def moved(self, readings: Readings, frequency_hz: float, waves: Sequence[float]) -> np.ndarray:
+    def moved(
+        self,
+        readings: Readings,
+        frequency_hz: float,
+        waves: Sequence[float],
+        drift_hz_per_s: float = 0.0,
+    ) -> np.ndarray:
         """Motion (m,) of the body, since touch where travel counts from there."""
-        moved = motion(readings.elapsed_s, frequency_hz, waves)
-        if self.counted_from == "touch":
+        moved = motion(readings.elapsed_s, frequency_hz, waves, drift_hz_per_s)
+        if "touch" in (self.counted_from, readings.travel_from):
             touch = readings.touch_time_s - readings.clock_start_s
-            moved = moved - motion(touch, frequency_hz, waves)[readings.press]
+            moved = moved - motion(touch, frequency_hz, waves, drift_hz_per_s)[readings.press]
         return moved
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
@@ -84,13 +90,13 @@ class Breathing(Advice, Effect):
         A motion that comes round with each press, or at a multiple of its rhythm, looks the same
         in all presses and imitates creep, bias and loops: no scan can tell it from them.
         """
-        frequency, free = _free_frequencies(readings, self.tones)
+        frequency, free = free_frequencies(readings, self.tones)
         free &= frequency <= self.highest_hz
         return [{"frequency_hz": float(f)} for f in frequency[free]]
 
     def doubt(self, values: Values, readings: Readings) -> str | None:
         """Doubt a frequency that has drifted to the rhythm of the presses."""
-        frequency, free = _free_frequencies(readings, self.tones)
+        frequency, free = free_frequencies(readings, self.tones)
         f = values["frequency_hz"]
         nearest = int(np.argmin(np.abs(frequency - f)))
         if free[nearest]:
@@ -99,12 +105,16 @@ class Breathing(Advice, Effect):
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the frequency by the scan's length and sampling; its scale is the resolution."""
-        *parts, frequency = self.parameters
         if readings.time_s is None:
             return self.parameters
-        low, high = _band(readings)
+        low, high = band(readings)
         scale = 0.5 / float(readings.elapsed_s[-1])
-        return *parts, replace(frequency, lower=low / 2, upper=high * 1.1, typical=scale)
+        return tuple(
+            replace(p, lower=low / 2, upper=high * 1.1, typical=scale)
+            if p.name == "frequency_hz"
+            else p
+            for p in self.parameters
+        )
 
     def untestable(self, readings: Readings) -> str | None:
         """Without time, or if all frequencies are locked to the presses."""
@@ -125,12 +135,14 @@ class Breathing(Advice, Effect):
         )
 
 
-def motion(time_s: np.ndarray, frequency_hz: float, waves: Sequence[float]) -> np.ndarray:
+def motion(
+    time_s: np.ndarray, frequency_hz: float, waves: Sequence[float], drift_hz_per_s: float = 0.0
+) -> np.ndarray:
     """Motion of the body at times since the scan's clock began, m.
 
     `waves` are sine and cosine of the frequency, of twice it, and so on.
     """
-    angle = 2 * math.pi * frequency_hz * time_s
+    angle = 2 * math.pi * (frequency_hz + drift_hz_per_s * time_s / 2) * time_s
     total = np.zeros_like(angle)
     for number, size in enumerate(waves):
         if size:  # a pattern of one amplitude needs no other, and there are thousands
@@ -138,21 +150,21 @@ def motion(time_s: np.ndarray, frequency_hz: float, waves: Sequence[float]) -> n
     return total
 
 
-def _band(readings: Readings) -> tuple[float, float]:
+def band(readings: Readings) -> tuple[float, float]:
     """Lowest and highest frequency that the scan can show: two periods, two readings a period."""
     time = float(readings.elapsed_s[-1])
     high = min(_HIGHEST_HZ, 0.5 / readings.sampling_step_s)
     return min(max(_LOWEST_HZ, 2 / time), high / 2), high
 
 
-def _free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.ndarray]:
+def free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies in Hz, and which of them lie far enough from any that is locked.
 
     Locked: the presses start at nearly one angle of the motion. `tones` fold the resolution.
     """
     oversampling = tones * _OVERSAMPLING
     time = float(readings.elapsed_s[-1])
-    low, high = _band(readings)
+    low, high = band(readings)
     frequency = np.arange(low, high, 1 / (oversampling * time))
     start = readings.elapsed_s[readings.first]
     turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])

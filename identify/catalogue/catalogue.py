@@ -6,10 +6,12 @@ from identify.catalogue.base_compliance import BaseCompliance
 from identify.catalogue.base_sliding import BaseSliding
 from identify.catalogue.body_shift import BodyShift
 from identify.catalogue.breathing import Breathing
+from identify.catalogue.breathing_drifting import BreathingDrifting
 from identify.catalogue.breathing_from_touch import BreathingFromTouch
 from identify.catalogue.breathing_harmonics import BreathingHarmonics
 from identify.catalogue.breathing_harmonics_from_touch import BreathingHarmonicsFromTouch
 from identify.catalogue.contact_offset import ContactOffset
+from identify.catalogue.creep_recovery import CreepRecovery
 from identify.catalogue.displacement_drift import DisplacementDrift
 from identify.catalogue.displacement_jump import DisplacementJump
 from identify.catalogue.displacement_wander import DisplacementWander
@@ -72,6 +74,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         TwoTimeCreep(),
         PowerLawCreep(),
         LocalCreep(),
+        CreepRecovery(),
         Preconditioning(),
         PreconditioningNearby(),
         Hysteresis(),
@@ -99,5 +102,6 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         BreathingFromTouch(),
         BreathingHarmonics(),
         BreathingHarmonicsFromTouch(),
+        BreathingDrifting(),
     )
 )

@@ -20,7 +20,7 @@ import numpy as np
 from identify.design.pattern_at_size import at_its_size
 from identify.design.seen_pattern import SeenPattern, seen_patterns
 from identify.design.settings import DETECTION, DetectionSettings
-from identify.effects.base import BodyEffect, Effect
+from identify.effects.base import Effect, changes_body
 from identify.effects.units import digits, percent
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
@@ -104,7 +104,7 @@ def limits_at(
         found = seen_patterns(model, at, effect, fitted, normal, settings)
         if not isinstance(found, str):
             bend = (bends or {}).get(effect.name, 1.0 if free else None)
-            if not isinstance(effect, BodyEffect):
+            if not changes_body(effect):
                 bend = None
             found = _middle(
                 one

@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.design.seen_pattern import SeenPattern, signal_m
 from identify.design.settings import DetectionSettings
-from identify.effects.base import BodyEffect, Effect, EffectParameter
+from identify.effects.base import Effect, EffectParameter, changes_body
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
@@ -146,7 +146,7 @@ def _moved(
     present, force = model.chain, at.latent_force_n
     c, e = at.compliance, at.modulus
     base = present.predict(c, e, force, at.values)
-    if isinstance(effect, BodyEffect):
+    if changes_body(effect):
         dc, de = at.body.exact_change(effect.body(at.state, **values), slack)
         if model.unit_compliance is not None:
             de = e / (1 + dc / c) - e

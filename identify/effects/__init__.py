@@ -3,11 +3,11 @@
 from identify.effects.base import (
     COUNTED_FROM,
     Advice,
-    BodyEffect,
     Effect,
     EffectParameter,
     WorkedExample,
     advice,
+    changes_body,
 )
 from identify.effects.readings import Readings
 from identify.effects.units import digits, force, length, more, percent
@@ -18,12 +18,12 @@ __all__ = [
     "COURSES",
     "UNKNOWN",
     "Advice",
-    "BodyEffect",
     "Effect",
     "EffectParameter",
     "Readings",
     "WorkedExample",
     "advice",
+    "changes_body",
     "digits",
     "force",
     "length",

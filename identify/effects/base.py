@@ -23,13 +23,16 @@ With all amplitudes at their null value an effect is the identity, to rounding; 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
 
 import numpy as np
 
 from identify.body.state import BodyState
 from identify.effects.readings import Readings
 from identify.map.parameters import Parameter
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeIs
 
 Link = Literal["body", "contact", "response", "instrument"]
 # Requirements of an effect on a scan, in the words of the sentence about a lack.
@@ -251,10 +254,14 @@ def advice(effect: Effect) -> Advice:
     return effect if isinstance(effect, Advice) else _NO_ADVICE
 
 
+def changes_body(effect: object) -> "TypeIs[BodyEffect]":
+    """Whether an effect's hook is that of the body."""
+    return "body" in getattr(effect, "hooks", ())
+
+
 # ---- hooks; an effect has one of them --------------------------------------------------------
 
 
-@runtime_checkable
 class ForceEffect(Protocol):
     """Instrument: the reading of the force sensor."""
 
@@ -263,7 +270,6 @@ class ForceEffect(Protocol):
         ...
 
 
-@runtime_checkable
 class BodyEffect(Protocol):
     """Body: its stiffness, shape and support."""
 
@@ -272,7 +278,6 @@ class BodyEffect(Protocol):
         ...
 
 
-@runtime_checkable
 class ContactEffect(Protocol):
     """Contact: the tip against the surface."""
 
@@ -288,7 +293,6 @@ class ContactEffect(Protocol):
         ...
 
 
-@runtime_checkable
 class ResponseEffect(Protocol):
     """Response: the history of loading."""
 
@@ -299,7 +303,6 @@ class ResponseEffect(Protocol):
         ...
 
 
-@runtime_checkable
 class ReadingEffect(Protocol):
     """Instrument: the travel as the robot reports it."""
 
@@ -310,7 +313,6 @@ class ReadingEffect(Protocol):
         ...
 
 
-@runtime_checkable
 class TouchEffect(Protocol):
     """Instrument: the start of the travel's count."""
 

@@ -13,16 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from identify.effects.base import (
-    ContactEffect,
-    Effect,
-    ForceEffect,
-    Pressing,
-    ReadingEffect,
-    ResponseEffect,
-    TouchEffect,
-    Values,
-)
+from identify.effects.base import Effect, Hook, Pressing, Values
 from identify.effects.readings import Readings
 from identify.effects.sphere import ball_travel
 from identify.measurement.noise import Noise
@@ -30,12 +21,12 @@ from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
 _PREDICTIONS = 24 * 24  # readings of a press times changes of the force, in a chain with a memory
-_HOOKS = {
-    "_forces": ForceEffect,
-    "_contacts": ContactEffect,
-    "_responses": ResponseEffect,
-    "_readings": ReadingEffect,
-    "_touches": TouchEffect,
+_HOOKS: dict[str, Hook] = {
+    "_forces": "force",
+    "_contacts": "contact",
+    "_responses": "response",
+    "_readings": "reading",
+    "_touches": "touch",
 }
 
 
@@ -69,9 +60,8 @@ class Chain:
     def __post_init__(self) -> None:
         acting = sorted(self.effects, key=attrgetter("order"))
         object.__setattr__(self, "effects", acting)
-        # Once a chain: to ask a protocol at each prediction would double its time
-        for name, kind in _HOOKS.items():
-            object.__setattr__(self, name, [e for e in acting if isinstance(e, kind)])
+        for name, hook in _HOOKS.items():
+            object.__setattr__(self, name, [e for e in acting if hook in e.hooks])
 
     def predict(
         self,

@@ -21,7 +21,7 @@ from identify.body.compliance import refuse_impossible
 from identify.body.mechanics import BodyMechanics
 from identify.body.response import BodyResponse
 from identify.body.state import BodyState
-from identify.effects.base import BodyEffect, Effect
+from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
@@ -150,7 +150,7 @@ class MeasurementModel:
         background = self.space.start.background_pa
         state = self.mechanics.state().changed(background_pa=background)
         for part in self.effects:
-            if isinstance(part.effect, BodyEffect):
+            if changes_body(part.effect):
                 state = part.effect.body(state, **values[part.effect.name])
         return state
 

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from identify.effects.base import Effect, ReadingEffect, ResponseEffect
+from identify.effects.base import Effect
 from identify.effects.unknown_course import UnknownCourse
 from identify.fit.profile_intervals import NORMAL_95
 from identify.fit.result import FitResult
@@ -92,12 +92,12 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
             return None
         rows = _spread(readings.elapsed_s)
         at, along = readings.elapsed_s[rows], ("time of the session", "s")
-        if isinstance(effect, ReadingEffect):
+        if "reading" in effect.hooks:
             words = (*along, "added to the displacement", "m")
             return words, at, lambda **p: hooks.reading(readings, none, none, **p)[rows]
         words = (*along, "added to the force", "N")
         return words, at, lambda **p: -hooks.force(readings, none, **p)[rows]
-    if not isinstance(effect, ResponseEffect):
+    if "response" not in effect.hooks:
         return None
     force, travel = fit.at.latent_force_n, fit.at.body.compliance[readings.press]
     travel = travel * force

@@ -14,7 +14,7 @@ import numpy as np
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.discretization_error import TipPressure
 from identify.body.mechanics import BodyMechanics
-from identify.effects.base import BodyEffect, Effect, Values
+from identify.effects.base import Effect, Values, changes_body
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.example_scan import ExampleScan, trial
 from identify.fit.joint_fit import fit_jointly
@@ -95,7 +95,7 @@ def _fit(case: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
     readings, mechanics = case.readings, _mechanics()
     space = parameter_space(_MAP, np.array(case.state.box_m), ["background_pa"])
     state = mechanics.state().changed(background_pa=_MAP.background_pa)
-    if values and isinstance(effect, BodyEffect):
+    if values and changes_body(effect):
         state = effect.body(state, **values)
     body = mechanics.evaluate(_MAP, state)
     coarse = mechanics.coarse.contacts

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.effects.base import BodyEffect, Effect, EffectParameter, advice
+from identify.effects.base import Effect, EffectParameter, advice, changes_body
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
@@ -97,13 +97,12 @@ def effect_patterns(
     moved = np.empty((len(shapes), len(amplitudes), len(at.residual)))
     chain = replace(model.chain, effects=[*model.chain.effects, effect])
     base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
-    of_body = isinstance(effect, BodyEffect)  # once: thousands of shapes would ask the protocol
     for g, shape in enumerate(shapes):
         for a, amplitude in enumerate(amplitudes):
             step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
             size = null[amplitude.name] + step * amplitude.typical
             values = {**null, **shape, amplitude.name: size}
-            if of_body:
+            if changes_body(effect):
                 dc, de = at.body.change(effect.body(at.state, **values))
                 moved[g, a] = model.moved_by_body(at, dc, de) / step
             else:
@@ -127,7 +126,7 @@ def _far_patterns(
 ) -> list[tuple[Mapping[str, float], np.ndarray]]:
     """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Advice`."""
     null, press, found = effect.null, model.readings.press, []
-    if not isinstance(effect, BodyEffect):
+    if not changes_body(effect):
         return found
     for level in advice(effect).levels(at.state):
         for shape in shapes:
@@ -272,7 +271,7 @@ def unavailable(effect: Effect, model: MeasurementModel) -> str | None:
 
 def _is_a_map(effect: Effect, model: MeasurementModel) -> bool:
     """Whether an effect changes the modulus in the body and nothing else."""
-    if not isinstance(effect, BodyEffect):
+    if not changes_body(effect):
         return False
     state = model.mechanics.state().changed(background_pa=model.space.start.background_pa)
     shapes = effect.grid(model.readings, state)

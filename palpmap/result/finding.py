@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.body import BodyState, ChangedMap
 from identify.catalogue import CATALOGUE
-from identify.effects import BodyEffect
+from identify.effects import changes_body
 from identify.fit import Estimate, FitResult
 from identify.map import GaussianMap
 from identify.residual import Comparison
@@ -141,7 +141,7 @@ class Finding:
         low, high = (tuple(corner) for corner in (self.outline.lower_m, self.outline.upper_m))
         state = BodyState((low, high), poisson_ratio=0.0)  # no part of the modulus
         for effect in CATALOGUE:
-            if not isinstance(effect, BodyEffect):
+            if not changes_body(effect):
                 continue
             named = {p.name: f"{effect.name}.{p.name}" for p in effect.parameters}
             if set(named.values()) <= set(self.fit.parameters):

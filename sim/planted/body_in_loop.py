@@ -100,6 +100,37 @@ class Creep(Part):
 
 
 @dataclass
+class RecoveringCreep(Part):
+    """Kelvin elements of every place, which go back while the tip presses elsewhere.
+
+    `nearness` (j, j) of each place to each other one.
+    """
+
+    weights: np.ndarray
+    times_s: np.ndarray
+    nearness: np.ndarray
+    memory = True
+
+    def __post_init__(self):
+        """Begin with an untouched body."""
+        self.z = np.zeros((len(self.nearness), len(self.weights)))
+        self.now = math.nan
+
+    def travel(self, press, force_n, below_m):
+        """Return the travel with the present history, m."""
+        return below_m + float(self.nearness[press] @ self.z @ self.weights)
+
+    def advance(self, press, time_s, dt, force_n, below_m):
+        """Go on in time."""
+        passed = time_s - self.now
+        if passed > 0:
+            pulled = np.zeros(len(self.z))
+            pulled[press] = below_m if dt else 0.0
+            self.z -= np.expm1(-passed / self.times_s) * (pulled[:, None] - self.z)
+        self.now = time_s
+
+
+@dataclass
 class Play(Part):
     """(1 - share) u + share mean of plays of several half widths."""
 

@@ -15,11 +15,21 @@ import numpy as np
 from scipy.special import gamma
 
 from sim.planted.bench import Bench
-from sim.planted.body_in_loop import Cooling, Creep, Law, Loop, Part, Play, Softening, Sticky
+from sim.planted.body_in_loop import (
+    Cooling,
+    Creep,
+    Law,
+    Loop,
+    Part,
+    Play,
+    RecoveringCreep,
+    Softening,
+    Sticky,
+)
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import sphere_travel
 from sim.planted.instrument_in_loop import PlantScene
-from sim.planted.response import softened_nearby
+from sim.planted.response import half_space_nearness, softened_nearby
 
 Values = Mapping[str, float]
 TABLE = 40
@@ -150,6 +160,17 @@ def _local_creep(scene: PlantScene, v: Values) -> Part:
     return _creep([v["share"]], [v["time_constant_s"]], lambda press, u: float(near[press]))
 
 
+def _recovers(scene: PlantScene, v: Values) -> Part:
+    nearness = half_space_nearness(scene.bench.points_m, v["reach_m"])
+    return RecoveringCreep(np.array([v["share"]]), np.array([v["time_constant_s"]]), nearness)
+
+
+def _fades(scene: PlantScene, v: Values) -> Part:
+    points = scene.bench.points_m
+    away = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return RecoveringCreep(np.full(2, v["share"] / 2), np.array([0.5, 6.0]), np.exp(-away / 0.012))
+
+
 def _softens_nearby(scene: PlantScene, v: Values) -> Part:
     grown = softened_nearby(scene.bench.points_m, v)
     return Softening(lambda k: float(grown[k]), 0)
@@ -176,6 +197,8 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "form_three_time_creep": lambda s, v: _creep(np.full(3, v["share"] / 3), [0.1, 0.6, 3.6]),
     "form_broad_creep": lambda s, v: _creep(v["share"] * _bell()[0], _bell()[1]),
     "form_levelling_creep": lambda s, v: _creep([v["share"]], [0.8], _levelled(s)),
+    "form_recovering_creep": _fades,
+    "creep_recovery": _recovers,
     "outside_creeping_inclusion": _inclusion_creeps,
     "local_creep": _local_creep,
     "free_loop": lambda s, v: Loop(lambda x: v["share"] * x**2 * (1 - x) * 27 / 4),

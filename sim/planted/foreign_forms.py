@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
 
 from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect, on_response, on_sensor
-from sim.planted.response import follow, lag_behind
+from sim.planted.response import follow, lag_behind, recovering
 
-CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep")
+CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep", "creep_recovery")
 LOOP = ("hysteresis", "play", "free_loop", "several_plays")
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
 TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
 MOTION = (
     "breathing", "breathing_from_touch", "breathing_harmonics", "breathing_harmonics_from_touch",
+    "breathing_drifting",
 )  # fmt: skip
 
 
@@ -57,6 +58,18 @@ def form_levelling_creep(bench, travel_m, values):
     delayed = follow(travel_m, bench.within_s, 0.8)
     level = travel_m / np.maximum(travel_m.max(axis=1, keepdims=True), 1e-12)
     return travel_m + values["share"] * delayed / (1 + 0.5 * level)
+
+
+@on_response("form", "u + share (z_1 + z_2)/2, 0.5 and 6 s, dents fade over 12 mm", "share", 0.1,
+             limit=3.0, kin=CREEP)  # fmt: skip
+def form_recovering_creep(bench, travel_m, values):
+    """Creep on two time scales whose dents spread otherwise than on a half-space."""
+    away = np.linalg.norm(bench.points_m[:, None] - bench.points_m[None], axis=2)
+    more = np.zeros_like(travel_m)
+    for tau in (0.5, 6.0):
+        delayed = follow(travel_m, bench.within_s, tau)
+        more += delayed + recovering(bench, delayed[:, -1], np.exp(-away / 0.012), tau)
+    return travel_m + values["share"] * more / 2
 
 
 # ---- loops -----------------------------------------------------------------------------------
@@ -154,6 +167,28 @@ def form_pointed_breathing(bench, force_n, travel_m, values):
     return force_n, travel_m + values["amplitude_m"] * (wave + wave**3 / 2)
 
 
+def calming(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """A tone of amplitude 1 whose frequency falls to 1 - fall of the first and settles there."""
+    settles, first = values["settles_s"], values["frequency_hz"]
+    faster = settles * (1 - np.exp(-time_s / settles))
+    turns = first * ((1 - values["fall"]) * time_s + values["fall"] * faster)
+    return np.sin(2 * np.pi * turns + values["phase_rad"])
+
+
+def _calms(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    return {
+        "frequency_hz": float(rng.uniform(0.21, 0.29)), "phase_rad": float(rng.uniform(0, 6.28)),
+        "fall": float(rng.uniform(0.05, 0.15)), "settles_s": 0.7 * float(np.ptp(bench.time_s)),
+    }  # fmt: skip
+
+
+@on_sensor("form", "travel + a sin(2 pi int f dt), f falls and settles", "amplitude_m", 1e-4,
+           kin=MOTION, draw=_calms)  # fmt: skip
+def form_calming_breathing(bench, force_n, travel_m, values):
+    """A breath that calms down over the scan."""
+    return force_n, travel_m + values["amplitude_m"] * calming(bench.time_s, values)
+
+
 @on_sensor("form", "force through a low-pass of first order", "delay_s", 0.04, limit=0.5,
            kin=("time_lag",))  # fmt: skip
 def form_filtered_force(bench, force_n, travel_m, values):
@@ -166,11 +201,13 @@ FOREIGN_FORMS = (
     form_three_time_creep,
     form_broad_creep,
     form_levelling_creep,
+    form_recovering_creep,
     form_several_plays,
     form_fat_loop,
     form_guide_friction,
     *_drifts(),
     form_slow_preconditioning,
     form_pointed_breathing,
+    form_calming_breathing,
     form_filtered_force,
 )

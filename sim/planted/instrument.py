@@ -169,3 +169,23 @@ def breathing_harmonics_from_touch(bench, force_n, travel_m, values):
     """The body heaves along such a wave, and each press counts from where it met the surface."""
     moved = two_tones(bench.time_s, values)
     return force_n, travel_m + values["amplitude_m"] * (moved - moved[:, :1])
+
+
+def changing_tone(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """A tone of amplitude 1 that gains the same number of hertz each second."""
+    turns = values["frequency_hz"] * time_s + values["drift_hz_per_s"] * time_s**2 / 2
+    return np.sin(2 * np.pi * turns + values["phase_rad"])
+
+
+def _of_a_changing_breath(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    drawn = _of_a_breath(bench, rng)
+    del drawn["phase_2_rad"]
+    change = float(rng.choice([-1, 1]) * rng.uniform(0.04, 0.2)) * drawn["frequency_hz"]
+    return {**drawn, "drift_hz_per_s": change / float(np.ptp(bench.time_s))}
+
+
+@on_sensor("structured", "travel + a sin(2 pi (f t + drift t^2/2) + phase)", "amplitude_m", 1e-4,
+           draw=_of_a_changing_breath)  # fmt: skip
+def breathing_drifting(bench, force_n, travel_m, values):
+    """The body heaves ever faster, or ever slower."""
+    return force_n, travel_m + values["amplitude_m"] * changing_tone(bench.time_s, values)

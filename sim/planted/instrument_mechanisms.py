@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from sim.planted.instrument import two_tones
+from sim.planted.foreign_forms import calming
+from sim.planted.instrument import changing_tone, two_tones
 from sim.planted.instrument_in_loop import (
     Backlash,
     CoarseEncoder,
@@ -39,8 +40,8 @@ def _pointed(scene: PlantScene, v: Values) -> Course:
     return lambda t, press: v["amplitude_m"] * (sine(t, press) + sine(t, press) ** 3 / 2)
 
 
-def _two_tones(scene: PlantScene, v: Values) -> Course:
-    return lambda t, press: v["amplitude_m"] * float(two_tones(np.asarray(t), v))
+def _heaving(wave: Callable[[np.ndarray, Values], np.ndarray], s: PlantScene, v: Values) -> Course:
+    return lambda t, press: v["amplitude_m"] * float(wave(np.asarray(t), v))
 
 
 def _slow_cosines(v: Values) -> Callable[[float], float]:
@@ -159,8 +160,10 @@ SINKING: Mapping[str, Callable[[PlantScene, Values], Course]] = {
     "displacement_wander": _swaying,
     "breathing": _sine,
     "breathing_from_touch": _sine,
-    "breathing_harmonics": _two_tones,
-    "breathing_harmonics_from_touch": _two_tones,
+    "breathing_harmonics": partial(_heaving, two_tones),
+    "breathing_harmonics_from_touch": partial(_heaving, two_tones),
+    "breathing_drifting": partial(_heaving, changing_tone),
+    "form_calming_breathing": partial(_heaving, calming),
     "form_pointed_breathing": _pointed,
     "displacement_jump": lambda s, v: (
         lambda t, press: v["height_m"] * (s.presses_before + press >= v["press"])

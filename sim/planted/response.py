@@ -95,6 +95,46 @@ def power_law_creep(bench, travel_m, values):
     return travel_m + values["share"] * a / gamma(1 - a) * float(step) * crept
 
 
+def _recovers(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    tip = float(np.median(bench.program.radius_m))
+    return {
+        "time_constant_s": float(np.exp(rng.uniform(np.log(2.0), np.log(10.0)))),
+        "reach_m": tip * float(rng.uniform(0.6, 1.2)),
+    }
+
+
+def half_space_nearness(points_m: np.ndarray, reach_m: float) -> np.ndarray:
+    """Sinking (j, j) of each place beside a flat punch at each other one, over the punch's."""
+    away = np.linalg.norm(points_m[:, None] - points_m[None], axis=2)
+    return np.where(away > reach_m, np.arcsin(reach_m / np.maximum(away, reach_m)) * 2 / np.pi, 1.0)
+
+
+def recovering(
+    bench: Bench, dent_m: np.ndarray, nearness: np.ndarray, time_constant_s: float
+) -> np.ndarray:
+    """Depth (j, t) that earlier presses have left at each place, since its first touch.
+
+    Press after press, each dent going back from its depth at the press's end, `dent_m` (j,).
+    """
+    left = np.zeros_like(bench.time_s)
+    for j in range(1, len(left)):
+        for k in range(j):
+            since = bench.time_s[j] - bench.time_s[k, -1]
+            course = dent_m[k] * np.exp(-since / time_constant_s)
+            left[j] += nearness[j, k] * (course - course[0])
+    return left
+
+
+@on_response("structured", "u + share (z + rest of earlier dents nearby, since touch)", "share",
+             0.1, limit=3.0, draw=_recovers)  # fmt: skip
+def creep_recovery(bench, travel_m, values):
+    """The body creeps, and goes back only slowly after each press."""
+    tau = values["time_constant_s"]
+    delayed = follow(travel_m, bench.within_s, tau)
+    nearness = half_space_nearness(bench.points_m, values["reach_m"])
+    return travel_m + values["share"] * (delayed + recovering(bench, delayed[:, -1], nearness, tau))
+
+
 def lag_behind(travel_m: np.ndarray, half_m: np.ndarray) -> np.ndarray:
     """Play (j, t) of a travel: follows it at a distance of `half_m` (j,) once that is used up."""
     return _lag_behind(np.ascontiguousarray(travel_m, float), half_m)

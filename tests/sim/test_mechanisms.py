@@ -38,7 +38,10 @@ AS_TYPICAL = (
 )  # fmt: skip
 """Three times as much of them is a fault that the watchdogs see, or no monotonic law."""
 
-OWN_TOUCH = ("breathing_from_touch", "breathing_harmonics_from_touch")
+OWN_TOUCH = (
+    "breathing_from_touch", "breathing_harmonics_from_touch", "creep_recovery",
+    "form_recovering_creep",
+)  # fmt: skip
 """Their travel counts from the touch as the robot finds it: compared but for a constant a press."""
 
 APART = ("outside_coarse_encoder", "outside_stick_slip", "guide_friction", "backlash")

@@ -1,7 +1,7 @@
 """The checks of the conformance kit; each returns its finding, or raises `Fault`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -236,9 +236,9 @@ def dense(effect: Effect, case: ExampleScan) -> str:
     candidates = effect.grid(case.readings, case.state)
     if len(candidates) < 2:
         return "one candidate"
-    patterns = [_pattern(effect, case, candidate) for candidate in candidates]
+    patterns = np.array([_pattern(effect, case, candidate) for candidate in candidates])
     if len(effect.shapes) == 1:
-        near = np.array([_likeness(a, b) for a, b in pairwise(patterns)])
+        near = np.concatenate([_likeness(b[None], a) for a, b in pairwise(patterns)])
     else:
         near = _best_neighbours(patterns)
     least, gaps = case.settings.near, case.settings.gaps
@@ -317,18 +317,23 @@ def _pattern(effect: Effect, case: ExampleScan, shape: Values) -> np.ndarray:
     return np.linalg.qr(np.column_stack(left))[0]
 
 
-def _likeness(a: np.ndarray, b: np.ndarray) -> float:
-    """Smallest cosine between two spans."""
-    return float(np.linalg.svd(a.T @ b, compute_uv=False).min())
+def _likeness(patterns: np.ndarray, one: np.ndarray) -> np.ndarray:
+    """Smallest cosine (g,) between spans (g, m, r) and one (m, r)."""
+    both = patterns.swapaxes(1, 2) @ one
+    if both.shape[1] != 2:
+        return np.linalg.svd(both, compute_uv=False).min(axis=1)
+    half = 0.5 * np.sum(both**2, axis=(1, 2))  # in closed form: a grid has millions of pairs
+    det = both[:, 0, 0] * both[:, 1, 1] - both[:, 0, 1] * both[:, 1, 0]
+    return np.sqrt(np.maximum(half - np.sqrt(np.maximum(half**2 - det**2, 0.0)), 0.0))
 
 
-def _best_neighbours(patterns: Sequence[np.ndarray]) -> np.ndarray:
-    """Likeness of each pattern to the one most like it, (g,)."""
-    if patterns[0].shape[1] == 1:
-        columns = np.column_stack(patterns)
-        alike = np.abs(columns.T @ columns)
+def _best_neighbours(patterns: np.ndarray) -> np.ndarray:
+    """Likeness of each pattern (g, m, r) to the one most like it, (g,)."""
+    if patterns.shape[2] == 1:
+        columns = patterns[:, :, 0]
+        alike = np.abs(columns @ columns.T)
     else:
-        alike = np.array([[_likeness(a, b) for b in patterns] for a in patterns])
+        alike = np.array([_likeness(patterns, one) for one in patterns])
     np.fill_diagonal(alike, 0.0)
     return alike.max(axis=1)
 

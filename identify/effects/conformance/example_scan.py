@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import BodyEffect, Effect, ForceEffect, Need, Pressing, Values
+from identify.effects.base import Effect, Need, Pressing, Values, changes_body
 from identify.effects.conformance.settings import CONFORMANCE, ConformanceSettings
 from identify.effects.conformance.worked_example import apply
 from identify.effects.readings import Readings
@@ -46,15 +46,15 @@ class ExampleScan:
 
     def out(self, effect: Effect, values: Values) -> np.ndarray:
         """Return the output of the effect's hook: (m,), or the features of a body."""
-        if isinstance(effect, BodyEffect):
+        if changes_body(effect):
             return self.felt(effect.body(self.state, **values))
         return apply(effect, self.readings, self.pressing, self.travel_m, values)
 
     def plain(self, effect: Effect) -> np.ndarray:
         """Return the same without the effect."""
-        if isinstance(effect, BodyEffect):
+        if changes_body(effect):
             return self.felt(self.state)
-        return self.readings.force_n if isinstance(effect, ForceEffect) else self.travel_m
+        return self.readings.force_n if "force" in effect.hooks else self.travel_m
 
     def felt(self, state: BodyState) -> np.ndarray:
         """Return features of a body as numbers; to compare bodies, not to fit them.

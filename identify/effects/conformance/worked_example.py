@@ -1,21 +1,12 @@
 """Run a worked example: its few readings, its hook, its output."""
 
 from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.effects.base import (
-    BodyEffect,
-    ContactEffect,
-    Effect,
-    ForceEffect,
-    Pressing,
-    ReadingEffect,
-    ResponseEffect,
-    TouchEffect,
-    WorkedExample,
-)
+from identify.effects.base import Effect, Pressing, WorkedExample, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import Inclusion
 
@@ -54,7 +45,7 @@ def work(effect: Effect, example: WorkedExample) -> dict[str, np.ndarray]:
     if unknown:
         raise ValueError(f"an example cannot give {sorted(unknown)}; it can: {sorted(_GIVEN)}")
     inputs = Inputs(example.given)
-    if isinstance(effect, BodyEffect):
+    if changes_body(effect):
         nu = float(inputs.get("poisson_ratio", 0.49)[0])
         return _body(effect.body(BodyState(_BOX_M, nu), **example.values), inputs, example)
     out = apply(
@@ -74,17 +65,17 @@ def apply(
     values: Mapping[str, float],
 ) -> np.ndarray:
     """Return the output of the effect's hook: forces or travels (m,). Not for bodies."""
-    force = readings.force_n
-    if isinstance(effect, ForceEffect):
-        return effect.force(readings, force, **values)
-    if isinstance(effect, ContactEffect):
-        return effect.contact(readings, pressing, force, travel_m, **values)
-    if isinstance(effect, ResponseEffect):
-        return effect.response(readings, force, travel_m, **values)
-    if isinstance(effect, TouchEffect):  # a linear contact
-        return travel_m - pressing.compliance_m_per_n * effect.touch(readings, **values)
-    assert isinstance(effect, ReadingEffect)
-    return effect.reading(readings, force, travel_m, **values)
+    force, hooks = readings.force_n, cast(Any, effect)
+    match effect.hooks:
+        case ("force",):
+            return hooks.force(readings, force, **values)
+        case ("contact",):
+            return hooks.contact(readings, pressing, force, travel_m, **values)
+        case ("response",):
+            return hooks.response(readings, force, travel_m, **values)
+        case ("touch",):  # a linear contact
+            return travel_m - pressing.compliance_m_per_n * hooks.touch(readings, **values)
+    return hooks.reading(readings, force, travel_m, **values)
 
 
 class Inputs:

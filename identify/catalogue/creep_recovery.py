@@ -81,7 +81,7 @@ class CreepRecovery(Effect):
         tau_s: float,
         reach_m: float,
     ) -> np.ndarray:
-        """Add g z and what earlier presses nearby have left."""
+        """Add g z and the dents of earlier presses nearby."""
         lagged = lagging(readings, travel_m, tau_s)
         since = readings.timed_s - readings.touch_time_s[readings.press]
         decayed = np.exp(-np.maximum(since, 0.0) / tau_s)

@@ -255,7 +255,7 @@ def advice(effect: Effect) -> Advice:
 
 
 def changes_body(effect: object) -> "TypeIs[BodyEffect]":
-    """Whether an effect's hook is that of the body."""
+    """Return True for an effect whose hook is that of the body."""
     return "body" in getattr(effect, "hooks", ())
 
 

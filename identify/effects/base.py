@@ -23,16 +23,13 @@ With all amplitudes at their null value an effect is the identity, to rounding; 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol, TypeGuard
 
 import numpy as np
 
 from identify.body.state import BodyState
 from identify.effects.readings import Readings
 from identify.map.parameters import Parameter
-
-if TYPE_CHECKING:
-    from typing_extensions import TypeIs
 
 Link = Literal["body", "contact", "response", "instrument"]
 # Requirements of an effect on a scan, in the words of the sentence about a lack.
@@ -254,8 +251,8 @@ def advice(effect: Effect) -> Advice:
     return effect if isinstance(effect, Advice) else _NO_ADVICE
 
 
-def changes_body(effect: object) -> "TypeIs[BodyEffect]":
-    """Return True for an effect whose hook is that of the body."""
+def changes_body(effect: object) -> "TypeGuard[Any]":
+    """Return True for an effect whose hook is that of the body: it is a `BodyEffect`."""
     return "body" in getattr(effect, "hooks", ())
 
 

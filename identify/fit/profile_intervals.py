@@ -142,8 +142,9 @@ def _along(valley: Valley, position: int, side: float) -> tuple[float, np.ndarra
         if not np.isfinite(fun):
             break
         rise = max(2 * (fun - valley.fun) * share, 1e-12)
-        place = (side * float(np.sqrt(rise)), found)
-        rate, direction = abs(place[0]) / NORMAL_95, (found - u) / moved
+        rate, direction = float(np.sqrt(rise)) / NORMAL_95, (found - u) / moved
+        # A floor that is flat up to a bound ends there: a parabola through no rise has no scale
+        place = (side * NORMAL_95 * max(rate, ENOUGH), found)
         at_edge = held in (lower[position], upper[position])
         if ENOUGH < rate < TOO_FAR or (rate <= ENOUGH and at_edge):
             break

@@ -99,3 +99,21 @@ def test_a_valley_with_a_flat_floor_and_steep_walls_has_intervals_up_to_its_wall
     wall = 2.39  # there the rise is 1.96
     assert rise(wall) == pytest.approx(NORMAL_95, rel=0.01)
     assert_allclose(ends, [[-wall, wall], [-3 * wall, 3 * wall]], rtol=0.3)
+
+
+def test_a_floor_that_is_flat_up_to_a_bound_ends_there():
+    """Without a rise of chi-square on the way to a bound, the others end where they are there."""
+
+    def refit(position, start):
+        depth = start[1]
+        weight = 2.0 * depth + np.clip(start[0] - 2.0 * depth, -1e-3, 1e-3)
+        walled = 0.5 * min(depth, 0.0) ** 2
+        return walled, np.array([weight, depth])
+
+    total = np.array([[4.0, 2.0], [2.0, 1.001]])
+    bounds = np.array([-50.0, -50.0]), np.array([50.0, 0.5])
+    ends = bent_intervals(
+        Valley(np.zeros(2), 0.0, total, total, bounds, refit, 6), ("weight_pa", "inclusion_1.z_m")
+    )
+    assert ends[1, 1] >= 0.5
+    assert np.abs(ends).max() < 6.0

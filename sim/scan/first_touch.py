@@ -60,7 +60,7 @@ NEARLY_STRAIGHT: Laws = (
     (lambda s, b: np.expm1(b * s) / b if abs(b) > 1e-6 else s, (0.1,)),
     (_rounded, (0.1,)),
 )
-"""Where no curvature stands out of the noise, one may hide in it and move the touch: a line's,
+"""Where the noise shows no curvature, one may hide in it and move the touch: a line's,
 Fung's law and a rounded tip's."""
 
 LAWS: Laws = (

@@ -5,12 +5,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pytest
+from filelock import FileLock
+from numba.core import event
 from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
@@ -51,7 +55,11 @@ SHARED = re.compile(r"def \w+\([^)]*\b(demo|explained_case)\b")
 """Use of a long run: its files share one process (xdist's groups fail with newer pytests)."""
 
 
-LONGEST = (
+FIRST = (
+    "fem/near_field",
+    "palpmap/importing/test_raw_streams",
+    "fem/finite_strain",
+    "palpmap/importing/test_import_command",
     "palpmap/pipeline/test_demo",
     "test_blocks",
     "palpmap/cli/test_loop",
@@ -63,17 +71,42 @@ LONGEST = (
     "fem",
     "sim",
 )
-"""Files that take longest: begun first, so that no process is left with one at the end."""
+"""Files that are begun first: those that compile most kernels, beside some that need none, so that
+commands started later find them compiled; then the longest, so that none is left at the end."""
 
 
 def pytest_collection_modifyitems(items):
-    """Put the longest files first, in their order; the others keep theirs."""
+    """Put these files first, in their order; the others keep theirs."""
 
     def rank(item) -> int:
         name = item.nodeid.removeprefix("tests/")
-        return next((i for i, begin in enumerate(LONGEST) if name.startswith(begin)), len(LONGEST))
+        return next((i for i, begin in enumerate(FIRST) if name.startswith(begin)), len(FIRST))
 
     items.sort(key=rank)
+
+
+class _OneCompiler(event.Listener):
+    """Carries numba's compiler lock to the other test processes.
+
+    Two processes that need a kernel at the same time would both compile it; so the second one
+    waits, and reads what the first has written.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.lock = FileLock(file)
+
+    def on_start(self, event) -> None:
+        self.lock.acquire()
+
+    def on_end(self, event) -> None:
+        self.lock.release()
+
+
+def pytest_configure(config) -> None:
+    """Let the processes of one clone, which share its compiled kernels, take turns in compiling."""
+    if hasattr(config, "workerinput"):
+        name = f"palpmap-tests-{crc32(str(config.rootpath).encode())}.lock"
+        event.register("numba:compiler_lock", _OneCompiler(Path(tempfile.gettempdir()) / name))
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -39,6 +39,7 @@ ORDER = {
 }  # fmt: skip
 """Folders and modules of each package: one imports from itself and from those before it."""
 GROUND = {
+    "fem.arrays",
     "fem.errors",
     "palpmap.console",
     "palpmap.progress",

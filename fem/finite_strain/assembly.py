@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fem.arrays import read_only
 from fem.finite_strain import kernels as kernels
 from fem.finite_strain.hyperelastic import HyperelasticLaw
 from fem.linear.assembly import Stiffness, lame
@@ -65,7 +66,7 @@ class FiniteStrainBody:
         return full
 
     def _field(self, modulus_pa: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(modulus_pa, float).reshape(self.weights_m3.shape)
+        return read_only(np.asarray(modulus_pa, float).reshape(self.weights_m3.shape))
 
     def internal_force(self, u: np.ndarray, modulus_pa: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the forces (3 f,) N with which the body resists, and its strain energy, J.

@@ -172,8 +172,9 @@ def cell_integrals(
 ) -> CellIntegrals:
     """Return integrals with the table of modulus samples by cell, from cells and rows by press."""
     begin = np.cumsum([0, *map(len, cells)])
-    numbers = np.concatenate(cells)
-    return CellIntegrals(begin, numbers, numbers, np.concatenate(rows), *arrays)
+    numbers, (coupling, energy) = np.concatenate(cells), arrays
+    coupling = coupling.astype(np.float32, copy=False)  # of no cells, too: one kernel is compiled
+    return CellIntegrals(begin, numbers, numbers, np.concatenate(rows), coupling, energy)
 
 
 def over_all(
@@ -225,8 +226,8 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
     vertices = place.local[mesh.cells[cells, :4]]
     strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
     basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
-    own, cross = exact(_stress(strain, nu), _raised(degree), basis, derivatives, gradients,
-                       place.frame, field)  # fmt: skip
+    stress, basis = (np.ascontiguousarray(a) for a in (_stress(strain, nu), basis))
+    own, cross = exact(stress, _raised(degree), basis, derivatives, gradients, place.frame, field)
     coupling += own
     energy += np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from fem.arrays import read_only
+
 
 class CellIntegrals(NamedTuple):
     """Integrals of every press's m functions over some cells, for E = 1 at each modulus sample.
@@ -47,9 +49,7 @@ class CellIntegrals(NamedTuple):
         `numbers` (e, nodes) are the mesh's nodes among the free ones, -1 where held; `modulus` is
         the table (rows, q).
         """
-        table = modulus.view()
-        table.setflags(write=False)  # always, so that one kernel is compiled
-        _couple(by_function, energy, first, numbers, table, *self)
+        _couple(by_function, energy, first, numbers, read_only(modulus), *self)
 
     def add_energies(
         self, samples: np.ndarray, nodes: np.ndarray, fields: np.ndarray, amplitude: np.ndarray
@@ -59,7 +59,7 @@ class CellIntegrals(NamedTuple):
         From the finite element part `fields` (j, n, 3) m and the `amplitude` (j, m) of the
         functions; `nodes` (e, nodes) are the mesh's cells.
         """
-        _add_energies(samples, nodes, fields, amplitude, *self)
+        _add_energies(samples, nodes, fields, read_only(amplitude), *self)
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)

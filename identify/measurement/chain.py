@@ -51,6 +51,7 @@ class Chain:
     poisson_ratio: float
     curvature_per_m: np.ndarray | float = 0.0
     growth: np.ndarray | None = None
+    _under: tuple[Any, Any, Any] = field(init=False, repr=False, compare=False)
     _forces: list[Any] = field(init=False, repr=False, compare=False)
     _contacts: list[Any] = field(init=False, repr=False, compare=False)
     _responses: list[Any] = field(init=False, repr=False, compare=False)
@@ -62,6 +63,10 @@ class Chain:
         object.__setattr__(self, "effects", acting)
         for name, hook in _HOOKS.items():
             object.__setattr__(self, name, [e for e in acting if hook in e.hooks])
+        each = self.readings.press
+        curvature = np.broadcast_to(self.curvature_per_m, len(self.radius_m))[each]
+        growth = None if self.growth is None else self.growth[each]
+        object.__setattr__(self, "_under", (self.radius_m[each], curvature, growth))
 
     def predict(
         self,
@@ -102,18 +107,16 @@ class Chain:
         values: Mapping[str, Values],
     ) -> np.ndarray:
         """Elastic travel (m,) of the tip under the acting forces (m,)."""
-        r = self.readings
-        ball = self.profile == "hertz"
+        r, ball = self.readings, self.profile == "hertz"
+        compliance = compliance[r.press]
+        if not self.nonlinear:
+            return compliance * force_n
+        radius, curvature, growth = self._under
+        profile = "hertz" if ball else "flat"
         pressing = Pressing(
-            compliance[r.press],
-            modulus[r.press],
-            self.radius_m[r.press],
-            self.poisson_ratio,
-            "hertz" if ball else "flat",
-            np.broadcast_to(self.curvature_per_m, len(compliance))[r.press],
-            None if self.growth is None else self.growth[r.press],
+            compliance, modulus[r.press], radius, self.poisson_ratio, profile, curvature, growth
         )
-        travel = ball_travel(r, pressing, force_n) if ball else compliance[r.press] * force_n
+        travel = ball_travel(r, pressing, force_n) if ball else compliance * force_n
         for effect in self._contacts:
             travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
         return travel

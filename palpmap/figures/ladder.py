@@ -1,10 +1,16 @@
 """The ladder of an explanation: error, residuals and evidence, step by step."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import Affine2D
 
 from identify.select import Diagnosis, Explanation, Step
 from palpmap.figures.style import (
@@ -205,21 +211,15 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
     axes = figure.subplots()
     # With square cells the labels on the left would be cut
     image = axes.imshow(cosines, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    for i in range(n):
-        for j in range(n):
-            if i != j and cosines[i, j] >= 0.5:
-                alike = cosines[i, j] > diagnosis.settings.alike
-                axes.text(
-                    j, i, f"{100 * cosines[i, j]:.0f}", ha="center", va="center", fontsize=7.5,
-                    color="white" if cosines[i, j] > 0.6 else BLACK,
-                    fontweight="bold" if alike else "normal",
-                )  # fmt: skip
-            if i != j and cosines[i, j] > diagnosis.settings.alike:
-                axes.plot(
-                    [j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
-                    [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
-                    color=ORANGE, lw=1.6,
-                )  # fmt: skip
+    others = ~np.eye(n, dtype=bool)
+    alike = (cosines > diagnosis.settings.alike) & others
+    cells = np.argwhere((cosines >= 0.5) & others)
+    _write_percents(axes, cells, cosines[tuple(cells.T)], alike[tuple(cells.T)])
+    around = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    squares = [cell[::-1] + around for cell in np.argwhere(alike)]
+    axes.add_collection(
+        PolyCollection(squares, facecolors="none", edgecolors=ORANGE, lw=1.6), autolim=False
+    )
     axes.set_xticks(range(n), names, rotation=90)
     axes.set_yticks(range(n), names)
     axes.tick_params(length=0)
@@ -227,6 +227,31 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
         side_of.set_visible(False)
     figure.colorbar(image, ax=axes, label="cosine of the patterns beyond the map", shrink=0.7)
     return figure
+
+
+def _write_percents(axes: Axes, cells: np.ndarray, shares: np.ndarray, bold: np.ndarray) -> None:
+    """Write shares (n,) as percent into cells (n, 2) of a matrix, white on a dark one.
+
+    As outlines of one collection: a thousand texts would take as long as all other figures.
+    """
+
+    @cache
+    def outline(text: str, weight: str) -> Path:
+        path = TextPath((0, 0), text, size=7.5, prop=FontProperties(weight=weight))
+        box = path.get_extents()
+        return path.transformed(Affine2D().translate(-(box.x0 + box.x1) / 2, -box.height / 2))
+
+    weights = np.where(bold, "bold", "normal")
+    written = PathCollection(
+        [outline(f"{100 * share:.0f}", w) for share, w in zip(shares, weights, strict=True)],
+        offsets=cells[:, ::-1],
+        offset_transform=axes.transData,
+        facecolors=np.where(shares > 0.6, "white", BLACK).tolist(),
+        linewidths=0,
+    )
+    # Points, whatever the resolution
+    written.set_transform(Affine2D().scale(1 / 72) + axes.figure.dpi_scale_trans)
+    axes.add_collection(written, autolim=False)
 
 
 def alike_order(cosines: np.ndarray) -> np.ndarray:

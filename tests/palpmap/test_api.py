@@ -26,7 +26,7 @@ def why() -> pm.Explanation:
     study = pm.read_study(TWELVE)
     experiment = pm.Experiment(
         study.scan,
-        pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45),
+        pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45, cell_size_m=0.01),
         pm.FlatTip(0.004),
         noise=study.study.noise,
     )
@@ -162,8 +162,8 @@ def test_the_virtual_robot_follows_a_program():
 
 
 def test_a_scripted_scan_becomes_an_experiment():
-    body, tip = pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45), pm.FlatTip(0.005)
-    program = pm.grid_program((0.08, 0.08, 0.04), per_side=3, force_n=0.2)
+    body = pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45, cell_size_m=0.01)
+    tip, program = pm.FlatTip(0.005), pm.grid_program(body.size_m, per_side=2, force_n=0.2)
     scan = pm.scan(body, program, map=pm.GaussianMap(8000.0), seed=1)
     fit = pm.fit(pm.Experiment(scan, body, tip), inclusions=0)
     found = fit.parameters["background_pa"]

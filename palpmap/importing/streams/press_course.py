@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.signal import lfilter
@@ -42,12 +42,24 @@ class Course:
     slopes: np.ndarray
     force_var: float
     travel_var: float
+    _last: list[np.ndarray] = field(default_factory=list, init=False, repr=False)
 
     def table(self, weights: np.ndarray) -> np.ndarray:
         """Relaxed columns (p, K) and, beside them, their slopes as the noise sees them."""
-        gain = np.ones(_COLUMNS)
-        gain[_FREE:] = np.sqrt(weights @ _NOISE_GAIN @ weights)
-        return np.hstack([self.columns @ weights, self.slopes * gain])
+        if self._last and np.array_equal(self._last[0], weights):  # a step that was taken
+            return self._last[1]
+        table = np.empty((len(self.slopes), 2 * _COLUMNS))
+        relaxed, slopes = table[:, :_COLUMNS], table[:, _COLUMNS:]
+        relaxed[:] = self._relaxed(weights)
+        slopes[:, :_FREE] = self.slopes[:, :_FREE]
+        gain = np.sqrt(weights @ _NOISE_GAIN @ weights)
+        np.multiply(self.slopes[:, _FREE:], gain, out=slopes[:, _FREE:])
+        self._last[:] = weights, table
+        return table
+
+    def _relaxed(self, weights: np.ndarray) -> np.ndarray:
+        """Relaxed columns (p, K); as one product, since numpy multiplies a stack row by row."""
+        return (self.columns.reshape(-1, len(weights)) @ weights).reshape(self.slopes.shape)
 
     def at(self, lag_s: float, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return columns and slopes of a table, each (m, K), at a lag."""
@@ -62,7 +74,7 @@ class Course:
 
     def squares(self, lags_s: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Return the sums of squares (l,) of ordinary least-squares fits."""
-        table = self.columns @ weights
+        table = self._relaxed(weights)
         columns = np.array([_at(self.time_s - lag, self.grid_s, table) for lag in lags_s])
         q = np.linalg.qr(columns / (np.linalg.norm(columns, axis=1, keepdims=True) + 1e-9))[0]
         return np.sum(

@@ -4,6 +4,7 @@ The truth has a finer mesh of its own and a map that no inclusion is like.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from identify.map import GaussianMap
 from identify.measurement.noise import Noise
 from identify.optimize.result import InadmissibleError
 from identify.select import StartFit, start_fit
+from identify.select.explanation import Explanation
 from identify.select.forward_selection import forward_selection
 from identify.select.settings import SELECTION
 from models import Catalogue, Scan
@@ -47,8 +49,9 @@ def experiment(scan: Scan, guess: MapGuess, cells: tuple[int, int, int]) -> Plac
     return PlacedExperiment(scan, BodyModel(model, model, model, ""), NOISE, guess)
 
 
-def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_none=False):
-    """Scan a body of `Cubes`, fit Gaussians, and ask for other maps."""
+@cache
+def begun(rough: float, wave_m: float, inclusions: int) -> tuple[Scan, StartFit, Explanation]:
+    """Scan a body of `Cubes`, fit Gaussians."""
     at, rng = contacts(), np.random.default_rng(5)
     found = compliance(PalpationModel(block_mesh(SIZE_M, (9, 9, 5)), NU, at), Cubes(8e3))
     found = found * np.exp(rough * rng.standard_normal(len(found)))
@@ -62,10 +65,15 @@ def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_no
         point_m=at.points_m[press], direction=at.directions[press],
         probe_radius_m=at.radius_m[press],
     )  # fmt: skip
-    start: StartFit = start_fit(experiment(scan, MapGuess(inclusions), (5, 5, 3)), Catalogue(()))
+    start = start_fit(experiment(scan, MapGuess(inclusions), (5, 5, 3)), Catalogue(()))
     alone = replace(SELECTION, most_effects=0)  # no courses of unknown causes either
     explained = forward_selection(start.model, start.start, start.scan, [], settings=alone)
-    explained = replace(explained, verdict="unexplained")
+    return scan, start, replace(explained, verdict="unexplained")
+
+
+def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_none=False):
+    """Ask for other maps beside the Gaussians."""
+    scan, start, explained = begun(rough, wave_m, inclusions)
 
     def free() -> PlacedExperiment:
         if found_none:

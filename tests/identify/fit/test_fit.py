@@ -84,7 +84,7 @@ def twin_fit(twin):
 
 @pytest.fixture(scope="module")
 def coarse():
-    return palpation_model((6, 6, 4), 2, 5, near_field=True)
+    return palpation_model((5, 5, 3), 2, 5, near_field=True)
 
 
 @pytest.fixture(scope="module")

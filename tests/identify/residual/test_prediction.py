@@ -1,6 +1,7 @@
 """Bands of predicted scans: calibrated where model and truth agree, exceeded where they do not."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,17 +29,25 @@ TRUTH = GaussianMap(8e3, (Inclusion(12e3, 0.03, 0.035, 0.02, 0.009),))
 LEVEL, PRIOR = np.log(8e3), (0.02, 0.3)
 
 
-def contacts(per_side: int, radius_m: float = 0.004) -> Contacts:
+def contacts(per_side: int, radius_m: float) -> Contacts:
     axis = np.linspace(0.01, 0.05, per_side)
     x, y = (a.ravel() for a in np.meshgrid(axis, axis))
     points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
     return Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, radius_m))
 
 
-MESH = block_mesh(SIZE_M, (5, 5, 3))
-FITTED, OTHERS = (
-    PalpationModel(MESH, 0.45, contacts(5)), PalpationModel(MESH, 0.45, contacts(4, 0.003))
-)  # fmt: skip
+@cache
+def model_of(per_side: int, radius_m: float) -> PalpationModel:
+    return PalpationModel(block_mesh(SIZE_M, (5, 5, 3)), 0.45, contacts(per_side, radius_m))
+
+
+def fitted_model() -> PalpationModel:
+    return model_of(5, 0.004)
+
+
+def other_model() -> PalpationModel:
+    """Other places, a smaller tip."""
+    return model_of(4, 0.003)
 
 
 def scan_of(model: PalpationModel, truth: GaussianMap, rng, reach: float = 1.0) -> Scan:
@@ -57,25 +66,26 @@ def scan_of(model: PalpationModel, truth: GaussianMap, rng, reach: float = 1.0) 
 
 
 def experiment_of(scan: Scan) -> PlacedExperiment:
-    return PlacedExperiment(scan, BodyModel(FITTED, FITTED, FITTED, ""), NOISE, MapGuess(1))
+    return PlacedExperiment(scan, BodyModel(*3 * [fitted_model()], ""), NOISE, MapGuess(1))
 
 
 def fitted(scan: Scan) -> FitResult:
     free = ["background_pa", "inclusion_1.weight_pa", "inclusion_1.z_m"]
-    return fit_scan(scan, FITTED, noise=NOISE, fine_model=FITTED, start=TRUTH, free=free)
+    model = fitted_model()
+    return fit_scan(scan, model, noise=NOISE, fine_model=model, start=TRUTH, free=free)
 
 
 def predicted(seed: int) -> Prediction:
     rng = np.random.default_rng(seed)
-    scan = scan_of(FITTED, TRUTH, rng)
-    other = scan_of(OTHERS, TRUTH, rng, reach=1.5)
+    scan = scan_of(fitted_model(), TRUTH, rng)
+    other = scan_of(other_model(), TRUTH, rng, reach=1.5)
     return predict(experiment_of(scan), fitted(scan), CATALOGUE, other, NOISE)
 
 
 def test_bands_of_other_places_a_smaller_tip_and_more_force_are_calibrated():
-    found = [predicted(seed) for seed in range(6)]
+    found = [predicted(seed) for seed in range(4)]
     squares = np.array([p.chi2 / p.presses for p in found])
-    # 96 errors: one standard deviation of the mean is 0.14; spurious errors of laws widen
+    # 64 errors: one standard deviation of the mean is 0.18; spurious errors of laws widen
     assert 0.6 < squares.mean() < 1.3
     assert np.mean([p.within95 for p in found]) > 0.9
     assert all(p.verdict != "too narrow" for p in found)
@@ -90,16 +100,16 @@ def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
     grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
     field = MaternField(grid, *PRIOR).draws(rng, 1)[0]
     truth = FreeMap(grid, LEVEL + field)
-    scan = scan_of(FITTED, truth, rng)
+    scan = scan_of(fitted_model(), truth, rng)
     start = FreeMap(grid, np.full(len(grid), LEVEL))
     model = MeasurementModel(
-        Readings.of(scan), scan.displacement_m, NOISE, BodyMechanics.of(FITTED),
+        Readings.of(scan), scan.displacement_m, NOISE, BodyMechanics.of(fitted_model()),
         ParameterSpace(start, (), ()),
     )  # fmt: skip
     hyper = Hyper(*PRIOR, 0.0, ("length_m", "spread"))
     fit = FreeMapFit(model, hyper, (0.01, 0.06)).run()
     found = predict(
-        experiment_of(scan), fit, CATALOGUE, scan_of(OTHERS, truth, rng, reach=1.5), NOISE
+        experiment_of(scan), fit, CATALOGUE, scan_of(other_model(), truth, rng, reach=1.5), NOISE
     )
     assert found.verdict == "calibrated"
     assert 0.2 < found.chi2 / found.presses < 2.2  # one standard deviation is 0.35
@@ -109,10 +119,10 @@ def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
 
 def test_errors_of_another_body_exceed_the_bands():
     rng = np.random.default_rng(3)
-    scan = scan_of(FITTED, TRUTH, rng)
+    scan = scan_of(fitted_model(), TRUTH, rng)
     harder = GaussianMap(1.1 * TRUTH.background_pa, TRUTH.inclusions)
     found = predict(
-        experiment_of(scan), fitted(scan), CATALOGUE, scan_of(OTHERS, harder, rng), NOISE
+        experiment_of(scan), fitted(scan), CATALOGUE, scan_of(other_model(), harder, rng), NOISE
     )
     assert found.verdict == "too narrow"
     assert np.median(found.force_error_share) == pytest.approx(-0.09, abs=0.03)
@@ -125,7 +135,8 @@ def test_a_law_that_fails_deeper_is_foreseen_by_the_fits_own_presses():
     def stiffened(scan: Scan) -> Scan:
         return scan.replace(displacement_m=scan.displacement_m / (1 + scan.displacement_m / 0.02))
 
-    scan, other = stiffened(scan_of(FITTED, TRUTH, rng)), scan_of(FITTED, TRUTH, rng, reach=1.5)
+    model = fitted_model()
+    scan, other = stiffened(scan_of(model, TRUTH, rng)), scan_of(model, TRUTH, rng, reach=1.5)
     deeper = predict(experiment_of(scan), fitted(scan), CATALOGUE, stiffened(other), NOISE)
     again = predict(experiment_of(scan), fitted(scan), CATALOGUE, scan, NOISE)
     laws = [p.parts_m["laws"][p.scan.near_largest_force].mean() for p in (deeper, again)]
@@ -135,7 +146,7 @@ def test_a_law_that_fails_deeper_is_foreseen_by_the_fits_own_presses():
 
 
 def test_an_effect_that_nobody_knows_is_refused_by_name():
-    scan = scan_of(FITTED, TRUTH, np.random.default_rng(5))
+    scan = scan_of(fitted_model(), TRUTH, np.random.default_rng(5))
     fit = fitted(scan)
     known = dict(fit.parameters)
     strange = replace(fit, estimates={**known, "cable.drag_n": known["background_pa"]})

@@ -1,5 +1,7 @@
 """Whether an answer holds on some of its readings: only then is it confirmed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from identify.catalogue.catalogue import CATALOGUE as BUILT_IN
 from identify.select.confirm import confirmed
 from identify.select.explanation import Explanation
 from identify.select.forward_selection import forward_selection
+from identify.select.settings import SELECTION
 from tests.identify.select.loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
 
 OFFSET_M = 2e-4
@@ -73,7 +76,8 @@ def test_an_answer_beside_which_only_the_other_readings_are_structured_does_not_
 
 def test_where_something_is_left_the_effects_must_still_earn_their_place():
     table = swaying(table_with(np.full(25 * 22, OFFSET_M), 8))
-    answer = explained(table)
+    alone = replace(SELECTION, most_effects=1)  # no cause without a name beside it
+    answer = forward_selection(model(table), TRUE, table, CATALOGUE, settings=alone)
     assert answer.verdict == "unexplained"
     assert [addition.name for addition in answer.accepted] == ["contact_offset"]
     some = table.time_s % 3 > 1

@@ -25,7 +25,7 @@ from models import Scan
 SIZE_M, NOISE = (0.06, 0.06, 0.03), Noise(2e-5, 2e-3)
 FORCES_N = np.linspace(0.1, 0.8, 8)
 EFFECTS = ("contact_offset", "force_bias", "strain_stiffening", "touch_threshold", "surface_tilt")
-SEEDS = range(200)
+SEEDS = range(100)
 SHARE = 0.05  # of the prior: compliances a tenth off the map, many times the noise of a press
 
 

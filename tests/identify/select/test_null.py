@@ -143,7 +143,7 @@ def test_intervals_of_noise_alone_cover_as_often_as_they_say():
 
 def test_intervals_without_the_missing_effect_do_not_cover():
     """A first touch that is declared late by 0.15 mm, 4 % of the travel's rms, is left out."""
-    rates = map_coverage(range(8), offset_m=-1.5e-4)
+    rates = map_coverage(range(4), offset_m=-1.5e-4)
     assert rates["background_pa"] == 0
     assert rates["inclusion_1.weight_pa"] < 0.5
 

@@ -507,6 +507,7 @@ def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
     assert (tmp_path / "0001").is_dir()  # a worker made it
 
 
+@pytest.mark.slow  # a grain is left in identify/fit/test_correction, too
 def test_a_deep_inclusion_is_not_taken_for_a_hard_grain(tmp_path):
     """Here the coarse mesh's own minimum is a grain a hundred times as hard, 11 mm too deep."""
     make_trial(tmp_path, Trial(733, (), (), 1, small=True))

@@ -67,37 +67,71 @@ class ScoreNull:
         return float(np.log(-np.expm1(-np.exp(tail)))) if tail > -20 else float(tail)
 
 
-def score_null(
-    basis: np.ndarray,
-    one_sided: bool,
-    rng: np.random.Generator,
-    statistic: float = 0.0,
-    settings: DiagnosisSettings = DIAGNOSIS,
-) -> ScoreNull:
-    """Simulate the largest score over a grid.
+class NullSearch:
+    """Simulation of the largest score over a grid whose candidates come block by block.
+
+    Where the observed score is certain nothing is simulated, and all candidates count as
+    independent trials (Bonferroni).
 
     Parameters
     ----------
-    basis : (g, m, q) orthonormal basis of each candidate's pattern beyond the map
-    one_sided : the score is signed (q = 1)
-    statistic : observed score; where it is certain nothing is simulated, and all candidates count
-        as independent trials (Bonferroni)
+    candidates : number of all of them
+    amplitudes : number of each one's columns, before those that the map absorbs are left out
+    one_sided : the score is signed
     """
-    g, m, q = basis.shape
-    if g == 1 or np.log(g) + log_sf(statistic, q, one_sided) < settings.certain:
-        return ScoreNull(np.empty(0), float(g), q, one_sided, settings.tail)
-    # In single precision: maxima of a thousand draws are known to two digits
-    flat = np.ascontiguousarray(basis.transpose(0, 2, 1).reshape(g * q, m), np.float32)
-    largest = []
-    for _ in range(settings.draws // _BATCH):
-        noise = rng.standard_normal((m, _BATCH)).astype(np.float32)
-        t = (flat @ noise).reshape(g, q, _BATCH)
-        score = t[:, 0] if one_sided else np.sum(t**2, axis=1)
-        largest.append(score.max(axis=0))
-    ordered = np.sort(np.concatenate(largest))
-    n = len(ordered)
-    upper = np.arange(int((1 - settings.tail) * n), n - n // 100)
-    chance = -np.log((upper + 0.5) / n)
-    single = np.array([log_sf(float(ordered[i]), q, one_sided) for i in upper])
-    trials = float(np.exp(np.median(np.log(chance) - single)))
-    return ScoreNull(ordered, max(trials, 1.0), q, one_sided, settings.tail)
+
+    def __init__(
+        self,
+        candidates: int,
+        amplitudes: int,
+        one_sided: bool,
+        rng: np.random.Generator,
+        settings: DiagnosisSettings = DIAGNOSIS,
+    ) -> None:
+        self.candidates, self.amplitudes = candidates, amplitudes
+        self.one_sided, self.settings = one_sided, settings
+        self._rng, self._dof = rng, 1
+        self._noise: list[np.ndarray] = []  # (m, b), the same for all blocks
+        self._largest: list[np.ndarray] = []
+
+    def add(self, basis: np.ndarray, statistic: float = 0.0) -> None:
+        """Count candidates of orthonormal bases (g, m, q) beyond the map.
+
+        `statistic` is the largest score observed so far.
+        """
+        g, m, q = basis.shape
+        self._dof = max(self._dof, q)
+        if self._is_certain(statistic):
+            return
+        if not self._noise:
+            self._noise = [
+                self._rng.standard_normal((m, _BATCH)).astype(np.float32)
+                for _ in range(self.settings.draws // _BATCH)
+            ]
+            self._largest = [np.full(_BATCH, -np.inf) for _ in self._noise]
+        # In single precision: maxima of a thousand draws are known to two digits
+        flat = np.ascontiguousarray(basis.transpose(0, 2, 1).reshape(g * q, m), np.float32)
+        for largest, noise in zip(self._largest, self._noise, strict=True):
+            t = (flat @ noise).reshape(g, q, _BATCH)
+            score = t[:, 0] if self.one_sided else np.sum(t**2, axis=1)
+            np.maximum(largest, score.max(axis=0), out=largest)
+
+    def null(self, statistic: float = 0.0) -> ScoreNull:
+        """Return the distribution, after all candidates, for an observed score."""
+        q, one_sided, tail = self._dof, self.one_sided, self.settings.tail
+        if self._is_certain(statistic):
+            return ScoreNull(np.empty(0), float(self.candidates), q, one_sided, tail)
+        ordered = np.sort(np.concatenate(self._largest))
+        n = len(ordered)
+        upper = np.arange(int((1 - tail) * n), n - n // 100)
+        chance = -np.log((upper + 0.5) / n)
+        single = np.array([log_sf(float(ordered[i]), q, one_sided) for i in upper])
+        trials = float(np.exp(np.median(np.log(chance) - single)))
+        return ScoreNull(ordered, max(trials, 1.0), q, one_sided, tail)
+
+    def _is_certain(self, statistic: float) -> bool:
+        """Whether the score needs no simulation; once true, it stays so."""
+        if self.candidates == 1:
+            return True
+        tail = log_sf(statistic, self.amplitudes, self.one_sided)
+        return bool(np.log(self.candidates) + tail < self.settings.certain)

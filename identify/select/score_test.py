@@ -6,13 +6,14 @@ amplitudes at their null, all at the latent force:
     A_perp = A - G (G'G)^-1 G'A        S = r' A_perp (A_perp'A_perp)^-1 A_perp' r ~ chi2_q
 
 The bias of r by the map's curvature is subtracted first (`identify.fit.curvature_bias`). Shape
-parameters are searched on a grid; the p-value counts the search (`score_null`). The part of a
+parameters are searched on a grid; the p-value counts the search (`NullSearch`). The part of a
 pattern along the fitted parameters cannot be seen: `visible` is the share beyond them.
 Source: Rao's score test; Neyman's C(alpha) for the projection.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,10 +23,12 @@ from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
-from identify.select.null_distribution import score_null
+from identify.select.null_distribution import NullSearch
 from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
 _STEP = 1e-4  # of an amplitude's typical size, for its derivative
+_NOT_FINITE = "the model has no finite answer to it at this map"
+_NO_SHAPE = "the scan leaves no candidate of its shape that differs from another effect"
 _SLACK = 10.0  # of the patterns at an effect's levels, which change compliances by a tenth
 
 
@@ -88,33 +91,53 @@ def effect_patterns(
 
     `most` limits the number of its shape's candidates, evenly over the grid.
     """
-    parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
-    amplitudes = [parameters[p.name] for p in effect.amplitudes]
     shapes = effect.grid(model.readings, at.state)
     if most is not None and len(shapes) > most:
         shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
-    null = effect.null
-    moved = np.empty((len(shapes), len(amplitudes), len(at.residual)))
+    blocks = list(pattern_blocks(model, at, effect, shapes, np.inf))
+    if not blocks:
+        return EffectPattern(effect, [], np.empty((0, len(at.residual), len(effect.amplitudes))))
+    columns = np.concatenate([block.columns for block in blocks])
+    return EffectPattern(effect, [shape for block in blocks for shape in block.shapes], columns)
+
+
+def pattern_blocks(
+    model: MeasurementModel,
+    at: Linearised,
+    effect: Effect,
+    shapes: Sequence[Mapping[str, float]],
+    most_bytes: float,
+) -> Iterator[EffectPattern]:
+    """Yield the patterns of candidates of the shape, in blocks of so much memory at most.
+
+    Those at the levels of a body effect come last.
+    """
+    parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
+    amplitudes = [parameters[p.name] for p in effect.amplitudes]
     chain = replace(model.chain, effects=[*model.chain.effects, effect])
     base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
-    for g, shape in enumerate(shapes):
-        for a, amplitude in enumerate(amplitudes):
-            step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
-            size = null[amplitude.name] + step * amplitude.typical
-            values = {**null, **shape, amplitude.name: size}
-            if changes_body(effect):
-                dc, de = at.body.change(effect.body(at.state, **values))
-                moved[g, a] = model.moved_by_body(at, dc, de) / step
-            else:
-                given = {**at.values, effect.name: values}
-                there = chain.predict(at.compliance, at.modulus, at.latent_force_n, given)
-                moved[g, a] = (there - base) / step
-    flat = moved.reshape(-1, moved.shape[2])
-    rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
+    null, m = effect.null, len(at.residual)
+
+    def moved_by(shape: Mapping[str, float], amplitude: EffectParameter) -> np.ndarray:
+        step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
+        size = null[amplitude.name] + step * amplitude.typical
+        values = {**null, **shape, amplitude.name: size}
+        if changes_body(effect):
+            dc, de = at.body.change(effect.body(at.state, **values))
+            return model.moved_by_body(at, dc, de) / step
+        given = {**at.values, effect.name: values}
+        return (chain.predict(at.compliance, at.modulus, at.latent_force_n, given) - base) / step
+
+    count = int(max(min(most_bytes / (8 * m * len(amplitudes)), len(shapes)), 1))
+    for begin in range(0, len(shapes), count):
+        part = shapes[begin : begin + count]
+        moved = np.array([[moved_by(shape, a) for a in amplitudes] for shape in part])
+        flat = moved.reshape(-1, m)
+        rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
+        yield EffectPattern(effect, part, rows)
     far = _far_patterns(model, at, effect, amplitudes[0], shapes)
     if far:
-        rows = np.concatenate([rows, *(r for _, r in far)])
-    return EffectPattern(effect, [*shapes, *(s for s, _ in far)], rows)
+        yield EffectPattern(effect, [s for s, _ in far], np.concatenate([r for _, r in far]))
 
 
 def _far_patterns(
@@ -153,7 +176,7 @@ def beyond(
     columns (g, m, q) beyond, an orthonormal basis (g, m, r) of them (zero where the map absorbs a
     direction; r <= q directions that some candidate keeps), visible share (g,)
     """
-    a = pattern.columns  # hundreds of MB for thousands of shapes: few copies
+    a = pattern.columns
     left = fitted @ (fitted.T @ a)
     np.subtract(a, left, out=left)
     length = np.sqrt(np.einsum("gmq,gmq->gq", a, a))
@@ -174,6 +197,17 @@ def beyond(
     return left, basis, visible
 
 
+class _Candidate(NamedTuple):
+    """The shape with the largest score so far, with its patterns and what is seen of them."""
+
+    signed: float
+    shape: Mapping[str, float]
+    columns: np.ndarray
+    left: np.ndarray
+    basis: np.ndarray
+    visible: float
+
+
 def score_effect(
     fit: FitResult,
     effect: Effect,
@@ -188,46 +222,58 @@ def score_effect(
     fitted : `fitted_basis(fit.at)`
     seed : of the simulated null
     """
-    pattern = patterns_or_reason(fit.model, fit.at, effect)
-    if isinstance(pattern, str):
-        return unscored(effect, pattern, len(fit.at.residual))
-    left, basis, visible = beyond(pattern, fitted, settings)
-    sign = side(effect.bounded(fit.model.readings, fit.at.state))
-    one_sided = sign != 0
-    if visible.max() < settings.visible:
-        return unscored(effect, "the stiffness map absorbs it entirely", len(fit.at.residual))
-    residual = fit.at.residual - fit.expected_residual
-    t = np.einsum("gmq,m->gq", basis, residual)
-    signed = sign * t[:, 0] if one_sided else np.sum(t**2, axis=1)
-    best = int(np.argmax(signed))
-    shape, columns, left = pattern.shapes[best], pattern.columns[best].copy(), left[best].copy()
-    del pattern  # hundreds of MB for thousands of shapes
-    null = score_null(
-        sign * basis if one_sided else basis,
-        one_sided,
+    model, at = fit.model, fit.at
+    count, sign = len(at.residual), side(effect.bounded(model.readings, at.state))
+    if (reason := unavailable(effect, model)) is not None:
+        return unscored(effect, reason, count)
+    shapes, residual = effect.grid(model.readings, at.state), at.residual - fit.expected_residual
+    levels = len(advice(effect).levels(at.state)) if changes_body(effect) else 0
+    search = NullSearch(
+        len(shapes) * (1 + levels),
+        len(effect.amplitudes),
+        sign != 0,
         np.random.default_rng(seed),
-        float(signed[best]),
         settings,
     )
+    best, most_visible = None, 0.0
+    try:
+        for pattern in pattern_blocks(model, at, effect, shapes, settings.block_bytes):
+            if not np.isfinite(pattern.columns).all():
+                return unscored(effect, _NOT_FINITE, count)
+            left, basis, visible = beyond(pattern, fitted, settings)
+            most_visible = max(most_visible, float(visible.max()))
+            t = np.einsum("gmq,m->gq", basis, residual)
+            signed = sign * t[:, 0] if sign else np.sum(t**2, axis=1)
+            g = int(np.argmax(signed))
+            if best is None or signed[g] > best.signed:
+                best = _Candidate(float(signed[g]), pattern.shapes[g], pattern.columns[g].copy(),
+                                  left[g].copy(), basis[g].copy(), float(visible[g]))  # fmt: skip
+            search.add(sign * basis if sign else basis, best.signed)
+    except InadmissibleError as error:
+        return unscored(effect, str(error), count)
+    if best is None:
+        return unscored(effect, _NO_SHAPE, count)
+    if most_visible < settings.visible:
+        return unscored(effect, "the stiffness map absorbs it entirely", count)
+    left, signed = best.left, best.signed
     sizes, *_ = np.linalg.lstsq(left, residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left.T @ left)))
-    if one_sided and signed[best] < 0:
+    if sign and signed < 0:
         sizes = np.zeros_like(sizes)
-    values = dict(shape)
+    values = dict(best.shape)
     for amplitude, size in zip(effect.amplitudes, sizes, strict=True):
         assert amplitude.null is not None
         values[amplitude.name] = amplitude.null + float(size) * amplitude.typical
-    moved = (columns @ sizes) * fit.at.sigma_m
-    statistic = max(float(signed[best]), 0.0) ** 2 if one_sided else float(signed[best])
+    moved = (best.columns @ sizes) * at.sigma_m
     return Score(
         name=effect.name,
-        statistic=statistic,
-        log_p=null.log_p(float(signed[best])),
+        statistic=max(signed, 0.0) ** 2 if sign else signed,
+        log_p=search.null(signed).log_p(signed),
         values=values,
         sizes=sizes,
         errors=errors,
-        visible=float(visible[best]),
-        beyond=basis[best].copy(),
+        visible=best.visible,
+        beyond=best.basis,
         rms_m=float(np.sqrt(np.mean(moved**2))),
         family=effect.family,
     )
@@ -253,9 +299,9 @@ def patterns_or_reason(
     except InadmissibleError as error:
         return str(error)
     if not np.isfinite(pattern.columns).all():
-        return "the model has no finite answer to it at this map"
+        return _NOT_FINITE
     if not pattern.shapes:
-        return "the scan leaves no candidate of its shape that differs from another effect"
+        return _NO_SHAPE
     return pattern
 
 

@@ -25,6 +25,7 @@ class DiagnosisSettings:
     draws : simulated residuals of a null distribution
     certain : natural logarithm of a p-value below which nothing is simulated
     tail : upper share of the simulation to which the tail is matched
+    block_bytes : memory of the patterns that are scored at a time
     """
 
     alpha: float = 0.01
@@ -33,6 +34,7 @@ class DiagnosisSettings:
     draws: int = 1000
     certain: float = -40.0
     tail: float = 0.1
+    block_bytes: float = 3.2e7
 
 
 DIAGNOSIS = DiagnosisSettings()

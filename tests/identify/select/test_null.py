@@ -18,8 +18,9 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
-from identify.select.null_distribution import score_null
+from identify.select.null_distribution import NullSearch
 from identify.select.score_test import EffectPattern, beyond, fitted_basis, score_effect
+from identify.select.settings import DiagnosisSettings
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 SEEDS = 500
@@ -49,7 +50,9 @@ def test_a_direction_that_the_model_contains_is_no_degree_of_freedom():
     expected, _ = np.linalg.qr(free - fitted @ (fitted.T @ free))
     assert_allclose(basis[0] @ basis[0].T, expected @ expected.T, atol=1e-12)
     assert 0 < visible[0] < 1
-    assert score_null(basis, False, rng).dof == 2
+    search = NullSearch(1, 3, False, rng)
+    search.add(basis)
+    assert search.null().dof == 2
 
 
 def null_scan(seed: int):
@@ -62,12 +65,31 @@ def test_a_searched_score_has_the_simulated_null():
     rng = np.random.default_rng(1)
     basis = rng.standard_normal((40, 300, 1))
     basis /= np.linalg.norm(basis, axis=1, keepdims=True)
-    null = score_null(basis, True, np.random.default_rng(2))
+    search = NullSearch(40, 1, True, np.random.default_rng(2))
+    for block in (basis[:17], basis[17:]):
+        search.add(block)
+    null = search.null()
     draws = (basis[:, :, 0] @ rng.standard_normal((300, 2000))).max(axis=0)
     p = np.exp([null.log_p(float(z)) for z in draws])
     # The null is itself a sample of 1000: as many draws as this would see that, so a part is tested
     assert stats.kstest(p[:300], "uniform").pvalue > 0.01
     assert np.mean(p < 0.01) == pytest.approx(0.01, abs=0.008)
+
+
+@pytest.mark.parametrize("name", ["viscoelasticity", "breathing", "skin_layer"])
+def test_a_score_does_not_depend_on_the_memory_that_it_may_take(name):
+    """One candidate at a time, or all at once: grids, grids of two columns, levels of a body."""
+    drawn = model(null_scan(3), body())
+    fit = fit_jointly(drawn, TRUE, rounds=0, max_evaluations=1)
+    fitted = fitted_basis(fit.at)
+    whole, small = (
+        score_effect(fit, CATALOGUE[name], fitted, 3, DiagnosisSettings(block_bytes=b))
+        for b in (1e9, 1.0)
+    )
+    assert_allclose(small.statistic, whole.statistic, rtol=1e-4)
+    assert_allclose(small.log_p, whole.log_p, rtol=1e-4)
+    assert small.values == pytest.approx(whole.values, rel=1e-3)
+    assert_allclose(abs(small.beyond.T @ whole.beyond), np.eye(small.beyond.shape[1]), atol=1e-4)
 
 
 @pytest.mark.slow

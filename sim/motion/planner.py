@@ -182,6 +182,8 @@ class _Planner:
             )
             if best is None or reached.error < best.error:
                 best = reached
+            if not reached.converged:  # the pull may have led into a corner
+                reached = self.kinematics.reach(point, direction, start)
             known = any(np.abs(reached.q - q).max() < SAME_RAD for q in found)
             if reached.converged and not known:
                 found.append(reached.q)

@@ -37,6 +37,7 @@ from identify.catalogue.preconditioning import Preconditioning
 from identify.catalogue.preconditioning_nearby import PreconditioningNearby
 from identify.catalogue.rigid_tip import RigidTip
 from identify.catalogue.sensitivity_drift import SensitivityDrift
+from identify.catalogue.sensitivity_wander import SensitivityWander
 from identify.catalogue.several_plays import SeveralPlays
 from identify.catalogue.side_gradient import SideGradient
 from identify.catalogue.skin_layer import SkinLayer
@@ -90,6 +91,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         ForceWander(),
         ForceJump(),
         SensitivityDrift(),
+        SensitivityWander(),
         ForceSaturation(),
         ContactOffset(),
         Backlash(),

@@ -115,7 +115,7 @@ class LocalCreep(Effect):
         )
 
     def untestable(self, readings: Readings) -> str | None:
-        """Say what the scan lacks to place the creep."""
+        """Name the lack of the scan for placing the creep."""
         lacking = super().untestable(readings)
         low, high = self._surface(readings)
         return lacking or ("all presses are at one line" if min(high - low) <= 0 else None)

@@ -40,7 +40,7 @@ def _is_uncertain(fit: FitResult, number: int, settings: ConfounderSettings) -> 
 
 
 def _without(fit: FitResult, at: int) -> FitResult | None:
-    """Fit again without the inclusion at this index; what was held stays held."""
+    """Fit again without the inclusion at this index; held parameters stay held."""
     space, found = fit.model.space, fit.map
     kept = [i for i in range(len(found.inclusions)) if i != at]
     stiffness = GaussianMap(found.background_pa, tuple(found.inclusions[i] for i in kept))

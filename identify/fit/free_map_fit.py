@@ -58,7 +58,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _Readings:
-    """The readings linear around s (j,), with what they ask of each press of a map.
+    """Readings linear around s (j,), with their demand on each press of a map.
 
     Attributes
     ----------

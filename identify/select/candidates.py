@@ -171,7 +171,7 @@ def refit_further(
 
 
 def is_implausible(fit: FitResult, name: str) -> bool:
-    """Whether the values of an effect of a fit are implausible, by its own advice."""
+    """Doubt of an effect about its own values in a fit."""
     (part,) = (part for part in fit.model.effects if part.effect.name == name)
     return advice(part.effect).doubt(fit.at.values[name], fit.model.readings) is not None
 

@@ -18,7 +18,7 @@ _STEP = 1e-3  # of a scaled parameter, for difference quotients
 
 @dataclass(frozen=True)
 class FormCurve:
-    """What an effect adds, along its argument.
+    """Contribution of an effect, along its argument.
 
     Attributes
     ----------

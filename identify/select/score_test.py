@@ -198,7 +198,7 @@ def beyond(
 
 
 class _Candidate(NamedTuple):
-    """The shape with the largest score so far, with its patterns and what is seen of them."""
+    """Shape with the largest score so far, with its patterns and their visible parts."""
 
     signed: float
     shape: Mapping[str, float]
@@ -316,7 +316,7 @@ def unavailable(effect: Effect, model: MeasurementModel) -> str | None:
 
 
 def _is_a_map(effect: Effect, model: MeasurementModel) -> bool:
-    """Whether an effect changes the modulus in the body and nothing else."""
+    """True for an effect that changes the modulus in the body and nothing else."""
     if not changes_body(effect):
         return False
     state = model.mechanics.state().changed(background_pa=model.space.start.background_pa)

@@ -187,7 +187,7 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "tool_compliance": lambda s, v: Law(lambda press, f, u: u + v["compliance_m_per_n"] * f),
     "outside_slipped_presses": _slipped,
     "outside_stick_slip": _saw_tooth,
-    "outside_cooling": _cooling,
+    "form_cooling": _cooling,
     # history
     "viscoelasticity": lambda s, v: _creep([v["share"]], [v["time_constant_s"]]),
     "two_time_creep": lambda s, v: _creep(

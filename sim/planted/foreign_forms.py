@@ -8,12 +8,13 @@ from functools import partial
 import numpy as np
 
 from sim.planted.bench import Bench
-from sim.planted.effect import HiddenEffect, on_response, on_sensor
+from sim.planted.effect import HiddenEffect, on_contact, on_response, on_sensor
 from sim.planted.response import follow, lag_behind, recovering
 
 CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep", "creep_recovery")
 LOOP = ("hysteresis", "play", "free_loop", "several_plays")
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
+GAIN = ("sensitivity_drift", "sensitivity_wander")
 TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
 MOTION = (
     "breathing", "breathing_from_touch", "breathing_harmonics", "breathing_harmonics_from_touch",
@@ -149,6 +150,22 @@ def _drifts() -> list[HiddenEffect]:
 # ---- others ----------------------------------------------------------------------------------
 
 
+@on_contact(
+    "form",
+    "u (1 - share sin^2(pi t/T) ), T the first session",
+    "share",
+    0.05,
+    limit=0.6,
+    kin=GAIN,
+    # further presses do not move the session's end
+    draw=lambda bench, rng: {"session_s": float(bench.time_s[-1, -1])},
+)
+def form_cooling(bench, travel_m, values):
+    """The body cools while it is pressed, and stiffens: down, and up again as the room warms."""
+    t = bench.time_s / values["session_s"]
+    return travel_m * (1 - values["share"] * np.sin(np.pi * t) ** 2)
+
+
 @on_response("form", "u (1 + share (1 - 1/sqrt(1 + k/4)))", "share", 0.08, limit=3.0,
              kin=("preconditioning", "preconditioning_nearby"))  # fmt: skip
 def form_slow_preconditioning(bench, travel_m, values):
@@ -206,6 +223,7 @@ FOREIGN_FORMS = (
     form_fat_loop,
     form_guide_friction,
     *_drifts(),
+    form_cooling,
     form_slow_preconditioning,
     form_pointed_breathing,
     form_calming_breathing,

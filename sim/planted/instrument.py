@@ -127,6 +127,13 @@ def force_wander(bench, force_n, travel_m, values):
     return force_n + values["zero_n"] * _wander(bench, values), travel_m
 
 
+@on_sensor("structured", "force (1 + gain (two slow cosines))", "gain", 0.04, limit=0.4,
+           two_sided=True, draw=_course)  # fmt: skip
+def sensitivity_wander(bench, force_n, travel_m, values):
+    """The sensor's sensitivity goes to and fro over the session."""
+    return force_n * (1 + values["gain"] * _wander(bench, values)), travel_m
+
+
 @on_sensor("structured", "travel + zero (two slow cosines)", "zero_m", 1e-4, two_sided=True,
            draw=_course)  # fmt: skip
 def displacement_wander(bench, force_n, travel_m, values):

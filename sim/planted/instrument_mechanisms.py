@@ -60,6 +60,11 @@ def _wandering(scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: f + v["zero_n"] * course(t)
 
 
+def _gaining(scene: PlantScene, v: Values) -> Reading:
+    course = _slow_cosines(v)
+    return lambda t, f: f * (1 + v["gain"] * course(t))
+
+
 def _swaying(scene: PlantScene, v: Values) -> Course:
     course = _slow_cosines(v)
     return lambda t, press: v["zero_m"] * course(t)
@@ -149,6 +154,7 @@ READINGS: Mapping[str, Callable[[PlantScene, Values], Reading]] = {
     "force_warm_up": _warm_up,
     "force_wander": _wandering,
     "sensitivity_drift": lambda s, v: lambda t, f: f * (1 + v["rate_per_s"] * t),
+    "sensitivity_wander": _gaining,
     "force_saturation": _knee,
     **{f"form_{n}_force_drift": partial(_force_course, course) for n, course in _COURSES.items()},
 }

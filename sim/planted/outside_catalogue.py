@@ -46,21 +46,6 @@ def outside_slipped_presses(bench, travel_m, values):
     return travel_m * factor
 
 
-@on_contact(
-    "outsider",
-    "u (1 - share sin^2(pi t/T) ), T the first session",
-    "share",
-    0.05,
-    limit=0.6,
-    # further presses do not move the session's end
-    draw=lambda bench, rng: {"session_s": float(bench.time_s[-1, -1])},
-)
-def outside_cooling(bench, travel_m, values):
-    """The body cools while it is pressed, and stiffens: down, and up again as the room warms."""
-    t = bench.time_s / values["session_s"]
-    return travel_m * (1 - values["share"] * np.sin(np.pi * t) ** 2)
-
-
 @on_sensor("outsider", "travel - h frac(travel/step)", "height_m", 2e-4, limit=2e-3,
            draw=_uniform("step_m", 5e-4, 1e-3))  # fmt: skip
 def outside_stick_slip(bench, force_n, travel_m, values):

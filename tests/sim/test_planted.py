@@ -221,7 +221,7 @@ FURTHER = replace(SHORT, x_m=SHORT.y_m, radius_m=np.array([0.004, 0.005, 0.008])
 @pytest.mark.parametrize(
     "name",
     ["preconditioning", "force_drift", "sensitivity_drift", "displacement_drift", "breathing",
-     "outside_cooling", "skin_layer"],
+     "form_cooling", "skin_layer"],
 )  # fmt: skip
 def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
     silent = (0.0, 0.0)

@@ -130,7 +130,7 @@ class NullSearch:
         return ScoreNull(ordered, max(trials, 1.0), q, one_sided, tail)
 
     def _is_certain(self, statistic: float) -> bool:
-        """True for a score that needs no simulation; once true, it stays so."""
+        """Return True for a score that needs no simulation; once true, it stays so."""
         if self.candidates == 1:
             return True
         tail = log_sf(statistic, self.amplitudes, self.one_sided)

@@ -316,7 +316,7 @@ def unavailable(effect: Effect, model: MeasurementModel) -> str | None:
 
 
 def _is_a_map(effect: Effect, model: MeasurementModel) -> bool:
-    """True for an effect that changes the modulus in the body and nothing else."""
+    """Return True for an effect that changes the modulus in the body and nothing else."""
     if not changes_body(effect):
         return False
     state = model.mechanics.state().changed(background_pa=model.space.start.background_pa)

@@ -2,7 +2,7 @@
 
 `run` makes steps until something needs Python: a frame is due, the body's law has to be asked
 again, a watchdog has found a fault, the motion is done. Where mechanisms or a body in time act
-between the parts of a step, Python calls `begin_step` and `end_step` itself.
+between the parts of a step, Python makes `servo_step` and `finish_step` itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from sim.motion.press_path import path_at
 from sim.motion.quintic import blend
-from sim.robot.compiled import compiled
+from sim.robot.compiled import compiled, part
 from sim.robot.force_control import (
     ACCELERATION_M_PER_S2,
     feel,
@@ -140,7 +140,7 @@ def begin_step(loop: Loop) -> bool:
     return True
 
 
-@compiled
+@part
 def end_step(loop: Loop, encoders: bool) -> int:
     """Record the step that the arm has made, and look at it; return why to stop, or 0."""
     t, c, w, arm = loop.task[0], loop.control[0], loop.watch[0], loop.arm
@@ -171,17 +171,27 @@ def end_step(loop: Loop, encoders: bool) -> int:
 
 
 @compiled
+def finish_step(loop: Loop, encoders: bool) -> int:
+    """End a step after the sensor was read, and begin the next; return why to stop, or 0."""
+    read_wrist(loop.arm)
+    why = end_step(loop, encoders)
+    if why < FAULT and not begin_step(loop):
+        why |= DONE
+    return why
+
+
+@compiled
 def run(loop: Loop) -> int:
-    """Make steps until there is a reason to stop; 0 where noise or room for rows is used up."""
+    """Make steps, the first of them begun, until there is a reason to stop.
+
+    It is 0 where noise or room for rows is used up.
+    """
     arm = loop.arm
     while arm.now[0].drawn < BLOCK and loop.rows.used[0] < len(loop.rows.time_s):
-        if not begin_step(loop):
-            return DONE
         for i in range(len(arm.q)):
             arm.q_read[i] = arm.read[i] = arm.q[i]
         servo_step(arm, False)
-        read_wrist(arm)
-        why = end_step(loop, False)
+        why = finish_step(loop, False)
         if why:
             return why
     return 0

@@ -17,7 +17,7 @@ from sim.robot.contact_coupling import BodyLawError, MatchedContact, PressedBody
 from sim.robot.force_control import FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Live, Mechanisms
-from sim.robot.simulated_arm import SimulatedArm, read_wrist, servo_step
+from sim.robot.simulated_arm import SimulatedArm, servo_step
 from sim.scan import control_loop
 from sim.scan.control_loop import (
     APPROACH,
@@ -341,7 +341,8 @@ class Program:
         touching = motion > WAY
         by_hand = rig.hooked or (touching and (contact.in_time or self.body_pose))
         self.live.touched = TOUCH <= phase <= UNLOAD
-        loop, why = self._loop(), 0
+        loop = self._loop()
+        why = 0 if control_loop.begin_step(loop) else control_loop.DONE
         while not why & control_loop.DONE:
             rig.renew_noise()
             if self.recorder.make_room():
@@ -355,22 +356,19 @@ class Program:
             self.posture = rig.state.goal_q.copy()
             if why >= FAULT:
                 raise self.watchdog.fault(why // FAULT)
-            if not why & control_loop.DONE:
-                contact.follow(rig.contact_n, self.time_s)
+            contact.follow(rig.contact_n, self.time_s)
 
     def _step_by_hand(self, loop: Loop, touching: bool) -> int:
         """Make a step between whose parts mechanisms act; see `control_loop.run`."""
         rig = self.rig
-        if not control_loop.begin_step(loop):
-            return control_loop.DONE
         if touching and self.body_pose:
             self.contact.shift(self.body_pose(self.time_s, self.number))
         rig.look_at_joints()
         servo_step(rig.state, rig.has_encoders)
         rig.look_at_sensor()
-        read_wrist(rig.state)
-        self.watchdog.state["apart_rad"] = rig.apart_rad
-        return control_loop.end_step(loop, rig.has_encoders)
+        if rig.has_encoders:
+            self.watchdog.state["apart_rad"] = rig.apart_rad
+        return control_loop.finish_step(loop, rig.has_encoders)
 
     def _loop(self) -> Loop:
         watchdog = self.watchdog
@@ -404,6 +402,6 @@ class Program:
             tip_quaternion=turns[-1],
             force_vector_n=data.site_xmat[self.tip].reshape(3, 3) @ force,
             force_n=float(force[2]),
-            wanted_n=float(self.task["wanted_n"][0]),
+            wanted_n=float(self.recorder["wanted_n"][-1]),
             displacement_m=float((tip - planned.point_m) @ planned.direction),
         )

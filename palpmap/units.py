@@ -42,7 +42,11 @@ def plain_name(name: str) -> str:
 
     >>> plain_name("inclusion_2.radius_m"), plain_name("background_pa"), plain_name("skin.share")
     ('inclusion 2 radius', 'background', 'skin.share')
+    >>> plain_name("unknown_session_share.c1")
+    'unknown_session_share, amplitude 1'
     """
+    if name.startswith("unknown_"):
+        return name.replace(".c", ", amplitude ")
     if not name.startswith(("background", "inclusion_", "mean_")):
         return name
     return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")

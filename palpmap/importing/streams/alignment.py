@@ -29,7 +29,7 @@ from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
 MOST_ROUNDS, SETTLED_S = 4, 3.0e-3
-ALIKE = 3.0  # times what the best offset of two clocks leaves unexplained: another as good
+ALIKE = 2.0  # times what the best offset of two clocks leaves unexplained: another as good
 UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 

@@ -91,7 +91,9 @@ def press_spans(pose: Stream, direction: np.ndarray, force: Stream) -> list[tupl
     if not len(peaks):
         raise InputError("the tip does not move; check pose.columns and pose.unit")
     height = found["prominences"]
-    usual = np.median(height[height > PROMINENT * np.quantile(height, 0.9)])
+    # The padding makes the highest peak as high as the way from the furthest start: never count it
+    large = np.quantile(height, 0.9, method="lower")
+    usual = np.median(height[height > PROMINENT * large])
     peaks = peaks[height > PROMINENT * usual] - 1
     edges = [float(time[0])]
     for a, b in pairwise(peaks.tolist()):

@@ -62,7 +62,7 @@ def draw_ladder(explained: Explanation) -> Figure:
             f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value),
             (-8, -6) if under else (8, 6), textcoords="offset points",
             ha="right" if under else "left", va="top" if under else "bottom", fontsize=10,
-            color=BLUE,
+            color=BLUE, bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1},
         )  # fmt: skip
     spread = max(rms.max(), apart.max()) / noise
     axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)

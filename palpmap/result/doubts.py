@@ -124,7 +124,9 @@ def outlier_notes(record: ExplainRecord) -> list[str]:
             "wrong place, looks like an effect."
         )
     elif first:
-        says = f"Presses {first} are outliers for the map alone, but not for the last model."
+        one = len(record.suspect_presses) == 1
+        which = f"Press {first} is an outlier" if one else f"Presses {first} are outliers"
+        says = f"{which} for the map alone, but not for the last model."
     else:
         return []
     return [f"{says} {without_suspects(record)}".strip()]

@@ -50,6 +50,7 @@ class Aligned:
         be seen
     lag_error_s : its standard deviation; 0 where it is stated
     offset_s : rough offset of the clocks
+    jumps_s : times at which the sensor was set to zero anew, s
     """
 
     sensor: Stream
@@ -63,6 +64,7 @@ class Aligned:
     lag: Lag | None
     lag_error_s: float
     offset_s: float
+    jumps_s: list[float]
 
 
 def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
@@ -124,7 +126,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     path = smooth_path(pose)
     return Aligned(
         sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, lag_error_s,
-        offset,
+        offset, [time for time, _ in jumps],
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from palpmap.importing.streams.stream import Stream
 FELT = 0.4  # of the usual largest force
 WEAK = 0.05  # of the usual largest force
 LAW = 0.006  # of the travel: what the unknown law of the force adds to the touch's error
+NEAR_S = 0.1  # a re-tare so close to touch or release: how large it is, and where they are, mix
 SAME_PLACE_M = 1.0e-3
 SURELY_IN = 0.2  # of the travel
 SOON = 2.0  # times the duration of the press before: a viscous body has not recovered
@@ -122,6 +123,11 @@ def _cut_all(streams: Aligned, rig: Rig) -> tuple[list[CutPress], list[tuple[flo
             continue
         if press is None:
             without.append(span)
+        elif any(
+            min(abs(t - press.touch_s), abs(t - press.release_s)) < NEAR_S for t in streams.jumps_s
+        ):
+            why = "the sensor was set to zero anew as the tip touched or left"
+            left_out.append((press.touch_s, why))
         else:
             presses.append(press)
             left_out += _another(force, span, press, mean_direction)

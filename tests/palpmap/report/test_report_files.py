@@ -307,7 +307,7 @@ def test_positions_are_told_in_the_scans_own_frame(tmp_path):
     cells = {row[0].text: row for row in table.rows}
     assert [c.text for c in cells["inclusion 1 x"][1::2]] == ["-69.90 mm", "-70.00 mm"]
     assert cells["inclusion 1 x"][4].tone == "good"
-    assert [c.text for c in cells["inclusion 1 z"][1::2]] == ["519.50 mm", "520.00 mm"]
+    assert [c.text for c in cells["inclusion 1 z"][1::2]] == ["519.5 mm", "520.00 mm"]
     assert cells["inclusion 1 z"][4].tone == "good"
     assert cells["inclusion 1 radius"][4].text == ""
 

@@ -25,6 +25,7 @@ from identify.fit.joint_fit import fit_jointly, found_again, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
+from identify.residual.compare import compare_residual
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import (
     Candidate,
@@ -37,7 +38,7 @@ from identify.select.explanation import Explanation, few_presses, verdict_of, wi
 from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
-from identify.select.step import Step, step_of
+from identify.select.step import Step, step_of, whitened_fit
 from models import Scan
 
 FirstStep = Callable[[Step, Callable[[str], None]], tuple[FitResult, list[AcceptedEffect]] | None]
@@ -82,7 +83,11 @@ def forward_selection(
     say("fitting the map")
     fit = found_again(first or fit_jointly(model, stiffness))
     path = _Path(*_begun(fit, catalogue, policy, judged, say))
-    selection = _Selection(judged, policy, say, settings)
+
+    def is_noise(fit: FitResult) -> bool:
+        return compare_residual(whitened_fit(fit, scan), settings.residual).is_noise
+
+    selection = _Selection(judged, is_noise, policy, say, settings)
     _grow(path, catalogue, selection)
     if settings.most_effects and fit.field is None:
         path = _with_unknown_cause(path, catalogue, selection)
@@ -113,9 +118,10 @@ class _Path:
 
 @dataclass(frozen=True)
 class _Selection:
-    """What every path is grown with: its steps are `judged` by scores of the effects given."""
+    """Means of growing a path: its steps are `judged` by scores of the effects given."""
 
     judged: Callable[[FitResult, Sequence[Effect]], Step]
+    is_noise: Callable[[FitResult], bool]
     policy: Policy
     say: Callable[[str], None]
     settings: SelectionSettings
@@ -140,6 +146,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
             now.fit, candidates[0].fit, settings
         ):
             return
+        candidates = _leaving_noise(candidates, selection)
         path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
         fit, path.accepted, lost, exchanged = _refitted(
             candidates[0], path.accepted, policy, say, settings
@@ -151,6 +158,23 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
+
+
+def _leaving_noise(
+    candidates: tuple[Candidate, ...], selection: _Selection
+) -> tuple[Candidate, ...]:
+    """Put the first candidate that leaves noise before others that do as well and leave structure.
+
+    A simpler form may win by the price of a parameter, and yet leave what the right one explains.
+    """
+    most = candidates[0].criterion + selection.settings.margin
+    near = [c for c in candidates if c.criterion < most]
+    if len(near) == 1 or selection.is_noise(near[0].fit):
+        return candidates
+    for candidate in near[1:]:
+        if selection.is_noise(candidate.fit):
+            return (candidate, *(c for c in candidates if c is not candidate))
+    return candidates
 
 
 def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:

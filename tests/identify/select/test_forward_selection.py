@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from identify.fit.joint_fit import fit_jointly
 from identify.fit.settings import CrossValidationSettings
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
-from identify.select.forward_selection import forward_selection
+from identify.select.candidates import Candidate
+from identify.select.forward_selection import _leaving_noise, forward_selection
+from identify.select.settings import SELECTION
 from identify.select.verdicts import refit_numbers
 from models import Scan
 from sim.body.true_map import Inclusion, TruthMap
@@ -204,3 +208,23 @@ def fit_without(whole, out):
 def test_the_problem_presses_where_it_says():
     assert len(points()) == 25
     assert timing(0)[3].max() == PEAK_N
+
+
+@pytest.mark.parametrize(
+    ("quiet", "criteria", "first"),
+    [
+        ({"b"}, (100.0, 101.0), "b"),  # as good, and the residual is noise beside it alone
+        ({"a", "b"}, (100.0, 101.0), "a"),
+        (set(), (100.0, 101.0), "a"),
+        ({"b"}, (100.0, 120.0), "a"),  # clearly worse
+    ],
+)
+def test_of_candidates_that_do_as_well_one_that_leaves_noise_comes_first(quiet, criteria, first):
+    fits: Any = [SimpleNamespace(name=name) for name in "ab"]
+    candidates = tuple(
+        Candidate(fit.name, value, value, fit) for fit, value in zip(fits, criteria, strict=True)
+    )
+    selection: Any = SimpleNamespace(settings=SELECTION, is_noise=lambda fit: fit.name in quiet)
+    ordered = _leaving_noise(candidates, selection)
+    assert ordered[0].name == first
+    assert {c.name for c in ordered} == {"a", "b"}

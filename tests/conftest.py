@@ -58,6 +58,7 @@ SHARED = re.compile(r"def \w+\([^)]*\b(demo|explained_case)\b")
 FIRST = (
     "fem/near_field",
     "palpmap/importing/test_raw_streams",
+    "sim/test_scan",
     "fem/finite_strain",
     "palpmap/importing/test_import_command",
     "palpmap/pipeline/test_demo",

@@ -30,6 +30,7 @@ from palpmap.figures.style import (
 from palpmap.result.evidence import Axis, Curve, Evidence
 from palpmap.result.explain_words import step_labels
 
+FAR_APART = 10.0  # times the usual distance of two bins: no line leads from one to the next
 _MISFIT_COLORS = "magma_r"
 _PHASE_HUES = {"": BLUE, "load": BLUE, "hold": PINK, "unload": GREEN}
 
@@ -172,8 +173,10 @@ def _evidence_curve(axes: Axes, curve: Curve) -> None:
         curve.at, 1e6 * curve.before_m, 1e6 * curve.error_m, fmt="o", ms=5.5, lw=1.2, color=hue
     )
     line = hue if curve.name else ORANGE
-    axes.plot(curve.at, 1e6 * curve.change_m, "-" if len(curve.at) > 1 else "_", color=line, lw=2.0,
-              ms=16, mew=2.0)  # fmt: skip
+    steps = np.diff(curve.at)
+    apart = np.flatnonzero(steps > FAR_APART * np.median(steps)) + 1 if len(steps) else []
+    at, change = (np.insert(1.0 * v, apart, np.nan) for v in (curve.at, 1e6 * curve.change_m))
+    axes.plot(at, change, "-" if len(at) > 1 else "_", color=line, lw=2.0, ms=16, mew=2.0)
     axes.errorbar(
         curve.at, 1e6 * curve.after_m, 1e6 * curve.error_m, fmt="x", ms=4.5, lw=0.8, color=GREY
     )

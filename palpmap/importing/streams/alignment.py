@@ -151,9 +151,9 @@ def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Str
         moved = pose.later(rough.offset_s)
         turned = _in_base(force, moved, rig)
         found.append((turned, moved, way_along(turned, moved, rough.line), rough.offset_s))
-    found.sort(key=lambda one: -abs(one[2].correlation))
-    rest = 1 - abs(found[0][2].correlation)
-    alike = [one for one in found if 1 - abs(one[2].correlation) <= ALIKE * rest]
+    found.sort(key=lambda one: -abs(one[2].agreement))
+    rest = 1 - abs(found[0][2].agreement)
+    alike = [one for one in found if 1 - abs(one[2].agreement) <= ALIKE * rest]
     if len(alike) > 1:
         raise InputError(
             "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "

@@ -75,7 +75,7 @@ def _line(correlation: np.ndarray) -> np.ndarray:
 
 def closer_offset(
     force: Stream, pose: Stream, direction: np.ndarray, spans: Sequence[tuple[float, float]]
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Bring the clocks together to some 0.05 s: the force rises with depth beyond a threshold.
 
     Parameters
@@ -87,7 +87,8 @@ def closer_offset(
     Returns
     -------
     offset_s : to add to the pose's clock
-    correlation : mean over the presses, -1 to 1; of the two ways to point, the higher is right
+    correlation : median over the presses, -1 to 1; of the two ways to point, the higher is right
+    agreement : mean over the presses, which one that does not fit lowers
     """
     offsets = np.arange(-SHARED_S, SHARED_S + NEAR_STEP_S / 2, NEAR_STEP_S)
     found = []
@@ -106,10 +107,10 @@ def closer_offset(
         each = moved @ pressed  # (offsets, levels)
         found.append(each[:, np.abs(each).max(axis=0).argmax()])
     if not found:
-        return 0.0, 0.0
-    mean = np.median(found, axis=0)
-    k = int(np.abs(mean).argmax())
-    return float(offsets[k]), float(mean[k])
+        return 0.0, 0.0, 0.0
+    usual = np.median(found, axis=0)
+    k = int(np.abs(usual).argmax())
+    return float(offsets[k]), float(usual[k]), float(np.mean(found, axis=0)[k])
 
 
 def _rate(stream: Stream, columns: slice, cut: bool) -> np.ndarray:

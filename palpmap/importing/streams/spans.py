@@ -23,13 +23,15 @@ class Way:
 
     Attributes
     ----------
-    correlation : between force and depth beyond a threshold, mean over the presses
+    correlation : between force and depth beyond a threshold, median over the presses
+    agreement : mean over the presses
     offset_s : still to add to the pose's clock
     direction : (3,) mean direction of pressing
     spans : begin and end of each press, s
     """
 
     correlation: float
+    agreement: float
     offset_s: float
     direction: np.ndarray
     spans: list[tuple[float, float]]
@@ -46,8 +48,9 @@ def way_along(force: Stream, pose: Stream, line: np.ndarray) -> Way:
         vectors = force.values
         along = vectors if vectors.shape[1] == 1 else vectors @ direction[:, None]
         spans = press_spans(pose, direction, force)
-        offset, correlation = closer_offset(replace(force, values=along), pose, direction, spans)
-        found.append(Way(correlation, offset, direction, spans))
+        moved = replace(force, values=along)
+        offset, usual, mean = closer_offset(moved, pose, direction, spans)
+        found.append(Way(usual, mean, offset, direction, spans))
     return max(found, key=lambda one: abs(one.correlation))
 
 

@@ -190,4 +190,4 @@ def add_scene(
     stop = spec.add_pair(name="tip_on_table", geomname1="tip_contact", geomname2="table", condim=1)
     stop.solimp, stop.solref = [0.9, 0.9, 0.001, 0.5, 2], [-20000, -200]
     pair = spec.add_pair(name="tip_on_pad", geomname1="tip_contact", geomname2="pad", condim=1)
-    pair.solimp, pair.solref = [0.0002, 0.0002, 0.001, 0.5, 2], [-100, 0]
+    pair.solimp, pair.solref = [0.0001, 0.0001, 0.001, 0.5, 2], [-100, 0]

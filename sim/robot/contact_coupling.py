@@ -12,10 +12,10 @@ So the contact's law is f = F_k + k (depth - u_k), and whenever f has moved away
 than a threshold the pair is renewed from the finite element model. At a settled pair the tip's
 depth is the body's own displacement; for a linear body the line is exact at every force.
 
-How the contact is made a plain spring: frictionless, with a constant small impedance d = 0.0001 (the least that MuJoCo takes)
-and no contact damping, in MuJoCo's direct format solref = (-k R d, 0). R, the constraint's
-regularisation, is constant for this pair of bodies and is read once. Impedance that small adds
-only 1/R = 0.7 g of virtual mass, and without damping no velocity enters a measured pair.
+How the contact is made a plain spring: frictionless, with the least constant impedance that MuJoCo
+takes, d = 0.0001, and no contact damping, in MuJoCo's direct format solref = (-k R d, 0). R, the
+constraint's regularisation, is constant for this pair of bodies and is read once. Impedance that
+small adds only 1/R = 0.7 g of virtual mass, and without damping no velocity enters a measured pair.
 
 Stability. The spring acts on the arm's effective mass m = 4 to 5 kg under MuJoCo's semi-implicit
 Euler step, which is stable for k dt^2 / m < 4, that is for k < 4 MN/m at dt = 2 ms; the joint

@@ -29,7 +29,7 @@ from palpmap.importing.streams.weight import without_weight
 
 ONE_DIRECTION_DEG = 2.0
 MOST_ROUNDS, SETTLED_S = 4, 3.0e-3
-ALIKE = 2.0  # times what the best offset of two clocks leaves unexplained: another as good
+ALIKE = 4.0  # times what the best offset of two clocks leaves unexplained: another as good
 UNSEEN_S = 0.05  # error of the clocks' offset where no press shows the lag
 
 
@@ -151,9 +151,8 @@ def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Str
         moved = pose.later(rough.offset_s)
         turned = _in_base(force, moved, rig)
         found.append((turned, moved, way_along(turned, moved, rough.line), rough.offset_s))
-    found.sort(key=lambda one: -abs(one[2].agreement))
-    rest = 1 - abs(found[0][2].agreement)
-    alike = [one for one in found if 1 - abs(one[2].agreement) <= ALIKE * rest]
+    found.sort(key=lambda one: one[2].rest)
+    alike = [one for one in found if one[2].rest <= ALIKE * found[0][2].rest]
     if len(alike) > 1:
         raise InputError(
             "key pose.clock_offset_s: force and pose have clocks of their own, and offsets of "

@@ -36,6 +36,15 @@ class Way:
     direction: np.ndarray
     spans: list[tuple[float, float]]
 
+    @property
+    def rest(self) -> float:
+        """What median and mean leave unexplained, as a product.
+
+        A wrong offset fits some presses and lowers the mean; one dip without contact lowers the
+        mean of the right offset, but not its median.
+        """
+        return (1 - abs(self.correlation)) * (1 - abs(self.agreement))
+
 
 def way_along(force: Stream, pose: Stream, line: np.ndarray) -> Way:
     """Find the way of the presses.

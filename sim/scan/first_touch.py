@@ -162,6 +162,8 @@ def first_touch(
         touch, holds = _law_start(depth, force, line, *sd, laws, ball)
         if holds:
             break
+        if straight:  # what the approach felt is not what was pressed: the body may have moved
+            return FirstTouch(line, _line_sd(depth_m[moving], force_n[moving], *noise))
     return touch
 
 
@@ -240,6 +242,14 @@ def depth_at_zero_force(
         half = (syy - ratio * sxx) / 2
         slope = (half + np.hypot(half, np.sqrt(ratio) * sxy)) / sxy
     return float(depth_m.mean() - force_n.mean() / slope)
+
+
+def _line_sd(depth: np.ndarray, force: np.ndarray, depth_noise: float, noise: float) -> float:
+    """Return the standard deviation of `depth_at_zero_force`, m."""
+    spread = float(((force - force.mean()) ** 2).sum())
+    softness = float(np.ptp(depth) / np.ptp(force))
+    by_sample = 1 / len(force) + force.mean() ** 2 / spread
+    return float(np.hypot(depth_noise, softness * noise) * np.sqrt(by_sample))
 
 
 def _is_line(

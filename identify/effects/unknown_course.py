@@ -23,7 +23,7 @@ UNKNOWN = "unknown"  # family of all courses
 
 
 class _Argument(NamedTuple):
-    """What a course goes along.
+    """Quantity along which a course goes.
 
     `basis` (m, q) at forces (m,), `words` for a sentence, `needs`; for a picture `axis`, its name
     and unit, and the places `at` (m,) on it, NaN where the course is nothing.

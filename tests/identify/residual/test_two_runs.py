@@ -9,14 +9,16 @@ from identify.fit import Estimate
 from identify.map import GaussianMap, Inclusion
 from identify.residual import run_difference
 from identify.residual.two_runs import log_modulus_sd
-from tests.identify.residual.test_prediction import FITTED, TRUTH, fitted, scan_of
+from tests.identify.residual.test_prediction import SIZE_M, TRUTH, fitted, fitted_model, scan_of
 
-BOX = FITTED.mesh.box_m
+BOX = np.array([(0.0, 0.0, 0.0), SIZE_M])
 
 
 @pytest.fixture(scope="module")
 def fits():
-    return [fitted(scan_of(FITTED, TRUTH, np.random.default_rng(seed))) for seed in (10, 11)]
+    return [
+        fitted(scan_of(fitted_model(), TRUTH, np.random.default_rng(seed))) for seed in (10, 11)
+    ]
 
 
 def test_two_scans_of_one_body_agree_within_their_errors(fits):
@@ -35,7 +37,7 @@ def test_the_standard_error_is_that_of_the_parameters(fits):
 
 def test_a_harder_inclusion_is_found_at_its_place(fits):
     harder = GaussianMap(8e3, (Inclusion(15e3, 0.03, 0.035, 0.02, 0.009),))
-    other = fitted(scan_of(FITTED, harder, np.random.default_rng(12)))
+    other = fitted(scan_of(fitted_model(), harder, np.random.default_rng(12)))
     found = run_difference(fits[0], other, BOX, BOX)
     assert found.maps_differ
     place = found.grid.points_m[found.largest]

@@ -95,7 +95,8 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if turns:
             words = []
-            unweighed = _in_base(sensor, pose, rig)  # a tip that turns: by its pose at that moment
+            if lag is None or lag.has_corners:  # a lag of soft stops is known no better than before
+                unweighed = _in_base(sensor, pose, rig)
             force = without_weight(unweighed, pose, windows, contacts, words)
             if k == 0:  # until then a weight that turns looks like contact
                 windows, contacts = _touching(force, pose, spans, mean_direction, stated)

@@ -112,7 +112,7 @@ def test_what_a_scan_without_times_cannot_show_is_said(diagnosed):
         "two_time_creep", "power_law_creep", "force_warm_up", "force_wander", "time_lag",
         "displacement_wander", "breathing_from_touch", "breathing_harmonics",
         "breathing_harmonics_from_touch", "local_creep", "force_jump",
-        "displacement_jump", "breathing_drifting", "creep_recovery",
+        "displacement_jump", "breathing_drifting", "creep_recovery", "sensitivity_wander",
     )  # fmt: skip
     assert told.pop("touch_threshold") == "under a contact of fixed size it is what force_bias is"
     assert told == dict.fromkeys(timed, "the scan has no time stamps")

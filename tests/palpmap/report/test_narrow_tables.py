@@ -54,6 +54,6 @@ def test_parameters_keep_their_words_in_a_terminal_of_80_columns(unseen):
     Console(file=out, width=80).print(console(table))
     words = set(out.getvalue().split())
     assert {"inclusion", "radius", "touch_threshold.", "tool_compliance."} <= words
-    assert {"threshold_n", "compliance_m_per_n", "9.89", "10.09", "mm", "0.101", "mm/N"} <= words
+    assert {"threshold_n", "compliance_m_per_n", "9.89", "10.09", "mm", "0.1010", "mm/N"} <= words
     assert {"at", "its", "bound", "mN"} <= words
     assert not unseen or {"(preconditioning_", "nearby)"} <= words

@@ -198,8 +198,8 @@ def test_a_tip_that_sticks_and_slips_jumps_at_each_step(scene):
 @pytest.mark.parametrize("name", ["guide_friction", "backlash"])
 def test_what_turns_with_the_way_is_as_its_formula_before_and_after_the_turn(scene, name):
     effect = HIDDEN[name]
-    values = {effect.amplitude: effect.typical}
-    bench, column = made(scene, effect, values)
+    size = 0.7 * effect.typical  # of more friction the robot, which has no noise here, tells itself
+    bench, column = made(scene, effect, values := {effect.amplitude: size})
     force, travel = formula(bench, effect, values)
     phase = column("phase")
     turned = bench.force_n < 0.9 * bench.force_n.max(axis=1, keepdims=True)
@@ -210,7 +210,7 @@ def test_what_turns_with_the_way_is_as_its_formula_before_and_after_the_turn(sce
         off = np.abs(off - np.nanmedian(off, axis=1, keepdims=True))
     else:
         off = np.abs(np.where(way, column("force_n") - force, np.nan))
-    assert np.nanpercentile(off, 95) < 0.25 * effect.typical
+    assert np.nanpercentile(off, 95) < 0.25 * size
 
 
 def test_every_planted_effect_has_a_mechanism(scene):

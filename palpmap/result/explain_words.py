@@ -74,7 +74,10 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
         return _few_presses(explained)
     maps = other_map_sentence(other)
     if explained.unknown:
-        return f"{_unknown(explained)} {maps}".strip()
+        # A search for another map that did not end says nothing against a course that leaves noise
+        open_question = other is not None and other.answer == "undecided"
+        told = "" if open_question and explained.told_apart else maps
+        return f"{_unknown(explained)} {told}".strip()
     residual = explained.final.comparison
     look = sentence(replace(residual, law=None, course=None))
     if other and other.answer == "another_map":  # what the residual looks like is the wrong map's

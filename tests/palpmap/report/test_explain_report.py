@@ -5,6 +5,8 @@ import re
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from io import StringIO
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -501,3 +503,29 @@ def test_lengths_that_would_look_like_an_effect_are_said_with_their_side(told):
         "0.38 mm larger than stated. Measure that first.",
     ]
     assert stated_lengths(told.record.changed(stated_lengths=())) == []
+
+
+def test_a_course_that_leaves_noise_is_not_doubted_by_a_search_that_did_not_end():
+    course: Any = SimpleNamespace(name="c", evidence=lambda values, readings: "It goes with time.")
+    fit = SimpleNamespace(
+        at=SimpleNamespace(values={"c": {}}),
+        model=SimpleNamespace(readings=None, effects=[SimpleNamespace(effect=course)]),
+    )
+    found: Any = SimpleNamespace(
+        verdict="unexplained", added=(), unknown=("c",), in_few_presses=(), told_apart=True,
+        explained_share=0.9, final=SimpleNamespace(fit=fit, comparison=SimpleNamespace(statement="")),
+    )  # fmt: skip
+    open_question = OtherMapRecord(
+        answer="undecided",
+        chi2_per_dof=1.0,
+        left=0.0,
+        map_error=0.0,
+        more_evidence=None,
+        effects=(),
+    )
+    said = verdict_detail(found, open_question)
+    assert said == (
+        "It goes with time. With it in the model, the residual is noise; the map counts it."
+    )
+    found.told_apart = False
+    assert "not decided" in verdict_detail(found, open_question)

@@ -513,7 +513,8 @@ def test_a_course_that_leaves_noise_is_not_doubted_by_a_search_that_did_not_end(
     )
     found: Any = SimpleNamespace(
         verdict="unexplained", added=(), unknown=("c",), in_few_presses=(), told_apart=True,
-        explained_share=0.9, final=SimpleNamespace(fit=fit, comparison=SimpleNamespace(statement="")),
+        explained_share=0.9,
+        final=SimpleNamespace(fit=fit, comparison=SimpleNamespace(statement="")),
     )  # fmt: skip
     open_question = OtherMapRecord(
         answer="undecided",

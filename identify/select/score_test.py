@@ -255,6 +255,18 @@ def score_effect(
         return unscored(effect, _NO_SHAPE, count)
     if most_visible < settings.visible:
         return unscored(effect, "the stiffness map absorbs it entirely", count)
+    return _score_of(effect, best, residual, at, sign, search.null(best.signed).log_p(best.signed))
+
+
+def _score_of(
+    effect: Effect,
+    best: _Candidate,
+    residual: np.ndarray,
+    at: Linearised,
+    sign: float,
+    log_p: float,
+) -> Score:
+    """Return the score of the best shape, with its amplitudes by least squares."""
     left, signed = best.left, best.signed
     sizes, *_ = np.linalg.lstsq(left, residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left.T @ left)))
@@ -268,7 +280,7 @@ def score_effect(
     return Score(
         name=effect.name,
         statistic=max(signed, 0.0) ** 2 if sign else signed,
-        log_p=search.null(signed).log_p(signed),
+        log_p=log_p,
         values=values,
         sizes=sizes,
         errors=errors,

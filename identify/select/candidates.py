@@ -84,6 +84,24 @@ def best_candidates(
     return ()
 
 
+def leaving_noise(
+    candidates: tuple[Candidate, ...],
+    is_noise: Callable[[FitResult], bool],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[Candidate, ...]:
+    """Put the first candidate that leaves noise before others that do as well and leave structure.
+
+    A simpler form may win by the price of a parameter, and yet leave what the right one explains.
+    """
+    near = [c for c in candidates if c.criterion < candidates[0].criterion + settings.margin]
+    if len(near) == 1 or is_noise(near[0].fit):
+        return candidates
+    for candidate in near[1:]:
+        if is_noise(candidate.fit):
+            return (candidate, *(c for c in candidates if c is not candidate))
+    return candidates
+
+
 def refit_p_value(step: Step, candidate: Candidate) -> float:
     """P-value of the decrease of chi-square by the candidate's further parameters."""
     decrease = max(step.fit.chi2 - candidate.chi2, 0.0)

@@ -31,6 +31,7 @@ from identify.select.candidates import (
     Candidate,
     best_candidates,
     compare_candidates,
+    leaving_noise,
     shortlist,
 )
 from identify.select.diagnosis import diagnose
@@ -146,7 +147,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
             now.fit, candidates[0].fit, settings
         ):
             return
-        candidates = _leaving_noise(candidates, selection)
+        candidates = leaving_noise(candidates, selection.is_noise, settings)
         path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
         fit, path.accepted, lost, exchanged = _refitted(
             candidates[0], path.accepted, policy, say, settings
@@ -158,23 +159,6 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
-
-
-def _leaving_noise(
-    candidates: tuple[Candidate, ...], selection: _Selection
-) -> tuple[Candidate, ...]:
-    """Put the first candidate that leaves noise before others that do as well and leave structure.
-
-    A simpler form may win by the price of a parameter, and yet leave what the right one explains.
-    """
-    most = candidates[0].criterion + selection.settings.margin
-    near = [c for c in candidates if c.criterion < most]
-    if len(near) == 1 or selection.is_noise(near[0].fit):
-        return candidates
-    for candidate in near[1:]:
-        if selection.is_noise(candidate.fit):
-            return (candidate, *(c for c in candidates if c is not candidate))
-    return candidates
 
 
 def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:

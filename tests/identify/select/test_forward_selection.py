@@ -14,9 +14,8 @@ from identify.fit.joint_fit import fit_jointly
 from identify.fit.settings import CrossValidationSettings
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
-from identify.select.candidates import Candidate
-from identify.select.forward_selection import _leaving_noise, forward_selection
-from identify.select.settings import SELECTION
+from identify.select.candidates import Candidate, leaving_noise
+from identify.select.forward_selection import forward_selection
 from identify.select.verdicts import refit_numbers
 from models import Scan
 from sim.body.true_map import Inclusion, TruthMap
@@ -228,7 +227,10 @@ def test_of_candidates_that_do_as_well_one_that_leaves_noise_comes_first(quiet, 
     candidates = tuple(
         Candidate(fit.name, value, value, fit) for fit, value in zip(fits, criteria, strict=True)
     )
-    selection: Any = SimpleNamespace(settings=SELECTION, is_noise=lambda fit: fit.name in quiet)
-    ordered = _leaving_noise(candidates, selection)
+
+    def leaves_noise(fit: Any) -> bool:
+        return fit.name in quiet
+
+    ordered = leaving_noise(candidates, leaves_noise)
     assert ordered[0].name == first
     assert {c.name for c in ordered} == {"a", "b"}

@@ -108,7 +108,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         ),
         can_be_fitted=too_few(placement, study) is None,
         doubts=tuple(doubts),
-        notes=(*(doubt.sentence for doubt in doubts), *_notes(study, scan, placement)),
+        notes=(*(doubt.sentence for doubt in doubts), *_notes(study, scan, placement, doubts)),
     )
 
 
@@ -149,7 +149,7 @@ def _range(values: np.ndarray) -> Range:
     return float(values.min()), float(values.max())
 
 
-def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
+def _notes(study: Study, scan: Scan, placement: Placement, doubts: Sequence[Doubt]) -> list[str]:
     """Sentences about assumptions, ignored data and invisible effects."""
     notes = []
     if few := too_few(placement, study):
@@ -188,13 +188,22 @@ def _notes(study: Study, scan: Scan, placement: Placement) -> list[str]:
     if other:
         notes.append(f"{other} presses were made with another tip radius than probe.radius_m.")
     if height_m is not None:
-        share = float(scan.used().displacement_m.max()) / height_m
+        share = _deepest_m(scan, doubts) / height_m
         if share > SMALL_STRAIN_SHARE:
             notes.append(
                 f"The tip goes in by {share:.0%} of the body's thickness: beyond about 10 % the "
                 "linear model is no longer right."
             )
     return notes
+
+
+def _deepest_m(scan: Scan, doubts: Sequence[Doubt]) -> float:
+    """Return the largest travel in m of the readings whose travel is not itself in doubt."""
+    rows = [row for doubt in doubts if doubt.kind == "bad_reading" for row in doubt.rows]
+    presses = [press for doubt in doubts if doubt.kind == "free_travel" for press in doubt.presses]
+    sound = scan.in_contact & ~np.isin(scan.press, presses)
+    sound[rows] = False
+    return float(scan.displacement_m[sound].max(initial=0.0))
 
 
 def _noise_notes(study: Study, scan: Scan) -> list[str]:

@@ -5,6 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -103,6 +104,17 @@ def test_noise_finer_than_the_readings_is_said(tmp_path):
     assert "noise.displacement_m is 2e-12 m, far below the smallest step" in notes
     assert "noise.force_n" not in notes
     assert "far below" not in " ".join(checked(LAB / "case_a" / "study.toml")["notes"])
+
+
+def test_the_depth_of_a_doubtful_reading_is_not_held_against_the_model(tmp_path):
+    study = copied(tmp_path / "run")
+    csv = study.parent / "scan.csv"
+    scan = read_scan(csv)
+    deep = scan.displacement_m.copy()
+    deep[np.flatnonzero(scan.in_contact)[100]] = 0.03
+    for wrong, said in ((deep, False), (deep + 0.01, False), (4 * scan.displacement_m, True)):
+        write_scan(scan.replace(displacement_m=wrong), csv)
+        assert ("of the body's thickness" in " ".join(checked(study)["notes"])) == said
 
 
 def test_slanted_presses_are_said(tmp_path):

@@ -1,6 +1,6 @@
 """From a Scan to the stiffness map: distribution map, fit, comparison, uncertainty."""
 
-from identify.experiment import (
+from identify.measurement.experiment import (
     FEWEST_PRESSES,
     BodyModel,
     FieldGuess,

@@ -20,9 +20,9 @@ from typer.testing import CliRunner
 from fem import PalpationModel, RefinedModel, block_mesh
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import Assessment, assess
-from identify.experiment import BodyModel, PlacedExperiment, contacts_of
 from identify.fit.map_fit import fit_scan
 from identify.map.gaussian_map import GaussianMap, Inclusion
+from identify.measurement.experiment import BodyModel, PlacedExperiment, contacts_of
 from identify.measurement.noise import scan_noise
 from identify.select.explanation import Explanation
 from identify.select.forward_selection import forward_selection

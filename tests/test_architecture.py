@@ -28,7 +28,7 @@ ORDER = {
     "sim": ("robot", "motion", "body", "planted", "bench", "scan"),
     "identify": (
         "optimize", "map", "body", "effects", "effects.conformance", "catalogue", "measurement",
-        "experiment", "fit.free_map", "fit", "residual", "select", "design",
+        "fit.free_map", "fit", "residual", "select", "design",
     ),
     "palpmap": (
         "study", "importing.readers", "importing.mapping", "importing.streams", "importing",
@@ -52,8 +52,8 @@ GROUND = {
 ENGINE = tuple(
     f"identify.{folder}"
     for folder in (
-        "optimize", "map", "body", "effects", "measurement", "experiment", "fit", "residual",
-        "select", "design", "settings",
+        "optimize", "map", "body", "effects", "measurement", "fit", "residual", "select",
+        "design", "settings",
     )
 )  # fmt: skip
 """Folders that never import the catalogue: the caller hands the effects in."""

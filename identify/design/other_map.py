@@ -16,12 +16,12 @@ import numpy as np
 from scipy.special import chdtrc
 
 from identify.effects.unknown_course import UNKNOWN
-from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map_start import fit_free_map
 from identify.fit.result import FitResult
 from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.experiment import PlacedExperiment
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare
 from identify.select.explanation import Explanation

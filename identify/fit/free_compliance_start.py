@@ -13,13 +13,13 @@ from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.experiment import BodyModel
 from identify.fit.contact_law import ContactLaw, contact_law
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.experiment import BodyModel
 from identify.measurement.noise import Noise
 from models import Scan
 

@@ -11,7 +11,6 @@ from fem import Mesh
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.readings import Readings
-from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map.field_evidence import Hyper
@@ -23,6 +22,7 @@ from identify.map import FreeMap, GaussianMap, Grid, LabelledGrid
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus
 from identify.map.parameters import ParameterSpace
 from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from models import InputError, LabelVolume

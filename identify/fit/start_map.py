@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.experiment import PlacedExperiment, different_presses
 from identify.fit.free_compliance_start import free_compliance, straight
 from identify.fit.free_map.settings import FREE_MAP
 from identify.fit.free_map_start import fit_free_map
@@ -14,6 +13,7 @@ from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
 from identify.fit.settings import PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
+from identify.measurement.experiment import PlacedExperiment, different_presses
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.optimizers import Optimizer
 

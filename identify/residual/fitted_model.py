@@ -10,12 +10,12 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.effects.unknown_course import COURSES
-from identify.experiment import PlacedExperiment
 from identify.fit.result import FitResult
 from identify.map import FreeMap, GaussianMap
 from identify.map.initial_guess import REFERENCE_PA
 from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.effect_in_model import EffectInModel
+from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from models import Catalogue, InputError
 

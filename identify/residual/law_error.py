@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.effects.readings import Readings
-from identify.experiment import PlacedExperiment
 from identify.fit.free_compliance_start import free_compliance
 from identify.measurement.chain import judge
+from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 

@@ -27,11 +27,11 @@ from scipy.special import chdtr, chdtrc, ndtr
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
-from identify.experiment import PlacedExperiment
 from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.result import FitResult
 from identify.map import FreeMap
+from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.experiment import Progress
 from identify.fit.result import FitResult
+from identify.measurement.experiment import Progress
 from identify.optimize.result import InadmissibleError
 from identify.residual.comparison import Comparison
 from identify.select.confirm import confirmed

@@ -14,7 +14,6 @@ import numpy as np
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
-from identify.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance_start import (
     curved_again,
@@ -31,6 +30,7 @@ from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import parameter_space
+from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.select.candidates import fit_with

@@ -12,8 +12,8 @@ import pytest
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
 from identify.design import other_map
-from identify.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.map import GaussianMap
+from identify.measurement.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.measurement.noise import Noise
 from identify.optimize.result import InadmissibleError
 from identify.select import StartFit, start_fit

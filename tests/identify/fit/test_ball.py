@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose
 from fem import PalpationModel, RefinedModel, block_mesh
 from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
-from identify.experiment import BodyModel, MapGuess, PlacedExperiment, contacts_of
 from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
+from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment, contacts_of
 from identify.measurement.noise import Noise
 from models.scan import Scan
 from sim.body.soft_body import SoftBody

@@ -10,10 +10,10 @@ import pytest
 
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.compliance import compliance
-from identify.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.fit import read_fit, write_fit
 from identify.fit.free_map_start import fit_free_map
 from identify.map import GaussianMap, Grid, LabelledGrid, MaternField
+from identify.measurement.experiment import BodyModel, FieldGuess, MapGuess, PlacedExperiment
 from identify.measurement.noise import Noise
 from models import LabelVolume, Scan
 

@@ -10,13 +10,13 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.catalogue import CATALOGUE
 from identify.effects import Readings
-from identify.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.fit import FitResult
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.map_fit import fit_scan
 from identify.map import FreeMap, GaussianMap, Grid, Inclusion, MaternField
 from identify.map.parameters import ParameterSpace
+from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.residual import Prediction, predict

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identify.experiment import different_presses
+from identify.measurement.experiment import different_presses
 from models.errors import InputError
 from models.scan import Scan
 from palpmap.study.checks import refuse_unfit, too_few

@@ -10,6 +10,9 @@ from sim.planted.effect import on_contact
 SHARES = (0.2, 0.4, 0.6, 0.8, 0.99)
 """Contact radii at which the truth is solved, in units of the tip's radius."""
 
+FLAT_OF_HERTZ = 5 / 6
+"""Compliance under a flat punch, of that under Hertz's pressure of the same radius."""
+
 
 @on_contact("structured", "u (1 + size x (0.076 + 0.08 x)), x = u/a", "size", 1.0, limit=4.0)
 def finite_strain(bench, travel_m, values):
@@ -66,9 +69,10 @@ def sphere_travel(bench: Bench) -> np.ndarray:
         force = -2 * np.gradient(work, a) / np.gradient(compliance, a)
         depth = force * compliance + work
         rising = np.append(True, np.diff(np.maximum.accumulate(force)) > 0) & (force > 0)
+        force, depth, compliance = force[rising], depth[rising], compliance[rising]
         travel[j] = np.interp(  # Hertz: depth ~ F^(2/3)
-            bench.force_n[j] ** (2 / 3),
-            np.append(0.0, force[rising] ** (2 / 3)),
-            np.append(0.0, depth[rising]),
+            bench.force_n[j] ** (2 / 3), np.append(0.0, force ** (2 / 3)), np.append(0.0, depth)
         )
+        # Beyond its equator the tip is a shaft: a contact that grows no more, hence a flat punch's
+        travel[j] += FLAT_OF_HERTZ * compliance[-1] * np.maximum(bench.force_n[j] - force[-1], 0)
     return travel

@@ -157,7 +157,7 @@ def end_step(loop: Loop, encoders: bool) -> int:
     )  # fmt: skip
     if found:
         return why | FAULT * found
-    if TOUCH <= t.phase <= UNLOAD and w.looks % EVERY == 0:
+    if w.looks % EVERY == 0:
         loop.rows.by_torque_n[loop.rows.used[0] - 1] = w.by_torque_n
     feel(loop.control, arm.wrist_n[2])
     if not t.law_from_n <= arm.now[0].contact_n <= t.law_to_n:

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 BLOCK_S = 0.02
 """Time over which readings are averaged; the tip goes 0.03 mm meanwhile."""
@@ -187,7 +188,7 @@ def _creeping_start(
 ) -> tuple[FirstTouch, bool]:
     """Touch of a linear body that creeps: depth = touch + C (F + sum_i s_i F lagging by t_i).
 
-    Linear in all that is unknown, for given times; and whether it holds.
+    Linear in all that is unknown, for given times, with s_i >= 0; and whether it holds.
     """
     count = len(depth) // size
     mean_depth, mean_force, last = (
@@ -202,7 +203,11 @@ def _creeping_start(
         columns.append(lagging)
     rows = last >= 1
     matrix = np.column_stack(columns)[rows]
-    found, *_ = np.linalg.lstsq(matrix, mean_depth[rows], rcond=1e-8)
+    # A body's creep has no negative part; free signs would fit the noise that the control follows
+    signed, _ = nnls(np.column_stack([matrix, -matrix[:, 0]]), mean_depth[rows])
+    found = np.append(signed[0] - signed[-1], signed[1:-1])
+    used = np.append(True, found[1:] > 0)
+    matrix, found = matrix[:, used], found[used]
     floor = LEAST_NOISE * float(np.ptp(mean_depth[rows]))
     sd = max(float(np.hypot(depth_noise, found[1] * noise)) / np.sqrt(size), floor)
     misfit = mean_depth[rows] - matrix @ found

@@ -251,7 +251,7 @@ class Watchdog:
         return PressFault(kind, words)
 
     def check_forces(self, force: np.ndarray, torque: np.ndarray) -> None:
-        """Compare the two measurements of force (k,) N over the whole press, EVERY steps apart.
+        """Compare the two measurements of force (k,) N, EVERY steps apart, approach to retraction.
 
         The sensor's force is a + b T + c dT/dt + d d2T/dt2 with T from the joints' torques: b is
         its gain, -c its lag, and a single reading beside that line is no force on the arm.

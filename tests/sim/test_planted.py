@@ -140,7 +140,7 @@ def test_a_late_force_channel_reads_what_was_a_delay_ago(bench):
     assert_allclose(planted.force_n[:, 7], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("share", [0.35, 0.7])
+@pytest.mark.parametrize("share", [0.35, 0.7, 0.9999])
 def test_a_sphere_on_a_thick_soft_block_follows_sneddon(share):
     radius, modulus, nu = 0.004, 6000.0, 0.49
     exact = sphere_on_layer(share * radius, radius, modulus, nu)

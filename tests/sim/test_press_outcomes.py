@@ -13,6 +13,7 @@ from models.scan_file import read_scan, write_scan
 from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.mechanism import Mechanism, Mechanisms
+from sim.scan.result import PHASES
 from sim.scan.whole_scan import run_scan
 from tests.sim.springs import Spring
 
@@ -75,6 +76,20 @@ def test_a_sensor_that_fails_in_one_press_costs_that_press_alone(kind, act):
     assert run.scan.press_ids.tolist() == [0, 2]
     assert all(press.judged.kept for press in run.presses)
     assert all(abs(press.force_error) < 0.01 for press in run.statistics)
+
+
+def test_a_pull_on_the_cable_at_the_end_of_a_press_is_told():
+    one = ScanPlan(POINTS[:1], PLAN.directions[:1], 0.9)
+    series = run_scan(one, Spring(), ScanSettings(**SHORT)).presses[0].series
+    let_go = float(series.time_s[series.phase == PHASES.index("unload")][-1])
+
+    def pull(time_s, wrench):
+        pulled = let_go - 0.016 < time_s < let_go + 0.07
+        return wrench + 0.065 * pulled * np.eye(6)[2]
+
+    pulls = Mechanisms((Mechanism("pull", sensor=pull),))
+    run = run_scan(one, Spring(), ScanSettings(**SHORT), mechanisms=pulls)
+    assert [fault.kind for fault in run.outcomes[0].faults] == ["cross_check"]
 
 
 def test_a_press_is_tried_again_where_that_is_asked_for(tmp_path):

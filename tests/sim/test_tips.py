@@ -8,6 +8,9 @@ from models.errors import InputError
 from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
 from sim.body.soft_body import SoftBody, ring_share
 from sim.motion import ScanPlan, ScanSettings, Tip, read_tips
+from sim.planted.body_in_loop import Creep as CreepInLoop
+from sim.planted.body_in_loop import LawOnBody
+from sim.robot.mechanism import Mechanism, Mechanisms
 from sim.scan import run_scan
 
 PLANE = 8000 / (1 - 0.45**2)
@@ -132,6 +135,23 @@ def test_a_curvature_that_the_noise_hides_is_in_the_stated_error_of_the_touch(fo
     stated = np.array([press.judged.touch_sd_m for press in run.presses])
     assert np.sqrt(np.mean((error / stated) ** 2)) < 2.0  # 5 to 10 by a line where one holds
     assert stated.max() < 6e-5
+
+
+def test_the_touch_of_a_body_that_creeps_is_not_late_by_the_noise_that_the_control_follows():
+    points = np.tile(POINT, (8, 1)) + np.array([[0.002 * k, 0, 0] for k in range(8)])
+    plan = ScanPlan(points, np.tile(DOWN, (8, 1)), 0.27)
+    creep = CreepInLoop(np.array([0.05]), np.array([1.3]))
+    crept = Mechanism(
+        "creep",
+        begin=lambda press, time_s: creep.begin(press),
+        body=lambda below: LawOnBody(below, creep),
+    )
+    straight, settings = Curved(0.27, 7.2e-3, lambda f: f), ScanSettings(seed=7, pause_s=(0.1, 0.1))
+    run = run_scan(plan, straight, settings, mechanisms=Mechanisms((crept,)))
+    error = np.array([press.touch_error_m for press in run.statistics])
+    stated = np.array([press.judged.touch_sd_m for press in run.presses])
+    assert abs(error.mean()) < 2e-5  # 4e-5 where the creep's parts may have either sign
+    assert np.sqrt(np.mean((error / stated) ** 2)) < 2.0
 
 
 def test_tips_take_turns_and_are_changed_once_at_home():

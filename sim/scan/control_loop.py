@@ -24,9 +24,9 @@ from sim.robot.force_control import (
     stop,
 )
 from sim.robot.simulated_arm import BLOCK, ArmState, read_wrist, servo_step
+from sim.scan.look import EVERY, look
 from sim.scan.press_log import Rows, add_row
 from sim.scan.result import PHASES
-from sim.scan.watchdog import EVERY, look
 
 TRANSIT, APPROACH, TOUCH, LOAD, HOLD, UNLOAD, RETRACT = range(len(PHASES))
 

@@ -20,11 +20,12 @@ from sim.motion.settings import ScanSettings
 from sim.robot.contact_coupling import PressedBody
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.mechanism import Mechanisms
-from sim.scan.first_touch import Ball, FirstTouch, first_touch
+from sim.scan.first_touch import FirstTouch, first_touch
 from sim.scan.outcome import Judgement
 from sim.scan.press_log import PressLog
 from sim.scan.record_check import check_record, check_touch
 from sim.scan.result import PHASES, PressResult, PressStatistics, Series
+from sim.scan.touch_laws import Ball
 
 SMOOTHED_S = 0.05
 """Over which the force is averaged before its overshoot is judged."""

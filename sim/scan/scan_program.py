@@ -40,11 +40,12 @@ from sim.scan.control_loop import (
     WAY,
     Loop,
 )
+from sim.scan.look import BRAKING_M_PER_S2
 from sim.scan.outcome import ATTEMPTS, Fault, PressFault, PressOutcome
 from sim.scan.press_log import PressLog, PressRecorder
 from sim.scan.press_result import press_result
 from sim.scan.result import PHASES, Frame, PressResult
-from sim.scan.watchdog import BRAKING_M_PER_S2, Watchdog, limits_of
+from sim.scan.watchdog import Watchdog, limits_of
 
 FALSE_TOUCHES = 3
 

@@ -5,7 +5,8 @@ import pytest
 
 from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
-from sim.scan.first_touch import Ball, depth_at_zero_force, first_touch
+from sim.scan.first_touch import depth_at_zero_force, first_touch
+from sim.scan.touch_laws import Ball
 from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)

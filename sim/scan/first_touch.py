@@ -138,7 +138,7 @@ def _creeping_start(
     # A body's creep has no negative part; free signs would fit the noise that the control follows
     signed, _ = nnls(np.column_stack([matrix, -matrix[:, 0]]), mean_depth[rows])
     found = np.append(signed[0] - signed[-1], signed[1:-1])
-    used = np.append(True, found[1:] > 0)
+    used = np.r_[True, True, found[2:] > 0]
     matrix, found = matrix[:, used], found[used]
     floor = LEAST_NOISE * float(np.ptp(mean_depth[rows]))
     sd = max(float(np.hypot(depth_noise, found[1] * noise)) / np.sqrt(size), floor)

@@ -5,7 +5,7 @@ import pytest
 
 from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
-from sim.scan.first_touch import depth_at_zero_force, first_touch
+from sim.scan.first_touch import _creeping_start, depth_at_zero_force, first_touch
 from sim.scan.touch_laws import Ball
 from tests.sim.scripted_motion import TipPose, run_script
 
@@ -104,6 +104,14 @@ def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(cours
     assert off.std() < 0.05e-3
     stated = np.array([touch.sd_m for touch in found])
     assert 0.3 < np.sqrt(np.mean((off / stated) ** 2)) < 2
+
+
+def test_a_tip_that_sinks_without_any_force_has_no_law_of_creep():
+    part = np.repeat([1, 2, 3], 250)
+    fallen, nothing = np.linspace(0, 0.02, 750), np.zeros(750)
+    touch, holds = _creeping_start(fallen, nothing, part, STEP_S, 10, 2e-5, 5e-3)
+    assert np.isfinite(touch).all()
+    assert not holds
 
 
 def test_touch_of_a_ball_is_no_later_on_a_thin_body_than_on_a_thick_one():

@@ -8,6 +8,7 @@ class BreathingHarmonicsFromTouch(BreathingHarmonics):
     """The same, zeroed at the first touch of each press."""
 
     name = "breathing_harmonics_from_touch"
+    family = "breathing"
     title = "Breathing with a harmonic, counted from each touch"
     order = 103
     counted_from = "touch"

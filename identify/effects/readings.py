@@ -98,13 +98,16 @@ class Readings:
 
     def peak_of(self, force_n: np.ndarray) -> np.ndarray:
         """Largest force of each reading's press, (m,) N: the mean of its hold, if it has one."""
-        peak = np.full(self.presses, -np.inf)
-        np.maximum.at(peak, self.press, force_n)
-        held = self.phase == "hold"
-        count = np.bincount(self.press[held], minlength=self.presses)
+        held, count = self._held
         total = np.bincount(self.press[held], force_n[held], minlength=self.presses)
-        mean = total / np.maximum(count, 1)
-        return np.where(count > 0, mean, peak)[self.press]
+        peak = np.maximum.reduceat(force_n, self.first)
+        return np.where(count > 0, total / np.maximum(count, 1), peak)[self.press]
+
+    @cached_property
+    def _held(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of all holds, and their number (j,) in each press."""
+        held = np.flatnonzero(self.phase == "hold")
+        return held, np.bincount(self.press[held], minlength=self.presses)
 
     @cached_property
     def peak_force_n(self) -> np.ndarray:

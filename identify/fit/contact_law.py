@@ -2,8 +2,9 @@
 
 Far from the truth a linear score misleads, and one effect may hide another: a ball with a late
 first touch looks like a flat tip. A fit with one free compliance per press
-(`identify.fit.free_compliance`) takes milliseconds, so that all effects, all pairs, and extensions
-of the best pair by a third effect are fitted; the best set wins in which every effect earns its
+(`identify.fit.free_compliance`) is quick, so that all effects are fitted; unless one leaves noise,
+all pairs of them, one form of each cause; all effects in the place of either in the best pair; and
+extensions of the best pair by a third effect. The best set wins in which every effect earns its
 price.
 
 The laws themselves are right to a few per cent (a ball pressed in by a good part of its radius, the
@@ -12,11 +13,12 @@ of the excess misfit; sets that differ by less than 1 % are equivalent, however 
 (`ContactLawSettings`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.special import chdtrc
 
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
@@ -106,29 +108,68 @@ def contact_law(
     ]
     parts = {e.name: presses.part(e, _start(presses, plain, e, settings.shapes)) for e in free}
     fits: dict[Set, FreeComplianceFit] = {}
+    seen: set[Set] = set()
 
     def tried(names: Set) -> None:
+        seen.add(names)
         say(f"fitting the presses alone with {', '.join(names)}")
         fit = _fitted(presses, plain, [parts[name] for name in names])
         if fit is not None:
             fits[names] = fit
 
-    for size in (1, 2):
-        for names in combinations(parts, size):
+    def criterion(names: Set) -> float:
+        return _criterion(fits[names], _scale([plain, *fits.values()]))
+
+    for name in parts:
+        tried((name,))
+    if not any(_leaves_noise(fit, settings) for fit in fits.values()):
+        for names in combinations(_one_form_each(parts, fits, criterion), 2):
             tried(names)
     while fits:
-        best = min(fits, key=lambda names: _criterion(fits[names], _scale([plain, *fits.values()])))
-        wider = [_ordered((*best, name), parts) for name in parts if name not in best]
-        new = [
-            names for names in wider if names not in fits and len(names) <= settings.most_effects
-        ]
-        if len(best) < 2 or not new:
+        best = min(fits, key=criterion)
+        if len(best) < 2:
+            break
+        new = [names for names in _exchanges(best, parts) if names not in seen]
+        if not new and len(best) < settings.most_effects:
+            if _leaves_noise(fits[best], settings):
+                break
+            more = (_ordered((*best, name), parts) for name in parts if name not in best)
+            new = [names for names in more if names not in seen]
+        if not new:
             break
         for names in new:
             tried(names)
-        if not any(names in fits for names in new):
-            break
     return ContactLaw(plain, _chosen(plain, fits, settings), fits, settings)
+
+
+def _one_form_each(
+    parts: Mapping[str, EffectInModel],
+    fits: Mapping[Set, FreeComplianceFit],
+    criterion: Callable[[Set], float],
+) -> list[str]:
+    """Return one form of each cause: the best alone, or the first where none can be fitted."""
+    causes: dict[str, list[str]] = {}
+    for name, part in parts.items():
+        causes.setdefault(part.effect.family, []).append(name)
+    return [
+        min((n for n in forms if (n,) in fits), key=lambda n: criterion((n,)), default=forms[0])
+        for forms in causes.values()
+    ]
+
+
+def _exchanges(names: Set, parts: Mapping[str, EffectInModel]) -> list[Set]:
+    """Return the pairs that differ from a pair in one effect, none of another number of effects."""
+    if len(names) != 2:
+        return []
+    return [
+        _ordered((kept, other), parts) for kept in names for other in parts if other not in names
+    ]
+
+
+def _leaves_noise(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Whether noise alone explains the misfit, of the whole and of nearly every press."""
+    probable = chdtrc(fit.dof, fit.misfit) > settings.noise_p_value
+    return bool(probable) and fit.noise_share >= settings.noise_share
 
 
 def _chosen(
@@ -208,7 +249,7 @@ def _contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
     return next(p.effect.contains for p in fit.parts if p.effect.name == name)
 
 
-def _ordered(names: Set, parts: dict[str, EffectInModel]) -> Set:
+def _ordered(names: Set, parts: Mapping[str, EffectInModel]) -> Set:
     return tuple(name for name in parts if name in names)
 
 

@@ -279,14 +279,16 @@ class FreeCompliance:
         most, widest = np.full(presses, self.settings.longest_step), self.settings.widest
         usual = float(np.median(np.log(self._slopes)))
         kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
+        latent = None
         for number in range(self.settings.compliance_steps + 1):
             if number == self.settings.compliance_steps:
                 log_c = kept
             c = np.exp(log_c)
             e = self.unit_compliance / c
-            judged = judge(chain, c, e, self.displacement_m, self.noise, values)
+            judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent)
+            latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
-            by_c, by_e = chain.by_body(c, e, judged.latent_force_n, values)
+            by_c, by_e = chain.by_body(c, e, latent, values)
             own = self._white(judged, by_c * c[press] - by_e * e[press])
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
             step = np.clip(np.bincount(press, own * r, presses) / square, -most, most)

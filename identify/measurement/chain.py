@@ -6,7 +6,7 @@ body's compliances is arithmetic on the m readings, so that its derivatives are 
 quotients: one more evaluation each, at no cost beside the finite elements.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -79,19 +79,33 @@ class Chain:
 
         `values` holds, by the name of each effect, its parameters' values.
         """
-        r = self.readings
-        force = force_n
         for effect in self._forces:
-            force = effect.force(r, force, **values[effect.name])
-        travel = self._elastic(compliance, modulus, force, values)
-        touch = sum(effect.touch(r, **values[effect.name]) for effect in self._touches)
+            force_n = effect.force(self.readings, force_n, **values[effect.name])
+        return self._beyond(force_n, self._from_touch(compliance, modulus, force_n, values), values)
+
+    def _from_touch(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Elastic travel (m,) under the acting forces (m,), counted from the touch."""
+        travel = self._elastic(compliance, modulus, force_n, values)
+        touch = sum(effect.touch(self.readings, **values[effect.name]) for effect in self._touches)
         if touch:
-            start = np.full(len(force), touch)
+            start = np.full(len(force_n), touch)
             travel = travel - self._elastic(compliance, modulus, start, values)
+        return travel
+
+    def _beyond(
+        self, force_n: np.ndarray, travel: np.ndarray, values: Mapping[str, Values]
+    ) -> np.ndarray:
+        """Displacement (m,) for acting forces (m,) and the elastic travels (m,) under them."""
         for effect in self._responses:
-            travel = effect.response(r, force, travel, **values[effect.name])
+            travel = effect.response(self.readings, force_n, travel, **values[effect.name])
         for effect in self._readings:
-            travel = effect.reading(r, force, travel, **values[effect.name])
+            travel = effect.reading(self.readings, force_n, travel, **values[effect.name])
         return travel
 
     @property
@@ -138,36 +152,48 @@ class Chain:
         """
         step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
         layers = self.readings.layers
-        remembers = self._remembers(compliance, modulus, force_n, values, step)
+        changed = self._changed(compliance, modulus, force_n, values, step)
+        remembers = self._remembers(changed, step)
         apart = min(max(_PREDICTIONS // len(layers), 2), len(layers)) if remembers else 1
         slope = np.empty(len(force_n))
         for first in range(apart):
             change = np.zeros(len(force_n))
             for turn, rows in enumerate(layers[first::apart]):
                 change[rows] = step if turn % 2 == 0 else -step
-            up = self.predict(compliance, modulus, force_n + change, values)
-            down = self.predict(compliance, modulus, force_n - change, values)
             rows = change != 0
-            slope[rows] = (up - down)[rows] / (2 * change[rows])
+            slope[rows] = (changed(change) - changed(-change))[rows] / (2 * change[rows])
         return slope
 
-    def _remembers(
+    def _changed(
         self,
         compliance: np.ndarray,
         modulus: np.ndarray,
         force_n: np.ndarray,
         values: Mapping[str, Values],
         step_n: float,
-    ) -> bool:
+    ) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the prediction by changes (m,) of the forces of one step up, down or none.
+
+        The elastic travel has no memory: beside responses it is found once for each of the three.
+        """
+        if self._forces or not self._responses:
+            return lambda change: self.predict(compliance, modulus, force_n + change, values)
+        down, at, up = (
+            self._from_touch(compliance, modulus, force_n + step, values)
+            for step in (-step_n, 0.0, step_n)
+        )
+        return lambda change: self._beyond(
+            force_n + change, np.where(change > 0, up, np.where(change < 0, down, at)), values
+        )
+
+    def _remembers(self, changed: Callable[[np.ndarray], np.ndarray], step_n: float) -> bool:
         """Return whether any reading feels the force of another one."""
         if not (self._responses or self._forces) or len(self.readings.layers) == 1:
             return False
-        changed = np.concatenate(self.readings.layers[::2])
-        change = np.zeros(len(force_n))
-        change[changed] = step_n
-        before = self.predict(compliance, modulus, force_n, values)
-        after = self.predict(compliance, modulus, force_n + change, values)
-        return bool(np.any(np.delete(after - before, changed)))
+        rows = np.concatenate(self.readings.layers[::2])
+        change = np.zeros(len(self.readings))
+        change[rows] = step_n
+        return bool(np.any(np.delete(changed(change) - changed(0 * change), rows)))
 
     def by_body(
         self,
@@ -226,6 +252,7 @@ def judge(
     displacement_m: np.ndarray,
     noise: Noise,
     values: Mapping[str, Values],
+    latent_n: np.ndarray | None = None,
     settings: LatentForceSettings = LATENT_FORCE,
 ) -> Judged:
     """Compare a chain with the readings: errors in both columns.
@@ -233,10 +260,12 @@ def judge(
     If travel and force are not proportional, the chain is linearised at the latent force instead of
     the measured one, in a few rounds: under a ball the slope at a small force differs much from the
     slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
+
+    `latent_n` (m,) is the latent force of a chain nearby, from which fewer rounds are needed.
     """
     force = chain.readings.force_n
     most = settings.steepest * compliance[chain.readings.press]
-    at = force
+    at = force if latent_n is None or not chain.nonlinear else latent_n
     for _ in range(settings.rounds if chain.nonlinear else 1):
         slope = chain.by_force(compliance, modulus, at, values)
         slope = np.clip(slope, -most, most)

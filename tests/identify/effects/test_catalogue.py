@@ -61,6 +61,8 @@ def test_a_family_bears_the_name_of_its_simplest_effect_and_keeps_to_one_link(ef
     assert effect.family in NAMES
     assert CATALOGUE[effect.family].family == effect.family
     assert CATALOGUE[effect.family].link == effect.link
+    base = type(effect).__mro__[1]
+    assert effect.family == getattr(base, "family", effect.family)
 
 
 def test_effects_that_can_only_go_one_way_are_known():

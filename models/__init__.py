@@ -10,14 +10,13 @@ from models.scan import Scan
 from models.scan_columns import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
-from models.scan_quality import OUTLYING, Doubt, scan_findings, touching, without_outliers
+from models.scan_quality import Doubt, scan_findings, touching, without_outliers
 from models.thin import MOST_PRESSES, thinned
 
 __all__ = [
     "ARMS",
     "ARM_PACKAGE",
     "MOST_PRESSES",
-    "OUTLYING",
     "PHASES",
     "Arm",
     "Catalogue",

@@ -42,6 +42,11 @@ class Doubt:
     rows: tuple[int, ...]
     sentence: str
 
+    @property
+    def leaves_out(self) -> bool:
+        """Whether `without_outliers` leaves its readings or presses out."""
+        return bool(self.rows) or self.kind in OUTLYING
+
 
 def scan_findings(scan: Scan) -> list[Doubt]:
     """Return all doubts about a Scan, single readings first."""
@@ -93,12 +98,9 @@ def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
     """
     keep, sentences = np.ones(len(scan), dtype=bool), []
     for doubt in scan_findings(scan):
-        if doubt.rows:
-            keep[list(doubt.rows)] = False
-        elif doubt.kind in OUTLYING:
-            keep[np.isin(scan.press, doubt.presses)] = False
-        else:
+        if not doubt.leaves_out:
             continue
+        keep[list(doubt.rows) if doubt.rows else np.isin(scan.press, doubt.presses)] = False
         sentences.append(f"Left out: {doubt.sentence.split(';')[0].rstrip('.')}.")
     touching = np.bincount(scan.press_index, keep & scan.in_contact, len(scan.press_ids))
     keep &= touching[scan.press_index] >= 2

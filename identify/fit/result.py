@@ -341,9 +341,9 @@ def _message(ended: str, at_bound: tuple[str, ...], chi2_per_dof: float, dof: in
         parts.append(f"at its bound, so not found: {', '.join(at_bound)}")
     scatter = np.sqrt(2 / dof)
     if abs(chi2_per_dof - 1) > max(5 * scatter, 0.1):
-        wide = "too narrow" if chi2_per_dof > 1 else "too wide"
+        size, wide = ("larger", "narrow") if chi2_per_dof > 1 else ("smaller", "wide")
         parts.append(
-            f"chi-square per degree of freedom is {chi2_per_dof:.3g}, not 1 ± {scatter:.2g}: the "
-            f"noise or the model is wrong, and the intervals, which trust both, are {wide}"
+            f"the residual is {size} than the noise: the noise or the model is wrong, and the "
+            f"intervals, which trust both, are too {wide}"
         )
     return "; ".join(parts)

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainSerializer
 
-from models import OUTLYING, PHASES, Doubt, InputError, Scan, read_scan, scan_findings, touching
+from models import PHASES, Doubt, InputError, Scan, read_scan, scan_findings, touching
 from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
@@ -74,7 +74,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     doubts = scan_findings(scan)
-    with naming(doubtful(doubts)):
+    with naming(doubts):
         placement = place_scan(touching(scan), study)
         refuse_contradictions(placement, study)
         if study.effects:
@@ -112,21 +112,17 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     )
 
 
-def doubtful(doubts: Sequence[Doubt]) -> list[Doubt]:
-    """Return the doubts that `--without-outliers` settles."""
-    return [doubt for doubt in doubts if doubt.kind in ("bad_reading", *OUTLYING)]
-
-
 @contextmanager
 def naming(doubts: Sequence[Doubt]) -> Iterator[None]:
-    """Add press and row of the first doubtful reading to an error."""
+    """Add press and row of the first reading to be left out to an error."""
     try:
         yield
     except ValueError as error:
-        if not doubts or not is_for_the_user(error):
+        outlying = next((doubt for doubt in doubts if doubt.leaves_out), None)
+        if outlying is None or not is_for_the_user(error):
             raise
         raise InputError(
-            f"{str(error).rstrip('.')}. Doubtful data may be the cause: {doubts[0].sentence} "
+            f"{str(error).rstrip('.')}. Doubtful data may be the cause: {outlying.sentence} "
             "`palpmap fit --without-outliers` leaves such readings and presses out"
         ) from error
 

@@ -7,7 +7,7 @@ from identify.catalogue import CATALOGUE, load_effect
 from identify.select import Step
 from models import scan_findings
 from palpmap import api
-from palpmap.commands.check import SAID, doubtful, naming
+from palpmap.commands.check import SAID, naming
 from palpmap.console import Output, plain, to_type
 from palpmap.experiment import read_study
 from palpmap.progress import EXPLAIN
@@ -47,7 +47,7 @@ def run_explain(
     with RunFolder("explain", out, seed=seed, inputs=inputs) as run:
         kept = keep_inputs(experiment.study, experiment.scan, run.path)
         doubts = scan_findings(experiment.scan)
-        with naming(doubtful(doubts)), output.task(EXPLAIN) as task:
+        with naming(doubts), output.task(EXPLAIN) as task:
             if not output.quiet:
                 for doubt in doubts[:SAID]:
                     task.print(doubt.sentence, markup=False, highlight=False, soft_wrap=True)

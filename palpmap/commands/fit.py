@@ -10,7 +10,7 @@ from identify.optimize import OPTIMIZERS
 from models import InputError, scan_findings
 from models import without_outliers as cleaned
 from palpmap import api
-from palpmap.commands.check import SAID, doubtful, naming
+from palpmap.commands.check import SAID, naming
 from palpmap.console import Output, to_type
 from palpmap.experiment import Experiment, read_study
 from palpmap.progress import FIT, FIT_AND_SAMPLE
@@ -108,7 +108,7 @@ def run_fit(
         **({"samples": samples} if samples else {}),
         "left_out": list(left_out),
     }
-    doubts = doubtful(scan_findings(experiment.scan))
+    doubts = [doubt for doubt in scan_findings(experiment.scan) if doubt.leaves_out]
     with naming(doubts), output.task(FIT_AND_SAMPLE if samples else FIT) as task:
         for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:SAID])):
             task.print(sentence, soft_wrap=True)

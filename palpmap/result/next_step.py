@@ -85,8 +85,16 @@ def _own_effect(run: Path, study: Path) -> str:
 
 def after_fit(finding: Finding, study: Path) -> tuple[str, ...]:
     """Return the next step after a fit or a comparison."""
+    is_noise, doubts = finding.comparison.is_noise, scan_findings(finding.scan)
+    outlying = sorted({p for doubt in doubts if doubt.leaves_out for p in doubt.presses})
+    if outlying and not is_noise:
+        which = "press " + ", ".join(map(str, outlying[:5])) + (" ..." if outlying[5:] else "")
+        return (
+            f"Next: `{to_type('fit', study, '--without-outliers')}` leaves out the doubtful "
+            f"readings of {which}; `{to_type('check', study)}` names them.",
+        )
     if finding.fit.field is None:
-        return _after_comparison(finding.comparison.is_noise, study)
+        return _after_comparison(is_noise, study)
     if not finding.fit.success:
         return (
             "The search did not end: this map is no result. Next: state the noise of the readings "

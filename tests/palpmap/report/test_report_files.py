@@ -33,6 +33,7 @@ from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
 from palpmap.report.fit_report import _outcome_table, write_report
 from palpmap.result.finding import Finding, Outline, study_outline
+from palpmap.result.next_step import after_fit
 from palpmap.result.press_outcomes import PressesRecord, press_record
 from palpmap.result.tables import parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
@@ -266,6 +267,22 @@ def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):
     assert "in doubt" in text
     assert "The model explains the scan" not in text
     assert sum("at its bound" in line for line in lines) == 1
+
+
+def test_the_step_after_a_bad_reading_leaves_it_out(tmp_path):
+    run = make_run(tmp_path / "run")
+    good = load_finding(run)
+    study, force = run / "study.toml", good.scan.force_n.copy()
+    row = len(force) // 2
+    force[row] = 30.0
+    bad = replace(good, scan=good.scan.replace(force_n=force))
+    for is_noise, finding, command in (
+        (False, good, "diagnose"), (True, bad, "limits"), (False, bad, "--without-outliers"),
+    ):  # fmt: skip
+        judged = replace(finding, comparison=replace(finding.comparison, is_noise=is_noise))
+        (step,) = after_fit(judged, study)
+        assert command in step
+    assert f"press {good.scan.press[row]};" in step
 
 
 def test_without_a_truth_the_report_stands_and_names_none(tmp_path):

@@ -2,10 +2,10 @@
 
 Far from the truth a linear score misleads, and one effect may hide another: a ball with a late
 first touch looks like a flat tip. A fit with one free compliance per press
-(`identify.fit.free_compliance`) is quick, so that all effects are fitted; unless one leaves noise,
-all pairs of them, one form of each cause; all effects in the place of either in the best pair; and
-extensions of the best pair by a third effect. The best set wins in which every effect earns its
-price.
+(`identify.fit.free_compliance`) is quick, so that all effects are fitted; unless one leaves too
+little for a second, all pairs with one form of each cause; the best pair with any effect in the
+place of either; and its extensions by a third effect. The best set wins in which every effect earns
+its price.
 
 The laws themselves are right to a few per cent (a ball pressed in by a good part of its radius, the
 modulus under the tip from the press's own compliance). An effect must therefore remove at least 5 %
@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.special import chdtrc
 
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
@@ -122,7 +121,7 @@ def contact_law(
 
     for name in parts:
         tried((name,))
-    if not any(_leaves_noise(fit, settings) for fit in fits.values()):
+    if all(_has_room(plain, fit, settings) for fit in fits.values()):
         for names in combinations(_one_form_each(parts, fits, criterion), 2):
             tried(names)
     while fits:
@@ -131,7 +130,7 @@ def contact_law(
             break
         new = [names for names in _exchanges(best, parts) if names not in seen]
         if not new and len(best) < settings.most_effects:
-            if _leaves_noise(fits[best], settings):
+            if not _has_room(plain, fits[best], settings):
                 break
             more = (_ordered((*best, name), parts) for name in parts if name not in best)
             new = [names for names in more if names not in seen]
@@ -166,10 +165,12 @@ def _exchanges(names: Set, parts: Mapping[str, EffectInModel]) -> list[Set]:
     ]
 
 
-def _leaves_noise(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
-    """Whether noise alone explains the misfit, of the whole and of nearly every press."""
-    probable = chdtrc(fit.dof, fit.misfit) > settings.noise_p_value
-    return bool(probable) and fit.noise_share >= settings.noise_share
+def _has_room(
+    plain: FreeComplianceFit, fit: FreeComplianceFit, settings: ContactLawSettings
+) -> bool:
+    """Whether a fit's misfit above noise leaves further effects enough to earn their place."""
+    noise = fit.dof - settings.noise_sd * np.sqrt(2 * fit.dof)
+    return fit.misfit - noise > max(settings.margin, settings.least * (plain.misfit - plain.dof))
 
 
 def _chosen(

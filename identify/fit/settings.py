@@ -176,7 +176,7 @@ class ContactLawSettings:
         on a contact law is sought; the lower `bent_ball` where tip or study bend the curves anyway
     margin : in units of chi-square over that of the best fit, after the price of parameters
     noise_share : least share of presses with noise alone for a law to be accepted
-    noise_p_value : of the misfit, from which on further effects are not tried
+    noise_sd : standard deviations by which the misfit of the true law may lie below its mean
     most_effects : in a law
     least, equal : shares of the excess misfit: an effect takes at least the one, sets within the
         other are equivalent, because the laws themselves are right to a few per cent
@@ -187,7 +187,7 @@ class ContactLawSettings:
     bent_ball: float = 2.0
     margin: float = 10.0
     noise_share: float = 0.8
-    noise_p_value: float = 0.01
+    noise_sd: float = 3.0
     most_effects: int = 3
     least: float = 0.05
     equal: float = 0.01

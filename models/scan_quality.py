@@ -44,7 +44,7 @@ class Doubt:
 
     @property
     def leaves_out(self) -> bool:
-        """Whether `without_outliers` leaves its readings or presses out."""
+        """True if `without_outliers` leaves its readings or presses out."""
         return bool(self.rows) or self.kind in OUTLYING
 
 

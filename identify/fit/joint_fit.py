@@ -91,12 +91,17 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
             plain |= {n: v for n, v in zip(names, ordinary, strict=True) if n in fit.model.names}
     if not plain:
         return fit
-    search = Search(SEARCH, progress=callback)
+    search = Search(replace(SEARCH, confirmed=False), progress=callback)
     search.history = list(fit.history)
     try:
         u = fit.model.start(fit.map.changed(plain))
         model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
         other = fit_from(search, model, u)
+        if other.chi2 > fit.chi2 + SEARCH.raised * max(fit.chi2_per_dof, 1.0):
+            return fit
+        search = Search(SEARCH, progress=callback)
+        search.history = list(other.history)
+        other = fit_from(search, other.model, other.u)
     except (InadmissibleError, SolverError):
         return fit
     return fit if other.chi2 > fit.chi2 else other
@@ -115,26 +120,32 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
     """Fit from scaled coordinates u (k,), as the settings of the search say."""
     s, radius, accepted, near = search.settings, np.inf, 0, False
     fine_chi2: float | None = None  # the finer model's chi-square at u, where it is known
-    carried = True  # corrections may be those of maps nearby
     stale = False  # the correction was made elsewhere than at u: its minimum says nothing
+    rough = False  # the correction is one for a search, not for the record
     result, at = search.minimum(model, u)
     if s.rounds == 0:
+        result, _ = search.finished(model, result)
         return _ended(search, model, result.x, result, result.success)
     for number in range(1, s.rounds + s.nearer_rounds * s.guarded + 1):
         try:
-            there = search.corrected(model, result.x, carried)
+            there = search.corrected(model, result.x)
         except (InadmissibleError, SolverError):  # a map that the finer mesh does not resolve
             map_moved = (result.x - u)[: len(model.space.free)]
             radius = s.nearer * float(np.abs(map_moved).max(initial=0.0))
             result, at = search.minimum(model, u, radius)
             continue
         now = search.evaluate(there, result.x)
-        if s.guarded and fine_chi2 is None and now.chi2 > at.chi2 + s.raised:
+        raised = s.raised * max(1.0, at.chi2 / len(model.displacement_m))
+        if s.guarded and fine_chi2 is None and now.chi2 > at.chi2 + raised:
             before = search.evaluate(model, u).chi2
-            model = search.corrected(model, u, carried)
+            model = search.corrected(model, u)
             fine_chi2 = search.evaluate(model, u).chi2
-            stale = abs(fine_chi2 - before) > s.raised
-        if s.guarded and fine_chi2 is not None and now.chi2 > fine_chi2 + s.ftol:
+            stale = abs(fine_chi2 - before) > raised
+        if (
+            s.guarded
+            and fine_chi2 is not None
+            and now.chi2 > fine_chi2 + (s.ftol if search.is_final else raised)
+        ):
             # The correction does not hold so far from where it was made
             map_moved = (result.x - u)[: len(model.space.free)]
             radius = np.inf if stale else s.nearer * float(np.abs(map_moved).max(initial=0.0))
@@ -142,8 +153,9 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         else:
             fell = np.inf if fine_chi2 is None else fine_chi2 - now.chi2
             u, model, fine_chi2 = result.x, there, now.chi2
+            rough = model.mechanics.carried and not search.is_final
             accepted, radius = accepted + 1, 2 * radius
-            if s.guarded and near and accepted >= s.rounds and fell < s.raised:
+            if s.guarded and near and accepted >= s.rounds and fell < raised:
                 break
         result, at = search.minimum(model, u, radius)
         moved = float(np.linalg.norm(at.jacobian @ (result.x - u)))
@@ -151,16 +163,18 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         excess = max(result.fun - search.gross(model), 0.0)
         stop = math.sqrt(2 * s.gross_rtol * excess) if s.stops_count else 0.0
         if accepted and moved < max(s.settled * misfit * min(misfit, s.settled_most), stop):
-            if not (s.confirmed and model.mechanics.carried):
+            result, at = search.finished(model, result, radius)
+            if not (s.confirmed and rough):
                 return _ended(search, model, result.x, result, result.success)
-            carried = False  # settled but for the finer model's own word
+            fine_chi2 = None  # that of the search
         near = moved < misfit
         if not s.guarded and excess and number >= s.gross_rounds:
             break
     if not s.guarded:
         u = result.x
-    if s.confirmed and model.mechanics.carried:
-        model = search.corrected(model, u, carried=False)
+    if s.confirmed and (rough or not search.is_final):
+        search.finish()
+        model = search.corrected(model, u) if rough else model
         result, _ = search.minimum(model, u)
         u = result.x
     if not s.guarded:

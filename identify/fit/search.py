@@ -41,6 +41,7 @@ class Search:
     progress : called with each accepted step
     spent : evaluations of the finite element models so far
     history : accepted steps so far
+    is_final : the tolerances are those of a record; they are not while it is sought
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Search:
         self.settings, self.optimizer, self.progress = settings, optimizer, progress
         self.spent = 0
         self.history: list[FitIteration] = []
-        self._slack = 1.0 if settings.confirmed else settings.slack
+        self._slack, self.is_final = settings.slack, False
         self._latest: tuple[MeasurementModel, bytes, Point] | None = None
         self._reported: tuple[MeasurementModel, bytes] | None = None
 
@@ -62,6 +63,20 @@ class Search:
         if self.progress:
             for step in self.history:
                 self.progress(step)
+
+    def finish(self) -> None:
+        """Take the tolerances of a record from here on."""
+        self.is_final, self._latest = True, None
+        self._loosen(1.0)
+
+    def finished(
+        self, model: MeasurementModel, result: OptimizeResult, radius: float = np.inf
+    ) -> tuple[OptimizeResult, Point]:
+        """Return the minimum at the end of a search, by the tolerances of a record if it is one."""
+        if not self.settings.confirmed or self.is_final:
+            return result, self.evaluate(model, result.x)
+        self.finish()
+        return self.minimum(model, result.x, radius)
 
     def evaluate(self, model: MeasurementModel, u: np.ndarray) -> Point:
         """Return the model at scaled coordinates u (k,), the last one from memory."""
@@ -81,12 +96,10 @@ class Search:
         at = self.evaluate(model, u)
         return at if isinstance(at, Linearised) else model.linearise(u, self._slack)
 
-    def corrected(
-        self, model: MeasurementModel, u: np.ndarray, carried: bool = True
-    ) -> MeasurementModel:
+    def corrected(self, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
         """Return the model carried to the finer one at scaled coordinates u (k,)."""
         self.spent += 1
-        return model.corrected(u, self._slack if carried else 0.0)
+        return model.corrected(u, self._slack)
 
     def gross(self, model: MeasurementModel) -> float:
         """Half of chi-square from which on a misfit is gross."""
@@ -149,9 +162,8 @@ class Search:
     def _loosen(self, chi2_per_reading: float) -> None:
         """Let reduced bases err by a share of the misfit where it exceeds the noise."""
         s = self.settings
-        if not s.confirmed:
-            misfit = np.sqrt(max(chi2_per_reading, 1.0))
-            self._slack = s.slack * float(min(misfit, s.most_misfit_slack))
+        misfit = float(min(np.sqrt(max(chi2_per_reading, 1.0)), s.most_misfit_slack))
+        self._slack = misfit * (1.0 if self.is_final else s.slack)
 
     def _accept(self, model: MeasurementModel, u: np.ndarray, chi2: float, rms_m: float) -> None:
         """Keep a step, unless a search goes on from where the last one ended."""

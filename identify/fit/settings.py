@@ -30,7 +30,8 @@ class FitSettings:
     guarded : a correction that raises the finer model's own chi-square is made anew, with a shorter
         step of the map. Without, at one solution of the finer model a round, for starts near the
         minimum
-    raised : tolerated rise of chi-square in a first correction
+    raised : tolerated rise of chi-square in a first correction, and in any while a minimum is
+        sought, times chi-square per reading above one
     nearer, nearer_rounds : share of the map's step that is tried then, and further rounds
     settled : standard deviations of the estimate; a round that moves it by less is the last. They
         count as larger by the misfit over the noise

@@ -82,7 +82,8 @@ def forward_selection(
         return step
 
     say("fitting the map")
-    fit = found_again(first or fit_jointly(model, stiffness))
+    fit = first or fit_jointly(model, stiffness)
+    fit = found_again(fit) if model.effects else fit  # without any, that map was
     path = _Path(*_begun(fit, catalogue, policy, judged, say))
 
     def is_noise(fit: FitResult) -> bool:

@@ -254,13 +254,13 @@ def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> Measuremen
         mechanics = mechanics.following_growth()
     if fit.solution is not None:
         mechanics = mechanics.sharing(fit.model.mechanics)
-    free = [name for name, estimate in fit.parameters.items() if estimate.free]
+    free = [name for name in fit.covariance_names if name in fit.map.names]
     return MeasurementModel(
         Readings.of(scan),
         scan.used().displacement_m,
         fit.noise,
         mechanics.corrected(fit.map, mechanics.state()),
-        parameter_space(fit.map, coarse.mesh.box_m, [n for n in free if n in fit.map.names]),
+        parameter_space(fit.map, coarse.mesh.box_m, free),
     )
 
 

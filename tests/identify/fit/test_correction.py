@@ -38,11 +38,11 @@ def test_a_map_that_the_finer_mesh_cannot_resolve_is_approached_by_shorter_steps
 ):
     corrected, refused = Search.corrected, []
 
-    def sometimes(self, model, u, carried=True):
+    def sometimes(self, model, u):
         if not refused:
             refused.append(u)
             raise SolverError("the map is finer than the mesh around a tip resolves")
-        return corrected(self, model, u, carried)
+        return corrected(self, model, u)
 
     monkeypatch.setattr(Search, "corrected", sometimes)
     again = fit_jointly(own, TRUE.changed({"background_pa": 4000.0}))

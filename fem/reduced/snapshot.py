@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.palpation.model import Material, Response
-from fem.reduced.energies import Fields
+from fem.reduced.energies import Field
 
 
 class Law(NamedTuple):
@@ -30,11 +30,14 @@ class Snapshot:
     def __init__(self, response: Response, modulus: np.ndarray) -> None:
         self.modulus, self.law = modulus, law_of(response._material, response._springs)
         self._of = replace(response)  # without the sensitivities that are kept there
+        self._works: tuple[np.ndarray, ...] | None = None
 
     @property
-    def fields(self) -> Fields:
+    def field(self) -> Field:
         """The displacement of every press."""
-        return Fields.of(self._of)
+        field = Field.of(self._of, self._works)
+        self._works = field.works
+        return field
 
     @property
     def has_skin(self) -> bool:
@@ -44,8 +47,7 @@ class Snapshot:
     @cached_property
     def base(self) -> np.ndarray:
         """Displacement of the supported nodes, (j, b, 3)."""
-        model = self._of.model
-        return self.fields.nodal(model)[:, model.floating.foundation.nodes]
+        return self._nodal[:, self._of.model.floating.foundation.nodes]
 
     @cached_property
     def traction(self) -> np.ndarray:
@@ -55,8 +57,12 @@ class Snapshot:
     @cached_property
     def strains(self) -> np.ndarray:
         """Strains of the surface that may bear a skin, see `fem.palpation.skin.Membrane`."""
-        model = self._of.model
-        return model.floating.membrane.strains(self.fields.nodal(model))
+        return self._of.model.floating.membrane.strains(self._nodal)
+
+    @property
+    def _nodal(self) -> np.ndarray:
+        """Displacement of the nodes, (j, n, 3)."""
+        return self._of._body.stiffness.prolong(self._of._free)
 
 
 def law_of(material: Material, springs: tuple[float, float] | None) -> Law:

@@ -16,7 +16,6 @@ from fem.linear.modulus_samples import CLOSE_RULE, by_sample
 from fem.near_field.sums import CellIntegrals
 from fem.palpation.model import PalpationModel, Response
 
-
 _CLOSE = by_sample(np.eye(len(CLOSE_RULE[1])))  # (points, samples)
 
 

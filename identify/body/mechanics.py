@@ -157,7 +157,8 @@ class BodyMechanics(CoarseSolutions):
             factor = factor * self.poisson_factor(stiffness, state, nu, response.compliance, slack)
         if any(state.shift_m):
             base = response.compliance
-            moved = self.log_shift_factor(stiffness, state, state.shift_m, base, slack=slack)
+            straight = slack >= self.settings.straight_slack
+            moved = self.log_shift_factor(stiffness, state, state.shift_m, base, straight, slack)
             factor *= np.exp(moved)
         changed = ChangedMap(stiffness, state)
         return BodyResponse(
@@ -284,13 +285,13 @@ class BodyMechanics(CoarseSolutions):
         others = nodes[np.abs(nodes - self.poisson_ratio) > 1e-6]
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
         weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
-        logs = [
-            self._log_ratio(
-                node, lambda node=node: self._other(node), stiffness, state, base, slack
-            )
-            for node in nearest.tolist()
-        ]
-        coarse = np.exp(weights @ logs)
+        log = np.zeros(len(base))
+        for node, weight in zip(nearest.tolist(), weights.tolist(), strict=True):
+            if abs(weight) > 1e-9:  # else the ratio is that of the other node
+                log += weight * self._log_ratio(
+                    node, lambda node=node: self._other(node), stiffness, state, base, slack
+                )
+        coarse = np.exp(log)
         growth = mesh_error_growth(nu, self.poisson_ratio, self.settings)
         return coarse * self.ratio ** (growth - 1)
 

@@ -6,7 +6,7 @@ test; a fit evaluates the changed state itself (`BodyMechanics`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,7 @@ class BodyResponse:
     _scale: np.ndarray  # (j,) factor on the finite elements' own compliance
     _slack: float  # of the search that asked, see `BodyMechanics.evaluate`
     _narrower: BodyResponse | None = None  # under narrower contacts, of balls
+    _exact: dict[BodyState, tuple[float, np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @cached_property
     def by_map(self) -> np.ndarray:
@@ -164,10 +165,13 @@ class BodyResponse:
 
         `slack` see `BodyMechanics.evaluate`.
         """
-        # A copy: solutions of the fits are used, and stay in memory for them
-        aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
-        other = aside.evaluate(self._map, state, slack)
-        return other.compliance - self.compliance, other.local_modulus - self.local_modulus
+        if state not in self._exact or self._exact[state][0] > slack:
+            # A copy: solutions of the fits are used, and stay in memory for them
+            aside = replace(self._mechanics, _solutions=dict(self._mechanics._solutions))
+            other = aside.evaluate(self._map, state, slack)
+            self._exact[state] = slack, other.compliance, other.local_modulus
+        _, compliance, local = self._exact[state]
+        return compliance - self.compliance, local - self.local_modulus
 
     def forget_other_models(self) -> None:
         """Free the models of other Poisson's ratios and places, of hundreds of MB each."""

@@ -32,6 +32,7 @@ class BodySettings:
     least_shift_m : gap below which a block cannot be shifted
     plain_slack : slack of a search from which on ratios to other models leave out fibres, skin and
         springs
+    straight_slack : slack from which on small shifts of a block are interpolated along a chord
     carried_shift_m, carried_change : distance of the body's place, and change of the logarithm of
         a compliance, up to which a search takes the finer model's correction from another place
     carried_slack : slack up to which both grow with it
@@ -56,6 +57,7 @@ class BodySettings:
     least_shift_m: float = 1e-4
     shift_step_m: float = 1e-4
     plain_slack: float = 20.0
+    straight_slack: float = 50.0
     carried_shift_m: float = 5e-4
     carried_change: float = 0.05
     carried_slack: float = 4.0

@@ -67,7 +67,8 @@ class ShiftedBlock:
 
         Parameters
         ----------
-        straight : take the chord to the nearest model on that side, for small shifts; half the work
+        straight : take the chord to the nearest model on that side, for shifts up to it; half the
+            work
         log_ratio : returns the same for shifts along x or y with a model
         """
         total = np.zeros(len(self.coarse.contacts))
@@ -75,9 +76,9 @@ class ShiftedBlock:
             if shift == 0:
                 continue
             places = self._places(axis)
-            if straight:
-                places = places[places * shift > 0][:1]
-                weights = shift / places
+            beside = places[places * shift > 0][:1]
+            if straight and abs(shift) <= abs(beside[0]):
+                places, weights = beside, shift / beside
             else:
                 places = places[np.argsort(np.abs(places - shift), kind="stable")[:2]]
                 weights = lagrange_weights(shift, np.array([0.0, *places]))[1:]

@@ -66,3 +66,33 @@ def test_a_soft_inclusion_is_at_most_as_good_as_a_hole():
     soft = GaussianMap(6e3, (replace(problem.TRUE.inclusions[0], weight_pa=-2e3),))
     weight = parameter_space(soft, np.array([[0, 0, 0], problem.SIZE])).parameters[1]
     assert (weight.name, weight.lower, weight.upper) == ("inclusion_1.weight_pa", -5700.0, 0.0)
+
+
+def test_at_a_ratio_with_a_model_no_other_one_is_built():
+    own, built = problem.mechanics(), []
+
+    def at(nu: float) -> PalpationModel:
+        built.append(nu)
+        return own.at_poisson_ratio(nu)
+
+    counting = replace(own, at_poisson_ratio=at, _others={}, _ratios={}, _linear={})
+    node = own.settings.poisson_ratios[5]
+    counting.evaluate(problem.TRUE, own.state().changed(poisson_ratio=node))
+    assert built == [node]
+
+
+def test_a_change_is_solved_once_unless_it_is_asked_for_more_exactly(monkeypatch):
+    own, solved = problem.mechanics(), []
+    at = own.evaluate(problem.TRUE, own.state())
+    evaluate = type(own).evaluate
+
+    def counted(self, stiffness, state, slack=0.0):
+        solved.append(slack)
+        return evaluate(self, stiffness, state, slack)
+
+    monkeypatch.setattr(type(own), "evaluate", counted)
+    there = own.state().changed(base_normal_m_per_pa=1e-7)
+    changes = [at.exact_change(there, slack)[0] for slack in (10.0, 100.0, 10.0, 0.0, 1.0)]
+    assert solved == [10.0, 0.0]
+    np.testing.assert_array_equal(changes[0], changes[1])
+    np.testing.assert_array_equal(changes[3], changes[4])

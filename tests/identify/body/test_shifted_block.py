@@ -104,6 +104,10 @@ def test_first_order_change_of_the_place_is_that_of_the_models():
         at.forget_other_models()  # they are made again when they are asked for
         again, _ = at.change(own.state().changed(shift_m=shift))
         np.testing.assert_allclose(again, predicted, rtol=1e-9)
+    small, slack = own.state().changed(shift_m=(2e-4, 0.0)), own.settings.straight_slack
+    found, chord = (own.evaluate(problem.TRUE, small, s).compliance - at.compliance
+                    for s in (0.5 * slack, slack))  # fmt: skip
+    assert 1e-6 < np.linalg.norm(chord / found - 1) < 0.3
     there = own.evaluate(problem.TRUE, own.state().changed(shift_m=SHIFT))
     further = own.state().changed(shift_m=(SHIFT[0] + 1e-5, SHIFT[1]))
     predicted, _ = there.change(further)

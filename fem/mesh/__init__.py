@@ -1,15 +1,17 @@
 """Meshes: blocks, surfaces from files, tetrahedra, and the checks that they pass."""
 
-from fem.mesh.block import moved_sides, under_surface
-from fem.mesh.contact_surface import ContactSurface
+from fem.mesh.block import moved_sides, under_surface, widened_margins
+from fem.mesh.contact_surface import ContactSurface, SmoothedSurface
 from fem.mesh.mesh import Mesh
 from fem.mesh.surface import Surface, read_surface
 
 __all__ = [
     "ContactSurface",
     "Mesh",
+    "SmoothedSurface",
     "Surface",
     "moved_sides",
     "read_surface",
     "under_surface",
+    "widened_margins",
 ]

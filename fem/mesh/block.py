@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import permutations
 
@@ -12,6 +13,7 @@ from fem.mesh.mesh import TET_EDGES, Mesh, boundary_faces, promote_to_tet10
 
 PAPER_SIZE_M = (0.096, 0.096, 0.048)
 PAPER_DIVISIONS = (16, 16, 8)
+MARGIN_CELLS = 0.5  # of even cells' number, in a margin where nothing is pressed
 
 
 def block_mesh(
@@ -99,6 +101,24 @@ def under_surface(
     if mesh.order == 2:
         every[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
     return Mesh(every, mesh.cells, mesh.surfaces)
+
+
+def widened_margins(mesh: Mesh, divisions: Sequence[int], margin_m: float) -> Mesh:
+    """Return a block of even cells with those of its margins drawn out, to half as many.
+
+    Parameters
+    ----------
+    divisions : number of cells along x and y
+    margin_m : width of the margins along all four sides
+    """
+    nodes = mesh.nodes.copy()
+    for axis, (count, edge) in enumerate(zip(divisions, mesh.box_m[1, :2].tolist(), strict=True)):
+        outer = math.ceil(MARGIN_CELLS * count * margin_m / edge)
+        if 2 * outer < count and 0 < 2 * margin_m < edge:
+            share = [0, outer / count, 1 - outer / count, 1]
+            places = [0, margin_m, edge - margin_m, edge]
+            nodes[:, axis] = np.interp(nodes[:, axis] / edge, share, places)
+    return Mesh(nodes, mesh.cells, mesh.surfaces)
 
 
 def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:

@@ -34,6 +34,7 @@ Sources: I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47; K. L. Johnson, Contact Me
 
 from functools import cache
 
+import numba
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -64,71 +65,84 @@ def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> 
     bent = slope - level
     curvature = np.maximum(pressing.curvature_per_m * ball, _HOLLOW)
     first, bent = (level - bent) / unit, bent / unit**2
-    law = np.array(np.broadcast_arrays(plane, ball, curvature, first, bent))
     smooth = np.hypot(force_n, _SMOOTH * np.maximum(readings.peak_force_n, 1e-9))
-    hertz = np.cbrt(0.75 * smooth * ball / plane / (1 + curvature))
-    log_a = np.log(np.minimum(hertz, 0.9 * ball))
-    end, rows = np.log(_DEEPEST * ball), np.arange(len(smooth))
-    for _ in range(_ROUNDS):
-        force, steep = _under(np.exp(log_a[rows]), *law[:, rows])
-        step = np.log(smooth[rows] / force) / steep
-        before = log_a[rows]
-        log_a[rows] = np.minimum(before + step, end[rows])
-        rows = rows[np.abs(log_a[rows] - before) > _SETTLED]
-        if not len(rows):
-            break
-    # At the true radius the travel is stationary: an error of it counts by its square.
-    # Near the equator, where the contact has ended, the tip is as a cylinder
-    a = np.exp(log_a)
-    sunk = smooth / (2 * plane * a * np.exp(a * (first + bent * a)))
-    travel = sunk + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
-    return travel * force_n / smooth
+    law = np.array(np.broadcast_arrays(smooth, plane, ball, curvature, first, bent), order="F")
+    return _travels(law) * force_n / smooth
 
 
-def _under(
-    a: np.ndarray,
-    plane: np.ndarray,
-    ball: np.ndarray,
-    curvature: np.ndarray,
-    first: np.ndarray,
-    bent: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Force (n,) at contact radii (n,), and the slope of its logarithm by that of the radius.
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _travels(law):
+    """Travel (m,) m under forces, by the rows of `law`: see `_travel`."""
+    travel = np.empty(law.shape[1])
+    for i in range(law.shape[1]):
+        travel[i] = _travel(law[0, i], law[1, i], law[2, i], law[3, i], law[4, i], law[5, i])
+    return travel
 
-    A punch is as stiff as 2 `plane` a exp(`first` a + `bent` a^2).
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _travel(force, plane, ball, curvature, first, bent):
+    """Travel of a ball under a positive force.
+
+    A punch is as stiff as 2 `plane` a exp(`first` a + `bent` a^2). At the true radius the travel is
+    stationary: an error of it counts by its square. Near the equator, where the contact has ended,
+    the tip is as a cylinder.
     """
+    end = np.log(_DEEPEST * ball)
+    hertz = np.cbrt(0.75 * force * ball / plane / (1 + curvature))
+    log_a = np.log(min(hertz, 0.9 * ball))
+    low, high = -np.inf, end  # between which the force is reached
+    for _ in range(_ROUNDS):
+        found, steep = _under(np.exp(log_a), plane, ball, curvature, first, bent)
+        step = np.log(force / found) / steep
+        if step > 0:
+            low = log_a
+        else:
+            high = log_a
+        after = min(log_a + step, end)
+        if not low <= after <= high:
+            after = (low + high) / 2
+        moved, log_a = abs(after - log_a), after
+        if moved < _SETTLED:
+            break
+    a = np.exp(log_a)
+    sunk = force / (2 * plane * a * np.exp(a * (first + bent * a)))
+    return sunk + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _under(a, plane, ball, curvature, first, bent):
+    """Force at a contact radius, and the slope of its logarithm by that of the radius."""
     share = a / ball
-    gap, gap_slope = _gap_slope(share)
     own = 2 / 3 * curvature
-    gap, gap_slope = gap + own * share, gap_slope + own
+    slope, bend = _gap_slopes(share)
+    slope, bend = slope + own * share, bend + own
     linear, square = first * a, bent * a**2
-    grown = 1 + linear + 2 * square
-    more = np.where(grown > _STIFFENS, linear + 4 * square, 0.0)
-    grown = np.maximum(grown, _STIFFENS)
-    steep = share * gap_slope / gap + 1 + grown - more / grown
-    return 2 * plane * gap * a**2 * np.exp(linear + square) / grown, np.maximum(steep, 1.0)
+    grown, more = 1 + linear + 2 * square, linear + 4 * square
+    if grown <= _STIFFENS:
+        grown, more = _STIFFENS, 0.0
+    steep = share * bend / slope + 1 + grown - more / grown
+    return 2 * plane * slope * a**2 * np.exp(linear + square) / grown, max(steep, 1.0)
 
 
-def _gap(share: np.ndarray) -> np.ndarray:
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _gap(share):
     """Return the mean gap h/R under a punch, by a/R, without the body's curvature."""
-    small = share < _SERIES
-    x = np.where(small, 0.5, share)
-    exact = 0.5 - (1 - x**2) / (2 * x) * np.arctanh(x)
-    return np.where(small, share**2 * (1 / 3 + share**2 / 15), exact)
+    square = share**2
+    if share < _SERIES:
+        return square * (1 / 3 + square / 15)
+    return 0.5 - (1 - square) / (2 * share) * np.arctanh(share)
 
 
-def _gap_slope(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivative of `_gap`, and its own derivative."""
-    small = share < _SERIES
-    x = np.where(small, 0.5, share)
-    angle, square = np.arctanh(x), x**2
-    first = ((1 + square) * angle - x) / (2 * square)
-    second = (x + (1 + square) * x / (1 - square) - 2 * angle) / (2 * square * x)
-    near = share**2
-    return (
-        np.where(small, share * (2 / 3 + near * (4 / 15 + near * 6 / 35)), first),
-        np.where(small, 2 / 3 + near * (4 / 5 + near * 6 / 7), second),
-    )
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _gap_slopes(share):
+    """Return the first and second derivative of `_gap`."""
+    square = share**2
+    if share < _SERIES:
+        bend = 2 / 3 + square * (4 / 5 + square * 6 / 7)
+        return share * (2 / 3 + square * (4 / 15 + square * 6 / 35)), bend
+    angle = np.arctanh(share)
+    bend = (share + (1 + square) * share / (1 - square) - 2 * angle) / (2 * square * share)
+    return ((1 + square) * angle - share) / (2 * square), bend
 
 
 def beyond_fixed(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> np.ndarray:

@@ -131,8 +131,7 @@ def _thickness_note(body: Body, contacts: Contacts) -> str:
         )
     else:  # with the sides where they are
         made = contact_body(body)
-        margin_m = float(made.surface.points_m[:, 0].min() - made.corner_m[0])
-        update = {"thickness_m": THICKER * edges[2], "margin_m": margin_m}
+        update = {"thickness_m": THICKER * edges[2], "margin_m": made.margin_m}
         thicker = body.model_copy(update=update)
     here, there = (
         PalpationModel(
@@ -204,11 +203,11 @@ def _divided(body: Body, counts: Sequence[int]) -> Mesh:
     """Mesh a block, or the body under the surface through contact points as a bent block."""
     if body.size_m is not None:
         return block_mesh(body.size_m, counts)
-    from fem.mesh import under_surface
+    from fem.mesh import under_surface, widened_margins
 
     made = contact_body(body)
     x, y, z = made.size_m.tolist()
-    block = block_mesh((x, y, z), counts)
+    block = widened_margins(block_mesh((x, y, z), counts), counts[:2], made.margin_m)
     return under_surface(block, made.corner_m.tolist(), made.surface.heights)
 
 

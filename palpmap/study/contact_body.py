@@ -14,11 +14,13 @@ from models import InputError, read_scan, touching
 from palpmap.study.body import Body
 
 if TYPE_CHECKING:
-    from fem.mesh import ContactSurface
+    from fem.mesh import ContactSurface, SmoothedSurface
 
 MARGIN = 0.75  # of the thickness: free sides there change a press at the edge by up to 1 to 2 %
 THINNEST = 0.2  # least height over the base, of the thickness
 DIFFERENT_DEG = 10.0  # from the surface's normal: said
+CELLS = 1000  # of the size over which the surface is smoothed, where no cell size is stated
+SMOOTHED = 1.5  # such sizes
 STEEPEST_DEG = 75.0  # a press further off the vertical is on no surface of heights
 
 
@@ -28,14 +30,21 @@ class ContactBody:
 
     Attributes
     ----------
-    surface : heights in the frame of the scan of the contacts
+    through : surface through the contact points, in the frame of their scan
+    surface : the same as smooth as finite elements can show; the body's
     corner_m : (3,) least x and y, and the base's z
     size_m : (3,) along x and y; along z the mean thickness under the contact points
     """
 
-    surface: ContactSurface
+    through: ContactSurface
+    surface: SmoothedSurface
     corner_m: np.ndarray
     size_m: np.ndarray
+
+    @property
+    def margin_m(self) -> float:
+        """Width of the body beyond the outermost contacts, m."""
+        return float(self.through.points_m[:, 0].min() - self.corner_m[0])
 
     def box_m(self) -> np.ndarray:
         """Least and greatest coordinates of the body, (2, 3)."""
@@ -64,8 +73,8 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         f"at most {angle_deg.max():.2g}"
     )
     notes = [
-        f"The body's surface goes through {len(made.surface.points_m)} contact points; it "
-        f"predicts points left out to {1e3 * made.surface.error_m:.2g} mm. Contacts were moved "
+        f"The body's surface goes through {len(made.through.points_m)} contact points; it "
+        f"predicts points left out to {1e3 * made.through.error_m:.2g} mm. Contacts were moved "
         f"onto it by at most {1e3 * np.round(distance_m.max(), 6):g} mm. {directions}"
         + (f"; by more than {DIFFERENT_DEG:g} in {far} of {len(angle_deg)}." if far else "."),
     ]
@@ -99,11 +108,13 @@ def contact_body(body: Body) -> ContactBody:
         ) from error
     assert body.thickness_m is not None  # the study's own rule for this shape
     margin_m = MARGIN * body.thickness_m if body.margin_m is None else body.margin_m
-    return _made(file, stamp, body.thickness_m, margin_m)
+    return _made(file, stamp, body.thickness_m, margin_m, body.cell_size_m)
 
 
 @lru_cache(maxsize=8)
-def _made(file: Path, stamp: int, thickness_m: float, margin_m: float) -> ContactBody:
+def _made(
+    file: Path, stamp: int, thickness_m: float, margin_m: float, cell_m: float | None
+) -> ContactBody:
     from fem.mesh import ContactSurface
 
     scan = touching(read_scan(file, units_checked=True))
@@ -118,20 +129,19 @@ def _made(file: Path, stamp: int, thickness_m: float, margin_m: float) -> Contac
             'points up, or give a closed surface (shape = "surface")'
         )
     try:
-        surface = ContactSurface.through(points, directions)
+        through = ContactSurface.through(points, directions)
     except MeshError as error:
         raise InputError(f"{file}: {error}") from error
     low, high = points[:, :2].min(axis=0) - margin_m, points[:, :2].max(axis=0) + margin_m
-    base = float(surface.points_m[:, 2].mean()) - thickness_m
-    made = ContactBody(
-        surface,
-        np.array([*low, base]),
-        np.array([*(high - low), thickness_m]),
-    )
+    base = float(through.points_m[:, 2].mean()) - thickness_m
+    size = np.array([*(high - low), thickness_m])
+    cell_m = cell_m or float(np.cbrt(size.prod() / CELLS))
+    surface = through.smoothed(SMOOTHED * cell_m, low, high)
+    made = ContactBody(through, surface, np.array([*low, base]), size)
     axes = [np.linspace(a, b, 41) for a, b in zip(low, high, strict=True)]
     lowest = float(surface.heights(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)).min())
     if lowest - base < THINNEST * thickness_m:
-        needed = (float(surface.points_m[:, 2].mean()) - lowest) / (1 - THINNEST)
+        needed = (float(through.points_m[:, 2].mean()) - lowest) / (1 - THINNEST)
         raise InputError(
             f"study, key body.thickness_m: found {thickness_m:g} m, but the surface through the "
             f"contact points comes down to {1e3 * (lowest - base):.3g} mm above the base, which "

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem.errors import MeshError
-from fem.mesh.block import PAPER_SIZE_M, block_mesh, paper_mesh
+from fem.mesh.block import PAPER_SIZE_M, block_mesh, paper_mesh, widened_margins
 from fem.mesh.mesh import TET_EDGES, TET_FACES, TRIANGLE_EDGES, Mesh, promote_to_tet10
 
 SIZE = (0.09, 0.07, 0.05)
@@ -33,6 +33,18 @@ def test_the_papers_mesh_has_the_papers_counts():
     assert mesh.volume == pytest.approx(np.prod(PAPER_SIZE_M), rel=1e-12)
     assert len(mesh.surface_nodes("top")) == len(mesh.surface_nodes("base")) == 17 * 17
     np.testing.assert_allclose(np.ptp(mesh.nodes, axis=0), PAPER_SIZE_M, rtol=1e-14)
+
+
+def test_margins_have_half_as_many_cells_and_the_middle_the_others():
+    even = block_mesh(SIZE, (9, 7, 2))
+    mesh = widened_margins(even, (9, 7), 0.02)
+    corners = mesh.nodes[: mesh.cells[:, :4].max() + 1]
+    x, y = (np.unique(corners[:, axis].round(12)) for axis in (0, 1))
+    np.testing.assert_allclose(np.diff(x), [0.02, *np.full(7, 0.05 / 7), 0.02])
+    np.testing.assert_allclose(np.diff(y), [0.02, *np.full(5, 0.03 / 5), 0.02])
+    assert mesh.volume == pytest.approx(even.volume, rel=1e-12)
+    assert mesh.cell_volumes.min() > 0
+    np.testing.assert_array_equal(widened_margins(even, (9, 7), 0.0).nodes, even.nodes)
 
 
 @every_block

@@ -53,6 +53,19 @@ def test_noise_of_the_touch_is_smoothed():
     assert np.sqrt(np.mean((surface.heights(between) - dome(between)) ** 2)) < 1.2e-4
 
 
+def test_smoothing_keeps_a_paraboloid_and_takes_what_is_finer():
+    xy = grid(25, half_m=0.06)
+    wave = 1e-3 * np.sin(2 * np.pi * xy[:, 0] / 0.012)
+    points = np.column_stack([xy, 0.03 - 4 * (xy**2).sum(axis=1) + wave])
+    through = ContactSurface.through(points, np.tile([0.0, 0, -1], (len(xy), 1)))
+    smooth = through.smoothed(0.008, np.full(2, -0.06), np.full(2, 0.06))
+    middle = np.random.default_rng(0).uniform(-0.02, 0.02, (50, 2))
+    exact = 0.03 - 4 * (middle**2).sum(axis=1)
+    np.testing.assert_allclose(smooth.heights(middle), exact, atol=2e-5)
+    slope = smooth.inward_normals(middle)
+    np.testing.assert_allclose(-slope[:, :2] / slope[:, 2:], -8 * middle, atol=0.02)
+
+
 def test_beyond_the_contacts_the_surface_keeps_its_slope_and_levels_out():
     points = np.column_stack([grid(5), 0.02 + 0.3 * grid(5)[:, 0]])
     surface = ContactSurface.through(points, np.tile([0.3, 0, -1] / np.sqrt(1.09), (25, 1)))

@@ -16,6 +16,7 @@ from palpmap.__main__ import app
 from palpmap.api import fit
 from palpmap.experiment import read_study
 from palpmap.result.finding import study_outline
+from palpmap.study.body_model import _divided
 from palpmap.study.contact_body import contact_body
 from palpmap.study.kept_inputs import keep_inputs
 from palpmap.study.placement import place_scan
@@ -87,12 +88,42 @@ def test_the_bodys_frame_is_the_scans_and_its_outline_follows_the_surface(tmp_pa
     study = load_study(json.loads(new(tmp_path, dome_scan(), "--thickness", str(THICK)))["study"])
     placed = place_scan(read_scan(study.scan), study)
     points = touched(grid(4))[0] + ALOFT
-    np.testing.assert_allclose(placed.scan.contact_points, points, atol=1e-6)
+    found = placed.scan.contact_points
+    np.testing.assert_allclose(found[:, :2], points[:, :2], atol=1e-6)
+    # On the body's smoothed surface, which the outermost contacts shape from one side alone
+    np.testing.assert_allclose(found[:, 2], contact_body(study.body).surface.heights(found[:, :2]))
+    np.testing.assert_allclose(found[:, 2], points[:, 2], atol=3e-4)
     assert placed.angle_deg.max() < 0.6
     outline = study_outline(study)
     middle = points.mean(axis=0)
     assert outline.inside(middle + np.outer([0, 0.01], [0, 0, 1])).tolist() == [True, False]
     assert outline.lower_m[2] == pytest.approx(points[:, 2].mean() - THICK)
+
+
+def test_waves_finer_than_the_cells_make_no_press_stiffer(tmp_path):
+    points, inward = touched(grid(9))
+    wave = 6e-4 * np.sin(2 * np.pi * points[:, 0] / 0.0125)
+    rough = points + np.outer(wave, [0, 0, 1])
+    compliance = []
+    for name, places in (("even", points), ("rough", rough)):
+        both = np.repeat(np.arange(81), 2)
+        scan = Scan(
+            press=both, time_s=np.arange(162), phase=["load", "hold"] * 81, point_m=places[both],
+            direction=inward[both], force_n=np.tile([0.1, 0.2], 81),
+            displacement_m=np.tile([5e-4, 1e-3], 81), probe_radius_m=np.full(162, TIP),
+            tip_pose=None,
+        )  # fmt: skip
+        (tmp_path / name).mkdir()
+        said = json.loads(new(tmp_path / name, scan, "--thickness", str(THICK)))
+        study = load_study(said["study"])
+        placed, some = place_scan(read_scan(study.scan), study).scan, slice(None, None, 4)
+        contacts = Contacts(
+            placed.contact_points[some], placed.contact_directions[some], np.full(21, 0.002)
+        )
+        mesh = _divided(study.body, [8, 8, 3])
+        compliance.append(PalpationModel(mesh, NU, contacts).evaluate(MODULUS).compliance)
+    ratio = compliance[1] / compliance[0]
+    assert ratio == pytest.approx(np.ones(21), abs=0.03)
 
 
 def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
@@ -103,7 +134,7 @@ def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
     keep_inputs(study, scan.rows(scan.press != 3), run)
     kept = load_study(run / "study.toml")
     assert (len(read_scan(kept.scan).press_ids), kept.body.file) == (15, run / "contacts.csv")
-    assert len(contact_body(kept.body).surface.points_m) == 16
+    assert len(contact_body(kept.body).through.points_m) == 16
 
 
 def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):

@@ -46,10 +46,11 @@ def _table(found: "CheckRecord") -> "Table":
         size = f"{body.thickness_m * 1e3:g} mm thick"
     if body.size_m is not None:
         size = " x ".join(f"{length * 1e3:g}" for length in body.size_m) + " mm"
+    finer = "" if found.inclusions == "free" else ", and finer ones"
     table = Table(title=found.study, box=box.SIMPLE, show_header=False, title_justify="left")
     table.add_row("scan", found.scan)
     table.add_row("body", f"{body.shape}, {size}, Poisson's ratio {body.poisson_ratio:g}")
-    table.add_row("finite elements", f"{1e3 * found.cell_size_m:.3g} mm, and finer ones")
+    table.add_row("finite elements", f"{1e3 * found.cell_size_m:.3g} mm{finer}")
     table.add_row("presses", str(found.presses))
     phases = ", ".join(f"{count} {phase}" for phase, count in found.samples.items())
     table.add_row("rows", f"{found.rows} ({phases}); {found.ignored_rows} ignored")
@@ -71,7 +72,7 @@ def _table(found: "CheckRecord") -> "Table":
     )
     table.add_row(
         "contact points",
-        f"at most {placed.largest_distance_m * 1e3:.3g} mm off the surface, "
+        f"at most {round(placed.largest_distance_m * 1e3, 3):.3g} mm off the surface, "
         f"{placed.largest_angle_deg:.3g} degrees off its normal",
     )
     any_shape = "none: a free map" if found.inclusions == "free" else str(found.inclusions)

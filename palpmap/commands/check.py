@@ -13,7 +13,7 @@ from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import try_body_model
-from palpmap.study.cell_size import cell_size_m
+from palpmap.study.cell_size import cell_size_m, free_map_cell_m
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.contact_body import surface_notes
 from palpmap.study.placement import Placement, place_scan
@@ -44,7 +44,7 @@ class CheckRecord(FileRecord):
     scan: str = Field(description="path of the scan's file")
     sha256: Mapping[str, str] = Field(description="of study and scan")
     body: Annotated[Body, Given] = Field(description="as the study gives it")
-    cell_size_m: float = Field(description="of the coarser mesh, m")
+    cell_size_m: float = Field(description="of the coarser mesh, or of the one under a free map, m")
     presses: int
     rows: int
     ignored_rows: int = Field(description="of approach and retract")
@@ -88,7 +88,9 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         scan=str(study.scan),
         sha256={"study": sha256(path), "scan": sha256(study.scan)},
         body=study.body,
-        cell_size_m=cell_size_m(study.body),
+        cell_size_m=free_map_cell_m(study.body, len(scan.press_ids))
+        if study.map.kind == "free"
+        else cell_size_m(study.body),
         presses=len(scan.press_ids),
         rows=len(scan),
         ignored_rows=scan.ignored_rows,

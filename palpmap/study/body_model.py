@@ -19,8 +19,8 @@ from palpmap.study.cell_size import (
     closed_surface,
     edges_of,
     finer_divisions,
+    free_map_cell_m,
     refuse_too_large,
-    volume_of,
 )
 from palpmap.study.contact_body import contact_body
 from palpmap.study.study import Study
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 FEW = 20  # presses that tell it
 THICKER = 1.2  # of an assumed thickness, to tell how far moduli depend on it
-FREE_MAP_CELLS = 1000  # most hexahedra under a free map
-FREE_MAP_WORK = 3e5  # hexahedra times presses: eight evaluations in a minute of one core
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
 OUTSIDE = 32  # cells a side of the surface through contact points, where it is drawn or pressed
 
@@ -76,9 +74,7 @@ def _under_free_map(
     if edges is None:
         mesh = _meshes(study)[1]
     else:
-        cells = np.clip(FREE_MAP_WORK / len(contacts), COARSE_CELLS, FREE_MAP_CELLS)
-        chosen = body.cell_size_m or float(np.cbrt(volume_of(body) / cells))
-        mesh = _divided(body, block_divisions(edges, chosen))
+        mesh = _divided(body, block_divisions(edges, free_map_cell_m(body, len(contacts))))
     model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
     if body.support == "base-sliding":
         _check_held(model, scan)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 COARSE_CELLS = 256  # hexahedra of a block: 8 x 8 x 4 of the paper's body
 MOST_CELLS = 2048  # the finer of two meshes then has 170,000 to 210,000 unknowns, and takes 4 GB
 MOST_FINER_CELLS = 8640  # of the finer mesh; rounding makes up to a quarter more of 2048
+FREE_MAP_CELLS = 1000  # most hexahedra under a free map
+FREE_MAP_WORK = 3e5  # hexahedra times presses: eight evaluations in a minute of one core
 BYTES = (0.5e9, 6e5, 4.5e6)  # base, and for each finer cell and each press, measured
 REFINEMENT = 1.5
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
@@ -56,6 +58,14 @@ def cell_size_m(body: Body) -> float:
             "smaller or leave it out"
         )
     return body.cell_size_m
+
+
+def free_map_cell_m(body: Body, presses: int) -> float:
+    """Return the size of the cells under a free map, m: stated, or as fine as the time allows."""
+    if edges_of(body) is None:
+        return cell_size_m(body) * SURFACE_EDGES[0] / SURFACE_EDGES[1]
+    cells = float(np.clip(FREE_MAP_WORK / presses, COARSE_CELLS, FREE_MAP_CELLS))
+    return body.cell_size_m or float(np.cbrt(volume_of(body) / cells))
 
 
 def smallest_cell_m(body: Body) -> float:

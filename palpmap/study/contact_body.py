@@ -34,12 +34,14 @@ class ContactBody:
     surface : the same as smooth as finite elements can show; the body's
     corner_m : (3,) least x and y, and the base's z
     size_m : (3,) along x and y; along z the mean thickness under the contact points
+    smoothed_m : length over which `surface` is
     """
 
     through: ContactSurface
     surface: SmoothedSurface
     corner_m: np.ndarray
     size_m: np.ndarray
+    smoothed_m: float
 
     @property
     def margin_m(self) -> float:
@@ -72,11 +74,16 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         f"Press directions differ from its normal by {np.median(angle_deg):.2g} degrees (median), "
         f"at most {angle_deg.max():.2g}"
     )
+    points = made.through.points_m
+    shift = np.abs(made.surface.heights(points[:, :2]) - points[:, 2]).max()
     notes = [
-        f"The body's surface goes through {len(made.through.points_m)} contact points; it "
-        f"predicts points left out to {1e3 * made.through.error_m:.2g} mm. Contacts were moved "
-        f"onto it by at most {1e3 * np.round(distance_m.max(), 6):g} mm. {directions}"
+        f"The body's surface goes through {len(points)} contact points; it "
+        f"predicts points left out to {1e3 * made.through.error_m:.2g} mm. Contacts lie at "
+        f"most {1e3 * np.round(distance_m.max(), 6):g} mm off it. {directions}"
         + (f"; by more than {DIFFERENT_DEG:g} in {far} of {len(angle_deg)}." if far else "."),
+        "Finite elements show no shape finer than themselves: the body is meshed under the same "
+        f"surface smoothed over {1e3 * made.smoothed_m:.2g} mm, up to {1e3 * shift:.2g} mm off, "
+        "and pressed along its normals; body.cell_size_m sets that.",
     ]
     if body.margin_m is None:
         notes.append(
@@ -135,9 +142,9 @@ def _made(
     low, high = points[:, :2].min(axis=0) - margin_m, points[:, :2].max(axis=0) + margin_m
     base = float(through.points_m[:, 2].mean()) - thickness_m
     size = np.array([*(high - low), thickness_m])
-    cell_m = cell_m or float(np.cbrt(size.prod() / CELLS))
-    surface = through.smoothed(SMOOTHED * cell_m, low, high)
-    made = ContactBody(through, surface, np.array([*low, base]), size)
+    length_m = SMOOTHED * (cell_m or float(np.cbrt(size.prod() / CELLS)))
+    surface = through.smoothed(length_m, low, high)
+    made = ContactBody(through, surface, np.array([*low, base]), size, length_m)
     axes = [np.linspace(a, b, 41) for a, b in zip(low, high, strict=True)]
     lowest = float(surface.heights(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)).min())
     if lowest - base < THINNEST * thickness_m:

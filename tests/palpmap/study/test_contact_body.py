@@ -14,6 +14,7 @@ from models import InputError, read_scan, write_scan
 from models.scan import Scan
 from palpmap.__main__ import app
 from palpmap.api import fit
+from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
 from palpmap.result.finding import study_outline
 from palpmap.study.body_model import _divided
@@ -80,7 +81,11 @@ def test_a_press_in_the_air_bends_no_surface_and_is_fitted_by_nobody(tmp_path):
     points, _ = touched(grid(4))
     heights = contact_body(experiment.study.body).surface.heights(points[:, :2] + ALOFT[:2])
     assert np.abs(heights - points[:, 2] - ALOFT[2]).max() < 1e-3
-    assert 5 not in experiment.opened(thin=False).scan.press_ids
+    opened = experiment.opened(thin=False)
+    assert 5 not in opened.scan.press_ids
+    mesh = opened.body.coarse.mesh
+    cell_m = check_study(said["study"]).cell_size_m
+    assert cell_m == pytest.approx(np.cbrt(6 * mesh.volume / len(mesh.cells)), rel=0.1)
     assert experiment.study.map.kind == "free"
 
 

@@ -13,6 +13,7 @@ from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D
 
 from identify.select import Diagnosis, Explanation, Step
+from palpmap import units
 from palpmap.figures.style import (
     BLACK,
     BLUE,
@@ -60,7 +61,7 @@ def draw_ladder(explained: Explanation) -> Figure:
     for x, value, step in zip(at, rms, steps, strict=True):
         under = value <= lowest_at[x]  # no other curve is below left, else none above right
         axes.annotate(
-            f"{value:.3g} µm\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value),
+            f"{units.rms(1e-6 * value)}\nχ²/dof {step.fit.chi2_per_dof:.3g}", (x, value),
             (-8, -6) if under else (8, 6), textcoords="offset points",
             ha="right" if under else "left", va="top" if under else "bottom", fontsize=10,
             color=BLUE, bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1},
@@ -69,7 +70,7 @@ def draw_ladder(explained: Explanation) -> Figure:
     axes.set_ylim(min(noise * spread**-0.25, lowest) / 1.35, noise * max(spread, 1.0) ** 1.3 * 1.6)
     axes.set_xlim(-0.55, max(len(steps) - 0.45, 1.45))
     axes.annotate(
-        f"the noise alone: {noise:.3g} µm", (0, noise), (6, -4), ha="left", va="top",
+        f"the noise alone: {units.rms(1e-6 * noise)}", (0, noise), (6, -4), ha="left", va="top",
         xycoords=("axes fraction", "data"), textcoords="offset points", color="#4b515b",
     )  # fmt: skip
     axes.set_xticks(at, _labels(steps))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from fem import Contacts, PalpationModel, RefinedModel, Surface
-from fem.contact import surface_curvature
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, Surface
+from fem.contact import PressedSurface, surface_curvature
 from identify.effects.base import Effect, Values
 from identify.measurement.noise import Noise
 from models import LabelVolume, Scan, thinned
@@ -49,13 +49,18 @@ class BodyModel:
     note: str
     surface: Surface | None = None
 
+    @property
+    def _meshes(self) -> tuple[Mesh, ...]:
+        fine = self.fine.fine if isinstance(self.fine, RefinedModel) else self.fine
+        return tuple({id(m.mesh): m.mesh for m in (self.coarse, fine)}.values())
+
     def under(self, scan: Scan, most_m: float = np.inf) -> BodyModel:
         """Return the models on the same meshes, under the presses of another placed scan.
 
         `most_m` see `contacts_of`.
         """
         sphere = self.coarse.contacts.profile == "hertz"
-        contacts, note = contacts_of(scan, sphere, self.surface, most_m)
+        contacts, note = contacts_of(scan, sphere, self._meshes, self.surface, most_m)
 
         def pressed(model: PalpationModel) -> PalpationModel:
             return model.on(model.mesh, contacts)
@@ -72,13 +77,19 @@ class BodyModel:
 
 
 def contacts_of(
-    scan: Scan, sphere: bool, surface: Surface | None = None, most_m: float = np.inf
+    scan: Scan,
+    sphere: bool,
+    meshes: Sequence[Mesh] = (),
+    surface: Surface | None = None,
+    most_m: float = np.inf,
 ) -> tuple[Contacts, str]:
     """Return the presses as contacts of fixed size, and a note for the report.
 
-    A sphere's contact grows with the load, from the one Hertz contact a = sqrt(R d) that the
-    linear model gives each press: that at half the press's largest depth, or at half of `most_m` in
-    a deeper one: a fit's model of a press deeper than its own is that of its own.
+    A sphere's contact grows with the load, through the one Hertz contact a = sqrt(R d) that the
+    linear model gives each press: that at the press's largest depth, or at `most_m` in a deeper
+    one, since a fit's model of a press deeper than its own is that of its own. Beside an inclusion
+    the law of a contact half as deep, followed that far, was 2.7 % off at the largest force. Where
+    it hangs over the edge of one of the `meshes`, half the depth is taken.
     """
     points, directions, radii = scan.contact_points, scan.contact_directions, scan.contact_radii
     if not sphere:
@@ -87,9 +98,12 @@ def contacts_of(
     np.maximum.at(deepest, scan.press_index, scan.displacement_m)
     deepest = np.minimum(deepest, most_m)
     typical = np.maximum(deepest, 0.1 * np.median(deepest[deepest > 0]))
-    contact = np.minimum(np.sqrt(radii * typical / 2), radii)
+    contact = np.minimum(np.sqrt(radii * typical), radii)
+    for mesh in meshes:
+        borne = PressedSurface(mesh).bears(Contacts(points, directions, contact, "hertz"))
+        contact = np.where(borne, contact, np.minimum(np.sqrt(radii * typical / 2), radii))
     note = (
-        "The tip is a sphere: the finite elements have the contact of half the depth (radius "
+        "The tip is a sphere: the finite elements have the contact of the largest depth (radius "
         f"{1e3 * contact.min():.2g} to {1e3 * contact.max():.2g} mm), and it grows with the force."
     )
     return _curved(Contacts(points, directions, contact, "hertz"), surface), note

@@ -11,7 +11,7 @@ Nothing is changed in place: `with_effect` and `without` return new models.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,14 +25,14 @@ from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
-from identify.measurement.chain import Chain, judge
+from identify.measurement.chain import Chain, Judged, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.settings import TOUCH
-from identify.measurement.shared_error import decorrelated, lag_error_m
+from identify.measurement.shared_error import SharedErrors, lag_error_m
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 _OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map
@@ -204,32 +204,23 @@ class MeasurementModel:
         if self.unit_compliance is not None:
             e = self.unit_compliance / c
         judged = judge(self._chain(body), c, e, self.displacement_m, self.noise, self.values(u))
-        white, _, _ = self._whitening(judged.sigma_m)
-        return white(judged.residual_m / judged.sigma_m)
+        return self._shared(judged.sigma_m).whitened(judged.residual_m / judged.sigma_m)
 
     @cached_property
     def _lag_m(self) -> np.ndarray:
         return lag_error_m(self.noise, self.readings, self.displacement_m)
 
-    def _whitening(
-        self, sigma_m: np.ndarray, *errors_m: np.ndarray
-    ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
-        """Return what whitens by the errors that readings share; those of a press, those of all.
+    def _shared(self, sigma_m: np.ndarray, *errors_m: np.ndarray) -> SharedErrors:
+        """Return the errors that readings share.
 
         `errors_m` (m,) are further ones of a press. That of the first touch is partly common to
         all presses, that of the lag wholly. A free map is whitened press by press.
         """
-        press, together = self.readings.press, np.zeros_like(self.readings.press)
         touch, lag = np.full_like(sigma_m, self.noise.touch_m), self._lag_m
         alone = self.map_uncertainty is not None
-        shared = np.column_stack([*errors_m, touch, alone * lag]) / sigma_m[:, None]
+        own = np.column_stack([*errors_m, touch, alone * lag]) / sigma_m[:, None]
         common = np.column_stack([TOUCH.common_share * touch, lag]) / sigma_m[:, None]
-        common = decorrelated((not alone) * common, shared, press)
-        return (
-            lambda x: decorrelated(decorrelated(x, shared, press), common, together),
-            shared,
-            common,
-        )
+        return SharedErrors.of(own, (not alone) * common, self.readings.press)
 
     def linearise(self, u: np.ndarray, slack: float = 0.0) -> Linearised:
         """Evaluate model and derivatives at scaled coordinates (k,).
@@ -289,7 +280,8 @@ class MeasurementModel:
             e = self.unit_compliance / c
         chain = self._chain(body)
         judged = judge(chain, c, e, self.displacement_m, self.noise, values)
-        residual, sigma, latent = judged.residual_m, judged.sigma_m, judged.latent_force_n
+        residual, sigma = judged.residual_m, judged.sigma_m
+        latent = self._latent(judged)
         by_c, by_e = chain.by_body(c, e, latent, values)
         k = len(self.space.free)
         by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
@@ -307,16 +299,16 @@ class MeasurementModel:
         press = self.readings.press
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
         map_error = off[press] * (by_c * c[press] - by_e * e[press])
-        white, shared, common = self._whitening(sigma, map_error)
+        shared = self._shared(sigma, map_error)
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
-            residual=white(residual / sigma),
-            jacobian=white(np.hstack(columns) / sigma[:, None]),
+            residual=shared.whitened(residual / sigma),
+            jacobian=shared.whitened(np.hstack(columns) / sigma[:, None]),
             rms_m=float(np.sqrt(np.mean(residual**2))),
-            shared_errors=shared,
-            common_errors=common,
+            shared_errors=shared.own,
+            common_errors=shared.common,
             by_compliance=by_c,
             by_modulus=by_e,
             compliance=c,
@@ -325,6 +317,18 @@ class MeasurementModel:
             state=state,
             values=values,
         )
+
+    def _latent(self, judged: Judged) -> np.ndarray:
+        """Return the best estimate (m,) of the force, N.
+
+        A shared error of the travel is no error of the force: counted as one, chi-square fell along
+        no step near its minimum.
+        """
+        if not (self.noise.touch_m or self.noise.lag_s):
+            return judged.latent_force_n
+        shared, sigma = self._shared(judged.sigma_m), judged.sigma_m
+        apart = shared.transposed(shared.whitened(judged.residual_m / sigma)) / sigma
+        return self.readings.force_n + judged.slope * self.noise.force_n**2 * apart
 
     def _marginal(self, body: BodyResponse, u: np.ndarray, uncertain: MapUncertainty) -> Linearised:
         """Return the model with every map of the prior beside it, its predictions by the best.

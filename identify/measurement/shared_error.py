@@ -4,11 +4,42 @@ Beside their noise the whitened readings of a press then have the covariance I +
 a column for each shared error.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from identify.effects.readings import Readings
 from identify.effects.smooth import LocalLines
 from identify.measurement.noise import Noise
+
+
+@dataclass(frozen=True)
+class SharedErrors:
+    """Change of whitened readings by one standard deviation of each error that they share.
+
+    Attributes
+    ----------
+    own : (m, r) of errors that the readings of a press share
+    common : (m, s) of those that all share, made independent of `own`
+    press : (m,) index of each reading's press
+    """
+
+    own: np.ndarray
+    common: np.ndarray
+    press: np.ndarray
+
+    @classmethod
+    def of(cls, own: np.ndarray, common: np.ndarray, press: np.ndarray) -> "SharedErrors":
+        """Make the errors that all share independent of those of a press."""
+        return cls(own, decorrelated(common, own, press), press)
+
+    def whitened(self, x: np.ndarray) -> np.ndarray:
+        """Make readings (m,) or (m, k), whitened by their noise alone, independent."""
+        return decorrelated(decorrelated(x, self.own, self.press), self.common, 0 * self.press)
+
+    def transposed(self, x: np.ndarray) -> np.ndarray:
+        """Apply the transpose of `whitened`."""
+        return decorrelated(decorrelated(x, self.common, 0 * self.press), self.own, self.press)
 
 
 def decorrelated(x: np.ndarray, errors: np.ndarray, press: np.ndarray) -> np.ndarray:

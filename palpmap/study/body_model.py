@@ -50,14 +50,20 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     """
     ball = study.probe.tip == "sphere"
     surface = outside_of(study.body) if study.body.size_m is None else None
-    contacts, note = contacts_of(scan, ball, surface)
+    if study.map.kind == "inclusions":
+        refuse_too_large(study.body, len(scan.press_ids))
+        meshes = _meshes(study)
+    else:
+        meshes = (_mesh_of_free_map(study, len(scan.press_ids)),)
+    contacts, note = contacts_of(scan, ball, meshes, surface)
     if study.body.thickness_assumed:
         note = f"{note} {_thickness_note(study.body, contacts)}".strip()
-    if study.map.kind != "inclusions":
-        return _under_free_map(study, scan, contacts, note, surface)
-    refuse_too_large(study.body, len(scan.press_ids))
-    meshes = _meshes(study)
     nu, support = study.body.poisson_ratio, support_of(study.body)
+    if len(meshes) == 1:
+        model = PalpationModel(meshes[0], nu, contacts, support=support)
+        if study.body.support == "base-sliding":
+            _check_held(model, scan)
+        return BodyModel(model, model, model, note, surface)
     search = _search_model(study, meshes[0], contacts)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
@@ -66,19 +72,12 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     return BodyModel(search, coarse, fine, note, surface)
 
 
-def _under_free_map(
-    study: Study, scan: Scan, contacts: Contacts, note: str, surface: Surface | None
-) -> BodyModel:
+def _mesh_of_free_map(study: Study, presses: int) -> Mesh:
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
     body, edges = study.body, edges_of(study.body)
     if edges is None:
-        mesh = _meshes(study)[1]
-    else:
-        mesh = _divided(body, block_divisions(edges, free_map_cell_m(body, len(contacts))))
-    model = PalpationModel(mesh, body.poisson_ratio, contacts, support=support_of(body))
-    if body.support == "base-sliding":
-        _check_held(model, scan)
-    return BodyModel(model, model, model, note, surface)
+        return _meshes(study)[1]
+    return _divided(body, block_divisions(edges, free_map_cell_m(body, presses)))
 
 
 def try_body_model(study: Study, scan: Scan) -> None:
@@ -90,9 +89,9 @@ def try_body_model(study: Study, scan: Scan) -> None:
 
         check_underside(closed_surface(study.body))
         return
-    contacts, _ = contacts_of(scan, study.probe.tip == "sphere")
-    counts = block_divisions(edges, cell_size_m(study.body))
-    search = _search_model(study, _divided(study.body, counts), contacts)
+    mesh = _divided(study.body, block_divisions(edges, cell_size_m(study.body)))
+    contacts, _ = contacts_of(scan, study.probe.tip == "sphere", (mesh,))
+    search = _search_model(study, mesh, contacts)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
 

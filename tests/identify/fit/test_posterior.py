@@ -125,6 +125,19 @@ def test_the_residual_without_derivatives_is_the_same(model, touch_m, lag_s):
     assert_allclose(other.residual(place), other.linearise(place).residual, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("touch_m", "lag_s"), [(0.0, 0.0), (3e-5, 0.0), (3e-5, 0.01)])
+def test_the_derivatives_are_those_of_chi_square(model, touch_m, lag_s):
+    fit, _, _ = fitted(model, 1.2e-3)
+    other = replace(fit.model, noise=replace(NOISE, touch_m=touch_m, lag_s=lag_s))
+    place = fit.u + np.array([0.01, -0.2])
+    at = other.linearise(place)
+    steps = 1e-5 * np.diag([1.0, 10.0])
+    rise = [np.sum(other.residual(place + h) ** 2) - np.sum(other.residual(place - h) ** 2)
+            for h in steps]  # fmt: skip
+    found = np.array(rise) / (2 * np.diag(steps))
+    assert_allclose(found, -2 * at.jacobian.T @ at.residual, rtol=1e-4)
+
+
 def test_the_bent_coordinates_keep_the_density(model):
     fit, _, _ = fitted(model, 1.2e-3)
     target = LogPosterior(fit.solution)

@@ -113,7 +113,8 @@ def _end(expected: float, within: float, idle: int, lowered: float) -> str:
     idle, lowered : steps in a row that lowered it by no more than `lowered`
     """
     if expected <= within:
-        return f"converged: a further step would lower chi-square by less than {2 * within:.1g}"
+        left = float(f"{2 * within:.1g}")
+        return f"converged: a further step would lower chi-square by less than {left:g}"
     if idle < _IDLE_STEPS:
         return ""
     return f"converged: the last {idle} steps lowered half of chi-square by {lowered:.1e} at most"

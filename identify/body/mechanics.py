@@ -34,7 +34,7 @@ from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
 _KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
-_KEPT_FINE = 4  # solutions of the finer model that are carried, of 15 MB each
+_KEPT_FINE = 6  # solutions of the finer model that are carried, of 15 MB each, the last used
 _KEPT_SIDES = 6  # bases of such models, and of blocks elsewhere
 _SIDE_BYTES = 32e6  # of the energies of one
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
@@ -205,9 +205,10 @@ class BodyMechanics(CoarseSolutions):
             return self._corrected_elsewhere(shift, stiffness, plain, slack)
         if slack and self._fine:
             compliance = self._found(stiffness, plain, slack).compliance
-            for known in reversed(self._fine.values()):
+            for key, known in reversed(self._fine.items()):
                 at = known.at(self.fine, changed, self.coarse, compliance, slack, self.settings)
                 if at is not None:
+                    keep(self._fine, key, known, _KEPT_FINE)
                     return self._with_ratio(at[0] / compliance, at[1], known.tip, True)
         coarse = self._solved(stiffness, plain)
         fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)

@@ -91,14 +91,14 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
             plain |= {n: v for n, v in zip(names, ordinary, strict=True) if n in fit.model.names}
     if not plain:
         return fit
-    search = Search(replace(SEARCH, confirmed=False), progress=callback)
+    search = Search(replace(SEARCH, confirmed=False, nearer_rounds=2), progress=callback)
     search.history = list(fit.history)
     try:
         u = fit.model.start(fit.map.changed(plain))
         model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
         other = fit_from(search, model, u)
-        if other.chi2 > fit.chi2 + SEARCH.raised * max(fit.chi2_per_dof, 1.0):
-            return fit
+        if other.chi2 > fit.chi2 - SEARCH.raised * max(fit.chi2_per_dof, 1.0):
+            return fit  # another minimum, or the same one
         search = Search(SEARCH, progress=callback)
         search.history = list(other.history)
         other = fit_from(search, other.model, other.u)

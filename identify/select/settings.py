@@ -34,7 +34,7 @@ class DiagnosisSettings:
     draws: int = 1000
     certain: float = -40.0
     tail: float = 0.1
-    block_bytes: float = 3.2e7
+    block_bytes: float = 8e6
 
 
 DIAGNOSIS = DiagnosisSettings()

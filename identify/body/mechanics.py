@@ -84,14 +84,20 @@ class BodyMechanics(CoarseSolutions):
         return cls(coarse, None if fine is coarse else fine, at, ratio)
 
     def under(self, contacts: Contacts) -> BodyMechanics:
-        """Return the mechanics of other presses, without a finer model."""
+        """Return the mechanics of other presses, without a finer model.
+
+        Near fields of cells that lie alike under both are taken from these models.
+        """
         coarse = self.coarse
 
         def at(nu: float) -> PalpationModel:
             like = self._others.get(nu)
             return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support, like=like)
 
-        return BodyMechanics(coarse.on(coarse.mesh, contacts), None, at, settings=self.settings)
+        other = BodyMechanics(coarse.on(coarse.mesh, contacts), None, at, settings=self.settings)
+        other._shifted.append(replace(self.shifted, coarse=other.coarse, fine=None, like=self.shifted,
+                                      _models={}, _fine={}))  # fmt: skip
+        return other
 
     def following_growth(self) -> BodyMechanics:
         """Return the mechanics in which the growth of a ball's contact follows the map.

@@ -5,6 +5,8 @@ some presses and further from others; the map below the presses stays. Only the 
 are moved.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -52,11 +54,13 @@ class ShiftedBlock:
     Attributes
     ----------
     coarse, fine : of the block at its stated place, see `BodyMechanics`
+    like : the same block under other presses, whose near fields serve where cells lie alike
     """
 
     coarse: PalpationModel
     fine: FineModel | None
     settings: BodySettings = BODY
+    like: ShiftedBlock | None = None
     _models: dict[Shift, PalpationModel] = field(default_factory=dict)
     _fine: dict[Shift, tuple[PalpationModel, FineModel]] = field(default_factory=dict)
 
@@ -102,7 +106,8 @@ class ShiftedBlock:
 
     def coarse_at(self, shift_m: Shift) -> PalpationModel:
         """Return the coarse model of the block elsewhere."""
-        model = self._models.pop(shift_m, None) or _moved(self.coarse, shift_m)
+        alike = self.like and self.like._models.get(shift_m)
+        model = self._models.pop(shift_m, None) or _moved(self.coarse, shift_m, alike)
         self._models[shift_m] = model
         while len(self._models) > _KEPT:
             self._models.pop(next(iter(self._models)))
@@ -131,5 +136,7 @@ class ShiftedBlock:
         return self._fine[shift_m]
 
 
-def _moved(model: PalpationModel, shift_m: Shift) -> PalpationModel:
-    return model.on(moved_sides(model.mesh, shift_m))
+def _moved(
+    model: PalpationModel, shift_m: Shift, alike: PalpationModel | None = None
+) -> PalpationModel:
+    return (alike or model).on(moved_sides(model.mesh, shift_m), model.contacts)

@@ -27,16 +27,19 @@ from identify.measurement.model import MeasurementModel
 
 
 def planned(
-    fit: FitResult, design: Design, further: bool = False
+    fit: FitResult, design: Design, further: bool = False, like: BodyMechanics | None = None
 ) -> tuple[MeasurementModel, Linearised]:
     """Return the model of a planned scan, and its linearisation at a fit's estimate.
 
-    `further` : made after the present one, not in its place.
+    Parameters
+    ----------
+    further : made after the present one, not in its place
+    like : of another scan with its tips, whose near fields serve
     """
     present = fit.model.readings
     timed = present.time_s is not None
     readings = readings_of(design.presses, timed, present if further else None)
-    mechanics = _mechanics(fit, design)
+    mechanics = _mechanics(fit, design, like)
     model = replace(
         fit.model,
         readings=readings,
@@ -76,7 +79,7 @@ def _contacts(fit: FitResult, presses: Presses) -> Contacts:
     )
 
 
-def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
+def _mechanics(fit: FitResult, design: Design, like: BodyMechanics | None) -> BodyMechanics:
     """Return the mechanics of a design's presses; the present presses keep their models."""
     mechanics, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
@@ -86,7 +89,7 @@ def _mechanics(fit: FitResult, design: Design) -> BodyMechanics:
     )
     if same:
         return mechanics
-    other = mechanics.under(_contacts(fit, presses)).corrected(fit.map, fit.at.state)
+    other = (like or mechanics).under(_contacts(fit, presses)).corrected(fit.map, fit.at.state)
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
@@ -119,14 +122,17 @@ def improvements(
         other tips 0.5 to 2.7
     """
     bends = {_tips(presses_of(fit.model.readings)): limits} if limits else {}
+    like: dict[tuple[float, ...], BodyMechanics] = {}
     found = []
     for design in designs:
         if progress:
             progress(f"planning a scan {design.change}")
-        model, at = planned(fit, design)
-        known = bends_of(bends.get(_tips(design.presses), ()))
+        tips = _tips(design.presses)
+        model, at = planned(fit, design, like=like.get(tips))
+        known = bends_of(bends.get(tips, ()))
         own = limits_at(model, at, fit.u, catalogue, settings, known)
-        bends.setdefault(_tips(design.presses), own)
+        bends.setdefault(tips, own)
+        like.setdefault(tips, model.mechanics)
         found.append(Improvement(design, own))
     return tuple(found)
 

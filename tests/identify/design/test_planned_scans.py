@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fem import Contacts, PalpationModel, block_mesh
+from fem.near_field import enrichment
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import detection_limits
@@ -86,6 +87,26 @@ def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
     planned(fit, fitting)  # meshes and solves
     beside = replace(two, presses=replace(near, radius_m=np.full(25, 0.05)))
     assert designs_on_body(fit, [beside]) == ()
+
+
+def test_near_fields_of_a_scan_with_the_same_tips_serve_the_next(fit, monkeypatch):
+    two, there = design(fit, "two_radii"), (1e-3, 0.0)
+    order = np.random.default_rng(0).permutation(len(two.presses))
+    first = planned(fit, two)[0].mechanics
+    known = first.shifted.coarse_at(there).evaluate(5e3).compliance
+    computed, integrals = [], enrichment._integrals
+
+    def counted(stiffness, place, cells, *rest):
+        computed.append(len(cells))
+        return integrals(stiffness, place, cells, *rest)
+
+    monkeypatch.setattr(enrichment, "_integrals", counted)
+    shuffled = replace(two, presses=two.presses.taken(order))
+    again = planned(fit, shuffled, like=first)[0].mechanics
+    moved = again.shifted.coarse_at(there).evaluate(5e3).compliance
+    assert computed
+    assert not any(computed)
+    assert_allclose(moved, known[order], rtol=1e-9)
 
 
 def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):

@@ -86,7 +86,9 @@ def _near_fields(model: PalpationModel) -> list[tuple[int, CellIntegrals]]:
 
 def _works(nodal: np.ndarray, model: PalpationModel, part: CellIntegrals) -> np.ndarray:
     count, samples = part.coupling.shape[1:3]
-    out = np.empty((len(part.cells), count, samples))
+    # Where cells keep their mean volume, energies nearly cancel
+    exact = np.float64 if model.stiffness.mean_lame > 0 else np.float32
+    out = np.empty((len(part.cells), count, samples), exact)
     _work(out, nodal, model.mesh.cells, part.begin, part.cells, part.rows, part.coupling)
     return out
 
@@ -96,18 +98,18 @@ def _work(out, nodal, nodes, begin, cells, rows, coupling):
     """Write the products (t, m, q) of couplings with the press's own field (n, 3, j)."""
     count, samples = out.shape[1:]
     corners = nodes.shape[1]
-    local = np.empty((corners, 3))
+    flat = coupling.reshape(len(coupling), count, samples, 3 * corners)
+    local = np.empty(3 * corners)
     for j in range(len(begin) - 1):
         for t in range(begin[j], begin[j + 1]):
             for i in range(corners):
                 for a in range(3):
-                    local[i, a] = nodal[nodes[cells[t], i], a, j]
+                    local[3 * i + a] = nodal[nodes[cells[t], i], a, j]
             for m in range(count):
                 for q in range(samples):
                     total = 0.0
-                    for i in range(corners):
-                        for a in range(3):
-                            total += coupling[rows[t], m, q, i, a] * local[i, a]
+                    for a in range(len(local)):
+                        total += flat[rows[t], m, q, a] * local[a]
                     out[t, m, q] = total
 
 
@@ -138,7 +140,7 @@ def _of_cells(out, one, others, first, cells, gradients, derivatives, weights, s
     points, per_cell = samples.shape
     for e in numba.prange(len(cells)):
         g = np.empty((nodes, 3))
-        d, o = np.empty((6, presses)), np.empty((6, presses))
+        d, o, both = np.empty((6, presses)), np.empty((6, presses)), np.empty(presses)
         for q in range(points):
             for i in range(nodes):
                 for a in range(3):
@@ -154,11 +156,11 @@ def _of_cells(out, one, others, first, cells, gradients, derivatives, weights, s
                     trace = (d[0, j] + d[1, j] + d[2, j]) * (o[0, j] + o[1, j] + o[2, j])
                     same = d[0, j] * o[0, j] + d[1, j] * o[1, j] + d[2, j] * o[2, j]
                     shear = d[3, j] * o[3, j] + d[4, j] * o[4, j] + d[5, j] * o[5, j]
-                    o[0, j] = w * (lam * trace + mu * (2 * same + shear))
+                    both[j] = w * (lam * trace + mu * (2 * same + shear))
                 for s in range(per_cell):
                     if samples[q, s] != 0.0:
                         for j in range(presses):
-                            out[k, first[e] + s, j] += samples[q, s] * o[0, j]
+                            out[k, first[e] + s, j] += samples[q, s] * both[j]
 
 
 @numba.njit(cache=True, fastmath=True)

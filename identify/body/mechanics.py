@@ -95,8 +95,7 @@ class BodyMechanics(CoarseSolutions):
             return PalpationModel(coarse.mesh, nu, contacts, support=coarse.support, like=like)
 
         other = BodyMechanics(coarse.on(coarse.mesh, contacts), None, at, settings=self.settings)
-        other._shifted.append(replace(self.shifted, coarse=other.coarse, fine=None, like=self.shifted,
-                                      _models={}, _fine={}))  # fmt: skip
+        other._shifted.append(ShiftedBlock(other.coarse, None, self.settings, self.shifted))
         return other
 
     def following_growth(self) -> BodyMechanics:

@@ -53,6 +53,7 @@ class FreeComplianceFit:
     residual_m : (m,) measured less modelled displacement
     residual_n : (m,) the same as a force, over the slope of the press's curve
     at_bound : names of parameters at a bound other than their null
+    felt : (j,) bool, presses that met resistance; the others, of noise alone, count for nothing
     settings : of the fit
     """
 
@@ -64,6 +65,7 @@ class FreeComplianceFit:
     residual_m: np.ndarray
     residual_n: np.ndarray
     at_bound: tuple[str, ...]
+    felt: np.ndarray
     settings: FreeComplianceSettings = FREE_COMPLIANCE
 
     @property
@@ -78,13 +80,14 @@ class FreeComplianceFit:
 
     @property
     def chi2(self) -> float:
-        """Chi-square of all readings."""
-        return float(self.residual @ self.residual)
+        """Chi-square of the readings that count."""
+        return float(np.sum(self.by_press[0][self.felt]))
 
     @property
     def dof(self) -> int:
         """Degrees of freedom: readings less compliances less parameters."""
-        return max(len(self.residual) - len(self.compliance) - self.unknowns, 1)
+        readings = int(np.sum(self.by_press[1][self.felt]))
+        return max(readings - int(self.felt.sum()) - self.unknowns, 1)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -118,7 +121,7 @@ class FreeComplianceFit:
     def weight(self) -> np.ndarray:
         """Weight (j,) of each press in the next fit, 1 for one without error."""
         squares, count = self.by_press
-        return 1 / (1 + squares / (self.settings.tail * np.maximum(count, 1)))
+        return self.felt / (1 + squares / (self.settings.tail * np.maximum(count, 1)))
 
     @property
     def misfit(self) -> float:
@@ -128,13 +131,13 @@ class FreeComplianceFit:
         """
         squares, count = self.by_press
         most = self.settings.tail * np.maximum(count, 1)
-        return float(np.sum(most * np.log1p(squares / most)))
+        return float(np.sum((most * np.log1p(squares / most))[self.felt]))
 
     @property
     def noise_share(self) -> float:
         """Share of the presses with a residual of noise alone (99 % level)."""
         squares, count = self.by_press
-        return float(np.mean(squares < chdtri(np.maximum(count - 1, 1), 0.01)))
+        return float(np.mean((squares < chdtri(np.maximum(count - 1, 1), 0.01))[self.felt]))
 
 
 @dataclass(frozen=True)
@@ -195,7 +198,8 @@ class FreeCompliance:
         r = self.readings
         travel = np.bincount(r.press, r.force_n * self.displacement_m, r.presses)
         least = self.settings.felt * self.noise.force_n
-        return (r.peak_force_n[_firsts(r.press)] > least) & (travel > 0)
+        felt = (r.peak_force_n[_firsts(r.press)] > least) & (travel > 0)
+        return felt if felt.any() else np.ones_like(felt)
 
     def fit(
         self,
@@ -212,7 +216,7 @@ class FreeCompliance:
         InadmissibleError
             The start gives numbers that are not finite.
         """
-        weight = np.ones(self.readings.presses) if weight is None else weight
+        weight = self.felt * (1.0 if weight is None else weight)
         best = self._fit(parts, compliance, weight)
         if best.unknowns == 0:
             return best
@@ -241,7 +245,8 @@ class FreeCompliance:
             latest.clear()
             latest[u.tobytes()] = FreeComplianceFit(
                 tuple(parts), values, self.readings.press, np.exp(log_c), r, judged.residual_m,
-                judged.residual_m / judged.slope, _at_bound(parts, values), self.settings,
+                judged.residual_m / judged.slope, _at_bound(parts, values), self.felt,
+                self.settings,
             )  # fmt: skip
             return root * r, -root[:, None] * columns
 
@@ -276,10 +281,12 @@ class FreeCompliance:
     ) -> tuple[np.ndarray, Judged, np.ndarray]:
         """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
         press, presses = self.readings.press, self.readings.presses
-        most, widest = np.full(presses, self.settings.longest_step), self.settings.widest
+        most, widest = self.settings.longest_step * self.felt, self.settings.widest
         usual = float(np.median(np.log(self._slopes)))
+        # To a press of noise alone any compliance fits, also none at all: it has the usual one
+        log_c = np.where(self.felt, log_c, usual)
         kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
-        latent = None
+        latent, count = None, np.maximum(np.bincount(press, minlength=presses), 1)
         for number in range(self.settings.compliance_steps + 1):
             if number == self.settings.compliance_steps:
                 log_c = kept
@@ -291,7 +298,10 @@ class FreeCompliance:
             by_c, by_e = chain.by_body(c, e, latent, values)
             own = self._white(judged, by_c * c[press] - by_e * e[press])
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
-            step = np.clip(np.bincount(press, own * r, presses) / square, -most, most)
+            short = np.bincount(press, own * r, presses) / square
+            travel = self._white(judged, self.displacement_m)
+            travel = np.bincount(press, own * travel, presses) / square
+            step = np.clip(_in_logarithms(short, travel), -most, most)
             if not np.isfinite(step).all():
                 raise InadmissibleError("the effects leave a press without a finite compliance")
             # Under a strong stiffening Newton's steps overshoot: to and fro, or to where no slope
@@ -302,7 +312,8 @@ class FreeCompliance:
             step = np.where(lost, (kept - log_c) / 2, step)
             most, last = np.where(step * last < 0, most / 2, most), step
             moved = np.clip(log_c + step, usual - widest, usual + widest) - log_c
-            if np.max(np.abs(moved) * np.sqrt(square)) < self.settings.compliance_tol:
+            own_error = np.sqrt(np.maximum(misfit / count, 1.0) / square)
+            if np.max(np.abs(moved) / own_error) < self.settings.compliance_tol:
                 break
             log_c = log_c + moved
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
@@ -342,6 +353,18 @@ class FreeCompliance:
                 sides.append(chain.predict(c, e, latent, effect_values(parts, moved)))
             found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
         return found
+
+
+def _in_logarithms(short: np.ndarray, travel: np.ndarray) -> np.ndarray:
+    """Step of ln C (j,) at which the modelled travel, a power of C, becomes the measured one.
+
+    `short` (j,) is what is missing of the measured `travel` (j,), both over the travel's derivative
+    by ln C. Newton's own step, `short`, comes back from a travel that is far too long too slowly.
+    """
+    modelled = travel - short
+    power = (travel > 0) & (modelled > 0)
+    ratio = np.divide(travel, modelled, out=np.ones_like(travel), where=power)
+    return np.where(power, modelled * np.log(ratio), short)
 
 
 def _firsts(press: np.ndarray) -> np.ndarray:

@@ -138,7 +138,8 @@ class FreeComplianceSettings:
     Attributes
     ----------
     compliance_steps, compliance_tol : largest number of Gauss-Newton steps towards the compliances
-        for given effects, and change of a compliance, in its standard errors, that ends them
+        for given effects, and change of a compliance, in its standard errors, that ends them (those
+        of its press's own misfit, where that is larger than noise)
     longest_step : of ln C
     lost : growth of a press's chi-square by such a step, from which on it goes half way back
     widest : largest difference of ln C from the middle press

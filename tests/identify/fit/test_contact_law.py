@@ -16,7 +16,7 @@ from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
 from identify.fit.contact_law import contact_law
-from identify.fit.free_compliance import FreeCompliance, straightened
+from identify.fit.free_compliance import FreeCompliance, _in_logarithms, straightened
 from identify.fit.settings import CONTACT_LAW
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
@@ -218,5 +218,15 @@ def test_compliances_beside_an_effect_do_not_depend_on_where_they_start():
     for far in (1.0, np.e):
         start = np.log(far * own.fit(()).compliance)
         _, judged, _ = own._eliminate(chain, parts, u, values, start)
-        misfits.append(np.sum((judged.residual_m / judged.sigma_m) ** 2))
+        felt = own.felt[own.readings.press]
+        misfits.append(np.sum((judged.residual_m / judged.sigma_m)[felt] ** 2))
     assert misfits[1] == pytest.approx(misfits[0], rel=0.01)
+
+
+def test_one_step_in_logarithms_finds_the_compliance_of_a_power_law():
+    power, far = 1.7, np.array([-6.0, -0.3, 0.0, 2.0])  # ln C from the one sought
+    # Over the derivative by ln C, which is the power times the modelled travel
+    measured, modelled = np.exp(-power * far) / power, np.full(4, 1 / power)
+    np.testing.assert_allclose(_in_logarithms(measured - modelled, measured), -far)
+    beyond = _in_logarithms(np.array([-1.5, 0.5]), np.array([-0.5, 0.2]))  # one has no logarithm
+    np.testing.assert_allclose(beyond, [-1.5, 0.5])

@@ -104,6 +104,7 @@ def explain(
 
     other = other_map(found, problem, free)
     assessment = assess(found, problem.catalogue, without, progress, other)
+    found.final.fit.at.body.forget_other_models()  # hundreds of MB that no picture needs
     return Explanation.of(found, experiment, problem, assessment, seed)
 
 

@@ -45,7 +45,7 @@ from fem.errors import SolverError
 from fem.linear.support import first_order_rest
 from fem.palpation.model import Material, PalpationModel, Response
 from fem.palpation.skin import Skin, by_skin
-from fem.reduced.energies import mixed_energies
+from fem.reduced.energies import by_sample
 from fem.reduced.modes import Modes, Pairs
 from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 
@@ -88,14 +88,14 @@ class ReducedModel:
             self._unit = modulus
         new = Snapshot(response, modulus / self._unit)
         if new.law.stretch_m:
-            alone = mixed_energies(self.full, new.field, [new.field])[0]
+            alone = by_sample(self.full, new.fields)
         else:
-            alone = -response.sensitivity[:, : len(modulus)].T
-        energy = modulus @ alone
+            alone = -response.sensitivity[:, : len(modulus)]
+        energy = alone @ modulus
         if not np.all(energy > 0):
             return  # no least energy, so no bounds
         if not self._snapshots:
-            weight = (alone / energy).sum(axis=1) * modulus
+            weight = (alone / energy[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
             self._primal = Modes(root, lambda a, b: modulus)
             self._dual = Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
@@ -103,21 +103,21 @@ class ReducedModel:
             self._drop(min(self._used, key=lambda number: self._used[number]))
         number, self._next = self._next, self._next + 1
         energies = {number: alone}
-        known = [snapshot.field for snapshot in self._snapshots.values()]
-        if known:
-            mixed = mixed_energies(self.full, new.field, known)
-            energies |= dict(zip(self._snapshots, mixed, strict=True))
+        for other, known in self._snapshots.items():
+            both = by_sample(self.full, new.fields.plus(known.fields))
+            own = self._pairs[other, other][2]
+            energies[other] = 0.5 * (both - alone - own)
         self._snapshots[number] = new
         self._used[number] = self._evaluations
         for other, mixed in energies.items():
             key = (other, number)
             first = self._snapshots[other]
-            self._pairs[key] = (first, new, np.ascontiguousarray(mixed, np.float32))
+            self._pairs[key] = (first, new, mixed.astype(np.float32))
             for modes in (self._primal, self._dual):
                 modes.add(key, first, new, mixed)
         self._loads[number] = np.array(response.compliance)
         if any(new.law.kind) or new.has_skin:  # beyond what the matrix holds, too
-            self._loads[number] = energy + self._of_law(new.law, number, number, modulus)
+            self._loads[number] = alone @ modulus + self._of_law(new.law, number, number, modulus)
 
     def _drop(self, number: int) -> None:
         """Forget a snapshot."""

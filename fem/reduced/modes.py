@@ -10,7 +10,7 @@ from fem.reduced.energies import summed
 from fem.reduced.snapshot import Snapshot
 
 Pairs = dict[tuple[int, int], tuple[Snapshot, Snapshot, np.ndarray]]
-"""Energies (p, j) of each pair of snapshots, by their numbers."""
+"""Energies (j, p) of each pair of snapshots, by their numbers."""
 
 
 class Modes:
@@ -57,5 +57,5 @@ class Modes:
         return scaled @ self._modes.T
 
     def add(self, key: tuple[int, int], first: Snapshot, second: Snapshot, exact) -> None:
-        """Sum the energies (p, j) of a new pair over the modes."""
-        self.sums[key] = ((self._modes / self._root * self._factor(first, second)) @ exact).T
+        """Sum the energies (j, p) of a new pair over the modes."""
+        self.sums[key] = exact @ (self._modes / self._root * self._factor(first, second)).T

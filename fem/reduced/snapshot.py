@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.palpation.model import Material, Response
-from fem.reduced.energies import Field
+from fem.reduced.energies import Fields
 
 
 class Law(NamedTuple):
@@ -30,14 +30,11 @@ class Snapshot:
     def __init__(self, response: Response, modulus: np.ndarray) -> None:
         self.modulus, self.law = modulus, law_of(response._material, response._springs)
         self._of = replace(response)  # without the sensitivities that are kept there
-        self._works: tuple[np.ndarray, ...] | None = None
 
     @property
-    def field(self) -> Field:
+    def fields(self) -> Fields:
         """The displacement of every press."""
-        field = Field.of(self._of, self._works)
-        self._works = field.works
-        return field
+        return Fields.of(self._of)
 
     @property
     def has_skin(self) -> bool:
@@ -47,7 +44,8 @@ class Snapshot:
     @cached_property
     def base(self) -> np.ndarray:
         """Displacement of the supported nodes, (j, b, 3)."""
-        return self._nodal[:, self._of.model.floating.foundation.nodes]
+        model = self._of.model
+        return self.fields.nodal(model)[:, model.floating.foundation.nodes]
 
     @cached_property
     def traction(self) -> np.ndarray:
@@ -57,12 +55,8 @@ class Snapshot:
     @cached_property
     def strains(self) -> np.ndarray:
         """Strains of the surface that may bear a skin, see `fem.palpation.skin.Membrane`."""
-        return self._of.model.floating.membrane.strains(self._nodal)
-
-    @property
-    def _nodal(self) -> np.ndarray:
-        """Displacement of the nodes, (j, n, 3)."""
-        return self._of._body.stiffness.prolong(self._of._free)
+        model = self._of.model
+        return model.floating.membrane.strains(self.fields.nodal(model))
 
 
 def law_of(material: Material, springs: tuple[float, float] | None) -> Law:

@@ -16,7 +16,7 @@ from fem import SolverError
 from identify.fit.free_map_fit import refit_free_map
 from identify.fit.result import FitResult, fit_result
 from identify.fit.search import Progress, Search
-from identify.fit.settings import SEARCH, FitSettings
+from identify.fit.settings import SEARCH, TRIAL, FitSettings
 from identify.map.free_map import FreeMap
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
@@ -33,7 +33,6 @@ def fit_jointly(
     rounds: int | None = None,
     max_evaluations: int | None = None,
     enough: float | None = None,
-    confirmed: bool | None = None,
     callback: Progress | None = None,
     settings: FitSettings = SEARCH,
 ) -> FitResult:
@@ -46,7 +45,7 @@ def fit_jointly(
     ----------
     model : its effects start from their own values
     stiffness : map to start from
-    rounds, max_evaluations, enough, confirmed : in place of those of the settings
+    rounds, max_evaluations, enough : in place of those of the settings
     callback : called with each accepted step
 
     Raises
@@ -58,7 +57,6 @@ def fit_jointly(
         "rounds": rounds,
         "max_evaluations": max_evaluations,
         "enough": enough,
-        "confirmed": confirmed,
     }
     settings = replace(settings, **{k: v for k, v in given.items() if v is not None})
     if isinstance(stiffness, FreeMap) and settings.rounds:
@@ -91,7 +89,7 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
             plain |= {n: v for n, v in zip(names, ordinary, strict=True) if n in fit.model.names}
     if not plain:
         return fit
-    search = Search(replace(SEARCH, confirmed=False, nearer_rounds=2), progress=callback)
+    search = Search(TRIAL, progress=callback)
     search.history = list(fit.history)
     try:
         u = fit.model.start(fit.map.changed(plain))

@@ -11,7 +11,7 @@ class FitSettings:
 
     Lengths of parameters are scaled coordinates (`identify.map.parameters`), of order one. The
     defaults, `PRECISE`, serve a map alone, which is fitted once and reported to its digits;
-    `SEARCH` serves map and effects, which are fitted hundreds of times while models are compared.
+    `SEARCH` serves map and effects of a model that stays, `TRIAL` the hundreds that are compared.
 
     Attributes
     ----------
@@ -109,6 +109,8 @@ SEARCH = FitSettings(
     stops_count=False,
     interval_corrections=1,
 )
+
+TRIAL = replace(SEARCH, confirmed=False, nearer_rounds=2)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from scipy.special import chdtrc
 from identify.effects.base import Effect, advice
 from identify.fit.joint_fit import try_fit
 from identify.fit.result import FitResult
+from identify.fit.settings import TRIAL
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
 from identify.select.diagnosis import Diagnosis
@@ -161,7 +162,7 @@ def refit(
 ) -> FitResult | None:
     """Refit a candidate by few evaluations, or None where the start is impossible."""
     options.setdefault("max_evaluations", settings.refit_evaluations)
-    return try_fit(model, stiffness, enough=settings.refit_gain, confirmed=False, **options)
+    return try_fit(model, stiffness, enough=settings.refit_gain, settings=TRIAL, **options)
 
 
 def is_beaten(

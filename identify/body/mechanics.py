@@ -208,6 +208,7 @@ class BodyMechanics(CoarseSolutions):
         shift = self.shifted.near(state.shift_m)
         if any(shift):
             return self._corrected_elsewhere(shift, stiffness, plain, slack)
+        self.shifted.forget_fine()
         if slack and self._fine:
             compliance = self._found(stiffness, plain, slack).compliance
             for key, known in reversed(self._fine.items()):

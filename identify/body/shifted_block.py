@@ -122,6 +122,10 @@ class ShiftedBlock:
         x, y = (step * round(shift / step) for shift in shift_m)
         return x, y
 
+    def forget_fine(self) -> None:
+        """Free the finer model of the body elsewhere, of 300 MB."""
+        self._fine.clear()
+
     def fine_at(self, shift_m: Shift) -> tuple[PalpationModel, FineModel]:
         """Return the coarse and the finer model of the block elsewhere; the last are kept."""
         assert self.fine is not None

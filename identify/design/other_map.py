@@ -16,7 +16,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from identify.effects.unknown_course import UNKNOWN
-from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map_start import fit_free_map
 from identify.fit.result import FitResult

@@ -1,7 +1,7 @@
 """The fit of map and effects to a scan, with intervals."""
 
 from identify.fit.files import read_fit, write_fit
-from identify.fit.free_compliance import FreeComplianceFit
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_map.field import Field, RegionEstimate
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.settings import SPOTS

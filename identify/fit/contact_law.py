@@ -20,7 +20,8 @@ from itertools import combinations
 import numpy as np
 
 from identify.effects.base import Effect, Values, advice
-from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError

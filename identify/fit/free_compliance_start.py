@@ -14,7 +14,8 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.contact_law import ContactLaw, contact_law
-from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit, straightened
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit, straightened
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.map.initial_guess import REFERENCE_PA

@@ -11,7 +11,8 @@ from fem import Mesh
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.readings import Readings
-from identify.fit.free_compliance import FreeCompliance, FreeComplianceFit
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings

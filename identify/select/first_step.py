@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from identify.fit.contact_law import ContactLaw
-from identify.fit.free_compliance import FreeComplianceFit
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_map_fit import refit_free_map
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult

@@ -16,7 +16,8 @@ from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
 from identify.fit.contact_law import contact_law
-from identify.fit.free_compliance import FreeCompliance, _in_logarithms, straightened
+from identify.fit.free_compliance import FreeCompliance, _in_logarithms
+from identify.fit.free_compliance_fit import straightened
 from identify.fit.settings import CONTACT_LAW
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer

@@ -91,7 +91,7 @@ class FreeMapSettings:
     longest_step: float = 1.5
     shortest_step: float = 0.1
     worse: float = 1e-3
-    settled: float = 0.1
+    settled: float = 0.15
     near: float = 1.0
     absorbed: float = 0.05
 

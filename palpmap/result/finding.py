@@ -126,8 +126,14 @@ class Finding:
             f"Not found: {plain_name(name)} stands at the bound of the search."
             for name in self.fit.at_bound
         )
+        absent = (
+            f"{plain_name(name).removesuffix(' weight').capitalize()} may not be there: its weight "
+            "may be zero, and its place and radius hold only if it is not."
+            for name, p in self.parameters.items()
+            if name.endswith(".weight_pa") and p.lower95 <= 0 <= p.upper95
+        )
         ended = () if self.fit.success else ("The search did not converge.",)
-        return (*held, *ended)
+        return (*held, *absent, *ended)
 
     @cached_property
     def true(self) -> Mapping[str, float]:

@@ -248,6 +248,16 @@ def test_structure_fails_the_criterion_and_the_screen_holds_the_summary(tmp_path
     assert "it varies most with the force" in " ".join(" ".join(lines).split())
 
 
+def test_an_inclusion_whose_weight_may_be_zero_may_not_be_there(tmp_path):
+    run, fit = make_run(tmp_path / "run"), small_fit(small_scan())
+    assert not any("may not be there" in doubt for doubt in load_finding(run).doubts)
+    name = "inclusion_1.weight_pa"
+    wide = replace(fit.parameters[name], lower95=-1.0)
+    write_fit(replace(fit, estimates={**fit.parameters, name: wide}), run / "fit.json")
+    (doubt,) = load_finding(run).doubts
+    assert doubt.startswith("Inclusion 1 may not be there: its weight may be zero")
+
+
 def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):
     run = make_run(tmp_path / "run")
     lost = replace(small_fit(small_scan()), at_bound=("inclusion_1.y_m",), success=False)

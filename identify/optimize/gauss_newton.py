@@ -27,6 +27,7 @@ def minimize_gauss_newton(
     rtol: float = 0.0,
     above: float = 0.0,
     enough: float = 0.0,
+    resolved: float = 5e-3,
     max_evaluations: int = 100,
     callback: Callable[[np.ndarray, float], None] | None = None,
 ) -> OptimizeResult:
@@ -52,6 +53,10 @@ def minimize_gauss_newton(
         promise more for ever.
     enough
         Converged, too, when two steps in a row lowered |r|^2 / 2 by no more than this.
+    resolved
+        Decrease of |r|^2 / 2 that evaluations resolve: where no step lowers it, a promise of no
+        more is one of their rounding. That of reduced bases moves no parameter by more than a tenth
+        of a standard deviation.
     max_evaluations
         Limit of evaluations.
     callback
@@ -100,8 +105,16 @@ def minimize_gauss_newton(
                 callback(x, fun)
         else:
             damping, growth = max(damping, _FELT) * growth, growth * 2
+            if damping > 1e16 and expected <= resolved:
+                return result(0, _would_lower(expected))
             if damping > 1e16:
                 return result(2, "no step lowers chi-square")
+
+
+def _would_lower(less_than: float) -> str:
+    """Return the end of a search whose next step would lower |r|^2 / 2 by less."""
+    left = float(f"{2 * less_than:.0e}")
+    return f"converged: a further step would lower chi-square by less than {left:g}"
 
 
 def _end(expected: float, within: float, idle: int, lowered: float) -> str:
@@ -113,8 +126,7 @@ def _end(expected: float, within: float, idle: int, lowered: float) -> str:
     idle, lowered : steps in a row that lowered it by no more than `lowered`
     """
     if expected <= within:
-        left = float(f"{2 * within:.1g}")
-        return f"converged: a further step would lower chi-square by less than {left:g}"
+        return _would_lower(within)
     if idle < _IDLE_STEPS:
         return ""
     return f"converged: the last {idle} steps lowered half of chi-square by {lowered:.1e} at most"

@@ -105,7 +105,7 @@ def test_the_compiled_dynamics_are_pinocchios(laboratory, slides):
 
 def test_machine_code_of_the_loop_is_renewed_when_any_of_its_files_changes():
     kept = inverse_dynamics._cache._cache_file._source_stamp
-    assert {Path(file).stem for file, _, _ in kept} >= {"control_loop", "watchdog", "rigid_chain"}
+    assert {Path(file).stem for file, _, _ in kept} >= {"control_loop", "look", "rigid_chain"}
 
 
 def test_the_model_without_shapes_is_the_same_arm(laboratory):

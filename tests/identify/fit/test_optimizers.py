@@ -198,3 +198,17 @@ def test_gauss_newton_is_quadratic_near_a_perfect_fit():
     )
     assert len(values) < 10
     assert values[-1] < 1e-25
+
+
+def test_a_promise_within_the_rounding_of_evaluations_ends_a_search():
+    start = np.array([2.02, -1.01])
+
+    def rounded(x):
+        r, a = linear(x)
+        rise = 0.0 if np.array_equal(x, start) else 0.1
+        return np.append(r, rise), np.vstack([a, np.zeros(2)])
+
+    found = minimize_gauss_newton(rounded, start, ftol=1e-6)
+    assert found.success and "would lower chi-square by less than" in found.message
+    found = minimize_gauss_newton(rounded, start, ftol=1e-6, resolved=1e-5)
+    assert not found.success and found.message == "no step lowers chi-square"

@@ -209,6 +209,8 @@ def test_a_promise_within_the_rounding_of_evaluations_ends_a_search():
         return np.append(r, rise), np.vstack([a, np.zeros(2)])
 
     found = minimize_gauss_newton(rounded, start, ftol=1e-6)
-    assert found.success and "would lower chi-square by less than" in found.message
+    assert found.success
+    assert "would lower chi-square by less than" in found.message
     found = minimize_gauss_newton(rounded, start, ftol=1e-6, resolved=1e-5)
-    assert not found.success and found.message == "no step lowers chi-square"
+    assert not found.success
+    assert found.message == "no step lowers chi-square"

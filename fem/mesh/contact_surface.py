@@ -107,7 +107,7 @@ class ContactSurface:
     def smoothed(self, length_m: float, low_m: np.ndarray, high_m: np.ndarray) -> SmoothedSurface:
         """Return the surface averaged over a length, m, between corners (2,) m of x and y."""
         aside = 6 * length_m
-        axes = [
+        x, y = axes = [
             np.linspace(a - aside, b + aside, math.ceil(_FINER * (b - a + 2 * aside) / length_m))
             for a, b in zip(low_m, high_m, strict=True)
         ]
@@ -115,7 +115,7 @@ class ContactSurface:
         width = [length_m / (axis[1] - axis[0]) for axis in axes]
         once = gaussian_filter(rough.reshape(*map(len, axes)), width, mode="nearest")
         smooth = 2 * once - gaussian_filter(once, width, mode="nearest")
-        return SmoothedSurface(RectBivariateSpline(*axes, smooth))
+        return SmoothedSurface(RectBivariateSpline(x, y, smooth))
 
     @cached_property
     def _corners(self) -> np.ndarray:

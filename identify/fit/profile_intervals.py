@@ -52,6 +52,8 @@ def valley_intervals(
 
     def refit(position: int, start: np.ndarray) -> tuple[float, np.ndarray]:
         search, here = Search(quick), model
+        if quick.confirmed:  # differences of 3.84 in chi-square ask for the tolerances of a record
+            search.finish()
         try:
             result, at = search.minimum(here, start, held=position)
             for _ in range(settings.interval_corrections):

@@ -163,7 +163,7 @@ class Search:
         """Let reduced bases err by a share of the misfit where it exceeds the noise."""
         s = self.settings
         misfit = float(min(np.sqrt(max(chi2_per_reading, 1.0)), s.most_misfit_slack))
-        self._slack = misfit * (1.0 if self.is_final else s.slack)
+        self._slack = 1.0 if self.is_final else misfit * s.slack
 
     def _accept(self, model: MeasurementModel, u: np.ndarray, chi2: float, rms_m: float) -> None:
         """Keep a step, unless a search goes on from where the last one ended."""

@@ -1,7 +1,7 @@
 """JSON Schemas of palpmap's files: `python -m palpmap.schemas docs/schema` writes them."""
 
+import argparse
 import json
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -176,4 +176,6 @@ def write_schemas(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_schemas(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description="Write the JSON Schemas of all records.")
+    parser.add_argument("folder", type=Path, help="such as docs/schema")
+    write_schemas(parser.parse_args().folder)

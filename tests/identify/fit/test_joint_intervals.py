@@ -48,7 +48,7 @@ def test_chi_square_rises_by_3_84_at_the_ends(fit, found, name, side):
         np.delete(u, at)
     )
     again = fit_jointly(fixed, held)
-    assert again.chi2 - fit.chi2 == pytest.approx(NORMAL_95**2, rel=0.3)
+    assert again.chi2 - fit.chi2 == pytest.approx(NORMAL_95**2, rel=0.1)
 
 
 def test_the_interval_of_the_weight_is_longer_towards_hard_inclusions(fit, found):

@@ -1,12 +1,10 @@
 """A loop between loading and unloading of any smooth shape."""
 
-from functools import lru_cache
-
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
+from identify.effects.smooth import natural_spline
 from identify.effects.units import percent
 
 _LEVELS = (0.0, 0.3, 0.6, 0.85)
@@ -67,7 +65,8 @@ class FreeLoop(Effect):
         """Add the loop's width to the unloading branch."""
         peak = readings.peak_of(force_n)
         level = np.divide(force_n, peak, out=np.ones_like(force_n), where=peak > 0)
-        width = _basis()(np.clip(level, 0, 1)) @ np.array([width_0, width_30, width_60, width_85])
+        widths = (width_0, width_30, width_60, width_85, 0.0)
+        width = natural_spline(np.clip(level, 0, 1), widths, (*_LEVELS, 1.0))
         back = readings.phase == "unload"
         return travel_m + np.where(back, readings.peak_of(travel_m) * width, 0.0)
 
@@ -81,9 +80,3 @@ class FreeLoop(Effect):
             f"{percent(abs(widths[widest]))} of its largest travel at about "
             f"{100 * _LEVELS[widest]:.0f} % of its largest force, at all places alike."
         )
-
-
-@lru_cache(maxsize=1)
-def _basis() -> CubicSpline:
-    """One spline a level: 1 there, 0 at the others and at the largest force."""
-    return CubicSpline([*_LEVELS, 1.0], np.eye(len(_LEVELS) + 1)[:, :-1], bc_type="natural")

@@ -90,6 +90,16 @@ class Readings:
         return np.linalg.norm(points[:, None] - points[None, :], axis=2)
 
     @cached_property
+    def in_plane(self) -> np.ndarray:
+        """Contact points (m, 2) along the two widest directions of their presses.
+
+        From the presses' mean, over the largest distance from it along an axis.
+        """
+        points = self.point_m - self.point_m[self.first].mean(axis=0)
+        widest = np.linalg.svd(points, full_matrices=False)[2][:2]
+        return points @ widest.T / np.abs(points).max()
+
+    @cached_property
     def layers(self) -> tuple[np.ndarray, ...]:
         """Rows of all presses' first readings, of their second ones, and so on."""
         place = np.arange(len(self)) - self.first[self.press]

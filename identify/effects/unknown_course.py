@@ -7,7 +7,7 @@ share of the travel). It describes the cause, keeps it out of the map, and compe
 of the catalogue, so that none is taken for it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from identify.body.state import BodyState
 from identify.effects.base import Effect, EffectParameter, Need, Values, WorkedExample
 from identify.effects.readings import Readings
-from identify.effects.smooth import KNOTS, natural_spline
+from identify.effects.smooth import KNOTS, natural_spline, smooth_in_time
 from identify.effects.units import force, length, percent
 
 UNKNOWN = "unknown"  # family of all courses
@@ -25,43 +25,44 @@ UNKNOWN = "unknown"  # family of all courses
 class _Argument(NamedTuple):
     """Quantity along which a course goes.
 
-    `basis` (m, q) at forces (m,), `words` for a sentence, `needs`; for a picture `axis`, its name
-    and unit, and the places `at` (m,) on it, NaN where the course is nothing.
+    `course` (m,) at forces (m,) by its amplitudes (q,), `words` for a sentence, `needs`; for a
+    picture `axis`, its name and unit, and the places `at` (m,) on it, NaN where the course is
+    nothing.
     """
 
-    basis: Callable[[Readings, np.ndarray], np.ndarray]
+    course: Callable[[Readings, np.ndarray, Sequence[float]], np.ndarray]
     words: str
     needs: tuple[Need, ...]
     axis: tuple[str, str] = ("", "")
     at: Callable[[Readings], np.ndarray] | None = None
 
 
-def _session(readings: Readings, force_n: np.ndarray) -> np.ndarray:
-    time = readings.elapsed_s
-    return natural_spline(time / max(float(time.max()), 1e-9))
+def _session(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
+    return smooth_in_time(readings, sizes)
 
 
 def _since_touch(readings: Readings) -> np.ndarray:
     return np.maximum(readings.timed_s - readings.touch_time_s[readings.press], 0.0)
 
 
-def _within(readings: Readings, force_n: np.ndarray) -> np.ndarray:
+def _within(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
     since = _since_touch(readings)
-    return natural_spline(np.sqrt(since / max(float(since.max()), 1e-9)))  # creep begins fast
+    share = np.sqrt(since / max(float(since.max()), 1e-9))  # creep begins fast
+    return natural_spline(share, (0.0, *sizes))
 
 
-def _force(readings: Readings, force_n: np.ndarray) -> np.ndarray:
-    return natural_spline(np.clip(force_n / max(readings.largest_force_n, 1e-12), 0.0, 1.0))
+def _force(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
+    share = np.clip(force_n / max(readings.largest_force_n, 1e-12), 0.0, 1.0)
+    return natural_spline(share, (0.0, *sizes))
 
 
-def _back(readings: Readings, force_n: np.ndarray) -> np.ndarray:
-    return _force(readings, force_n) * (readings.phase == "unload")[:, None]
+def _back(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
+    return _force(readings, force_n, sizes) * (readings.phase == "unload")
 
 
-def _place(readings: Readings, force_n: np.ndarray) -> np.ndarray:
-    points = readings.point_m - readings.point_m[readings.first].mean(axis=0)
-    x, y = (points @ np.linalg.svd(points, full_matrices=False)[2][:2].T).T / np.abs(points).max()
-    return np.column_stack([x, y, x * x, x * y, y * y])
+def _place(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
+    x, y = readings.in_plane.T
+    return np.column_stack([x, y, x * x, x * y, y * y]) @ np.asarray(sizes)
 
 
 _ARGUMENTS = {
@@ -121,8 +122,7 @@ class UnknownCourse(Effect):
 
     def course(self, readings: Readings, force_n: np.ndarray, values: Values) -> np.ndarray:
         """Return the course (m,) at acting forces (m,), in the unit of its quantity."""
-        amplitudes = np.array([values[p.name] for p in self.parameters])
-        return self.argument.basis(readings, force_n) @ amplitudes
+        return self.argument.course(readings, force_n, [values[p.name] for p in self.parameters])
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say along what it goes, as what, and how far."""

@@ -25,7 +25,7 @@ from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
-from identify.measurement.chain import Chain, Judged, judge
+from identify.measurement.chain import Chain, Judged, TracedChain, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
@@ -290,11 +290,14 @@ class MeasurementModel:
             by_growth = chain.by_growth(c, e, latent, values)
             by_map += self._by_press(by_growth, body.growth_by_map)
         columns = [by_map[:, list(self.space.free)] * self.unknowns.slope(u)[:k]]
-        first = k
+        first, traced = k, TracedChain(chain, c, e, latent, values) if self.effects else None
         for part in self.effects:
             for p, _ in enumerate(part.parameters):
-                columns.append(self._by_parameter(u, first + p, part, body, chain, (c, e), latent,
-                                                  (by_c, by_e, by_growth))[:, None])  # fmt: skip
+                if traced is not None and not changes_body(part.effect):
+                    column = self._by_chain(u, first, p, part, traced)
+                else:
+                    column = self._by_body(u, first + p, body, (c, e), (by_c, by_e, by_growth))
+                columns.append(column[:, None])
             first += len(part.parameters)
         press = self.readings.press
         off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
@@ -363,35 +366,47 @@ class MeasurementModel:
             return np.zeros((len(by_c), gradient.shape[1]))
         return by_c[:, None] * gradient[self.readings.press]
 
-    def _by_parameter(
-        self,
-        u: np.ndarray,
-        index: int,
-        part: EffectInModel,
-        body: BodyResponse,
-        chain: Chain,
-        moduli: tuple[np.ndarray, np.ndarray],
-        latent: np.ndarray,
-        by: tuple[np.ndarray, np.ndarray, np.ndarray | None],
-    ) -> np.ndarray:
-        """Difference quotient (m,) of the prediction by one scaled parameter of an effect."""
-        (c, e), (by_c, by_e, by_growth) = moduli, by
+    def _sides(self, u: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return scaled coordinates (k,) to both sides of one, for a difference quotient."""
         low, high = (side[index] for side in self.bounds)
         up, down = u.copy(), u.copy()
         up[index] = min(u[index] + _STEP, high)
         down[index] = max(u[index] - _STEP, low)
-        width = up[index] - down[index]
-        if part.effect.link == "body":
-            changes = [body.change(self.state(self.values(side))) for side in (up, down)]
-            (c_up, e_up), (c_down, e_down) = changes
-            by_body = [c / body.compliance * (c_up - c_down), e_up - e_down]
-            if self.unit_compliance is not None:
-                by_body[1] = -e / c * by_body[0]
-            press = self.readings.press
-            change = by_c * by_body[0][press] + by_e * by_body[1][press]
-            if by_growth is not None:
-                changes = [body.growth_change(self.state(self.values(s))) for s in (up, down)]
-                change += by_growth * (changes[0] - changes[1])[press]
-            return change / width
-        sides = [chain.predict(c, e, latent, self.values(side)) for side in (up, down)]
-        return (sides[0] - sides[1]) / width
+        return up, down, float(up[index] - down[index])
+
+    def _by_chain(
+        self, u: np.ndarray, first: int, number: int, part: EffectInModel, traced: TracedChain
+    ) -> np.ndarray:
+        """Return the derivative (m,) by a scaled parameter of an effect beyond the body.
+
+        `first` is the place of the effect's parameters in `u`, `number` that of this one in them.
+        """
+        up, down, width = self._sides(u, first + number)
+        own = slice(first, first + len(part.parameters))
+        above, below = (
+            traced.with_values(part.effect.name, part.to_values(side[own])) for side in (up, down)
+        )
+        return (above - below) / width
+
+    def _by_body(
+        self,
+        u: np.ndarray,
+        index: int,
+        body: BodyResponse,
+        moduli: tuple[np.ndarray, np.ndarray],
+        by: tuple[np.ndarray, np.ndarray, np.ndarray | None],
+    ) -> np.ndarray:
+        """Return the derivative (m,) by a scaled parameter of an effect of the body."""
+        (c, e), (by_c, by_e, by_growth) = moduli, by
+        up, down, width = self._sides(u, index)
+        states = [self.state(self.values(side)) for side in (up, down)]
+        (c_up, e_up), (c_down, e_down) = (body.change(state) for state in states)
+        by_body = [c / body.compliance * (c_up - c_down), e_up - e_down]
+        if self.unit_compliance is not None:
+            by_body[1] = -e / c * by_body[0]
+        press = self.readings.press
+        change = by_c * by_body[0][press] + by_e * by_body[1][press]
+        if by_growth is not None:
+            changes = [body.growth_change(state) for state in states]
+            change += by_growth * (changes[0] - changes[1])[press]
+        return change / width

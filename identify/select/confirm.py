@@ -30,8 +30,8 @@ def confirmed(
     """Test an explanation on some of its readings; None unless all of it holds.
 
     The residual must be noise again, or structured again, and every effect must earn its place
-    beside the others. If it is noise, each must have the same group of equivalents as before;
-    candidates that were far behind on these readings are not tried again.
+    beside the others. If it is noise, each that has a name must have the same group of equivalents
+    as before; candidates that were far behind on these readings are not tried again.
 
     Parameters
     ----------
@@ -49,20 +49,18 @@ def confirmed(
     effects = final.fit.model.started(final.fit.u).effects
     fit = fit_jointly(replace(model, effects=effects), final.fit.map)
     comparison = compare_residual(whitened_fit(fit, scan), settings.residual)
-    names = [effect.name for effect in accepted]
+    named = [effect for effect in accepted if not effect.is_unknown]  # courses have no groups
     alike = comparison.is_noise == final.comparison.is_noise
-    if not alike or any(at_bound(fit, name) for name in names):
+    if not alike or any(at_bound(fit, effect.name) for effect in named):
         return None
-    _, lost = without_unneeded(fit, names, say, settings)
+    _, lost = without_unneeded(fit, [effect.name for effect in accepted], say, settings)
     if lost:
         return None
     if not comparison.is_noise:
         return fit, comparison
-    near = [_without_beaten(effect, same, settings) for effect in accepted]
+    near = [_without_beaten(effect, same, settings) for effect in named]
     _, again, _ = reconsider(fit, near, say, last_too=True, settings=settings)
-    same_groups = [(a.name, set(a.group)) for a in again] == [
-        (a.name, set(a.group)) for a in accepted
-    ]
+    same_groups = [(a.name, set(a.group)) for a in again] == [(a.name, set(a.group)) for a in named]
     return (fit, comparison) if same_groups else None
 
 

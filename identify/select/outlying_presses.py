@@ -140,8 +140,8 @@ def _same_answer(
     others = ~np.isin(start.scan.press, presses)
     same = others[start.scan.in_contact]
     excess = explained.final.fit.at.residual**2 - 1
-    hidden = excess[same].sum() < settings.elsewhere * excess.sum()
-    if explained.verdict == "unexplained" and hidden:
+    structured = not explained.final.comparison.is_noise
+    if structured and excess[same].sum() < settings.elsewhere * excess.sum():
         return None
     fewer = start.experiment.without(presses, refill=False)
     model = measurement_model(fewer.scan, fewer.body, start.fit)

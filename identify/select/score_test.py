@@ -19,6 +19,7 @@ import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, advice, changes_body
 from identify.fit.result import FitResult
+from identify.measurement.chain import TracedChain
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
@@ -114,9 +115,12 @@ def pattern_blocks(
     """
     parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
     amplitudes = [parameters[p.name] for p in effect.amplitudes]
-    chain = replace(model.chain, effects=[*model.chain.effects, effect])
-    base = model.chain.predict(at.compliance, at.modulus, at.latent_force_n, at.values)
     null, m = effect.null, len(at.residual)
+    traced = None
+    if shapes and not changes_body(effect):
+        chain = replace(model.chain, effects=[*model.chain.effects, effect])
+        absent = {**at.values, effect.name: {**null, **shapes[0]}}
+        traced = TracedChain(chain, at.compliance, at.modulus, at.latent_force_n, absent)
 
     def moved_by(shape: Mapping[str, float], amplitude: EffectParameter) -> np.ndarray:
         step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
@@ -125,8 +129,8 @@ def pattern_blocks(
         if changes_body(effect):
             dc, de = at.body.change(effect.body(at.state, **values))
             return model.moved_by_body(at, dc, de) / step
-        given = {**at.values, effect.name: values}
-        return (chain.predict(at.compliance, at.modulus, at.latent_force_n, given) - base) / step
+        assert traced is not None
+        return (traced.with_values(effect.name, values) - traced.predicted_m) / step
 
     count = int(max(min(most_bytes / (8 * m * len(amplitudes)), len(shapes)), 1))
     for begin in range(0, len(shapes), count):

@@ -1,5 +1,6 @@
 """Beside a cause outside the catalogue no effect is offered that may be its imitation."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.unknown_course import COURSES, UNKNOWN
+from identify.select.confirm import confirmed
 from identify.select.form_average import averaged, structure_factor
 from identify.select.form_curve import form_curves
 from identify.select.forward_selection import forward_selection
@@ -34,9 +36,13 @@ def sawtooth(d, f, t, phase, press):
     return d - 1.2e-4 * np.mod(d / 5e-4, 1), f
 
 
+def looped_and_warmer():
+    return planted(12, lambda d, f, t, *rest: loop(*warmer(d, f, t, *rest), t, *rest))
+
+
 @pytest.fixture(scope="module")
 def found():
-    table = planted(12, lambda d, f, t, *rest: loop(*warmer(d, f, t, *rest), t, *rest))
+    table = looped_and_warmer()
     return forward_selection(model(table), TRUE, table, EFFECTS)
 
 
@@ -49,6 +55,18 @@ def test_a_course_takes_the_place_of_the_imitations_of_an_unknown_cause(found):
     said = course.evidence(found.final.fit.at.values[course.name], found.final.fit.model.readings)
     assert "goes with the time of the session, smoothly" in said
     assert said.endswith(("12 %.", "13 %.", "11 %."))
+
+
+def test_an_answer_holds_on_fewer_readings_whatever_other_course_does_as_well_there(found):
+    """A course has no name to be doubted: neither its equals nor its bounds count."""
+    table = looped_and_warmer()
+    (course,) = (a for a in found.accepted if a.is_unknown)
+    equal = replace(course.candidates[0], name="unknown_session_force")
+    bounded = replace(course, candidates=(*course.candidates, equal))
+    answer = replace(found, accepted=tuple(bounded if a is course else a for a in found.accepted))
+    some = table.time_s % 3 > 1
+    others = table.rows(some)
+    assert confirmed(answer, model(others), others, some, print) is not None
 
 
 def test_the_course_is_drawn_along_the_session(found):

@@ -11,7 +11,7 @@ from models.scan_columns import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
 from models.scan_quality import Doubt, scan_findings, touching, without_outliers
-from models.thin import MOST_PRESSES, thinned
+from models.thin import MOST_PRESSES, thinned, well_spread
 
 __all__ = [
     "ARMS",
@@ -37,6 +37,7 @@ __all__ = [
     "stack_scans",
     "thinned",
     "touching",
+    "well_spread",
     "without_outliers",
     "write_program",
     "write_scan",

@@ -23,14 +23,24 @@ def thinned(scan: Scan, most: int = MOST_PRESSES) -> Scan:
     low, high = kinds.min(axis=0), kinds.max(axis=0)
     kinds = (kinds - low) / np.where(high > low, high - low, 1.0)
     features = np.hstack([points / extent, _KINDS_APART * kinds])
+    return scan.rows(np.isin(scan.press_index, well_spread(features, most)))
+
+
+def well_spread(features: np.ndarray, most: int) -> np.ndarray:
+    """Return the rows, rising, of at most so many of n points (n, k), each next one farthest.
+
+    The first point is among them. Those that only repeat others are taken last, evenly.
+    """
+    if len(features) <= most:
+        return np.arange(len(features))
     kept = [0]
     away = np.linalg.norm(features - features[0], axis=1)
     while len(kept) < most and away.max() > 1e-6:
         kept.append(int(np.argmax(away)))
         away = np.minimum(away, np.linalg.norm(features - features[kept[-1]], axis=1))
-    again = np.setdiff1d(np.arange(len(points)), kept)
+    again = np.setdiff1d(np.arange(len(features)), kept)
     evenly = np.linspace(0, len(again) - 1, most - len(kept)).round().astype(int)
-    return scan.rows(np.isin(scan.press_index, [*kept, *again[evenly]]))
+    return np.sort([*kept, *again[evenly]])
 
 
 def _depth_level(scan: Scan) -> np.ndarray:

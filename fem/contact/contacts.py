@@ -81,6 +81,13 @@ class Contacts:
     def __len__(self) -> int:
         return len(self.points_m)
 
+    def some(self, presses: np.ndarray) -> Contacts:
+        """Return some of the presses, by their indices (k,)."""
+        return Contacts(
+            self.points_m[presses], self.directions[presses], self.radius_m[presses],
+            self.profile, np.asarray(self.curvature_per_m)[presses],
+        )  # fmt: skip
+
     def same_presses(self, other: Contacts) -> bool:
         """Return True if the other presses are the same."""
         return self.profile == other.profile and all(

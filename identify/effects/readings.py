@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -61,6 +61,22 @@ class Readings:
 
     def __len__(self) -> int:
         return len(self.press)
+
+    def some(self, presses: np.ndarray) -> Readings:
+        """Return the readings of some presses, of rising indices (k,)."""
+        rows = np.isin(self.press, presses)
+        return replace(
+            self,
+            press=np.searchsorted(presses, self.press[rows]),
+            order=self.order[presses],
+            time_s=None if self.time_s is None else self.time_s[rows],
+            phase=self.phase[rows],
+            point_m=self.point_m[rows],
+            direction=self.direction[rows],
+            force_n=self.force_n[rows],
+            radius_m=self.radius_m[rows],
+            start_s=None if self.time_s is None else self.clock_start_s,
+        )
 
     @property
     def presses(self) -> int:

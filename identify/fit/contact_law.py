@@ -5,7 +5,8 @@ first touch looks like a flat tip. A fit with one free compliance per press
 (`identify.fit.free_compliance`) is quick, so that all effects are fitted; unless one leaves too
 little for a second, all pairs with one form of each cause; the best pair with any effect in the
 place of either; and its extensions by a third effect. The best set wins in which every effect earns
-its price.
+its price. Of many presses some, well spread, serve to compare the sets; those near the best are
+fitted to all.
 
 The laws themselves are right to a few per cent (a ball pressed in by a good part of its radius, the
 modulus under the tip from the press's own compliance). An effect must therefore remove at least 5 %
@@ -14,7 +15,7 @@ of the excess misfit; sets that differ by less than 1 % are equivalent, however 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,10 +23,12 @@ import numpy as np
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
-from identify.fit.settings import CONTACT_LAW, ContactLawSettings
+from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError
+from models import well_spread
 
+_MANY = 1.5  # times `ContactLawSettings.searched`: fewer presses are all searched
 _STEP = 0.01  # of an amplitude's typical size, for its pattern
 
 Set = tuple[str, ...]
@@ -99,12 +102,72 @@ def contact_law(
     stated : effects of the study
     say : called with the present task, in words
     """
-    plain = presses.fit(stated)
-    known = {part.effect.name for part in stated}
+    plain, count = presses.fit(stated), presses.readings.presses
+    if count < _MANY * settings.searched:
+        fits = _searched(presses, plain, catalogue, say, settings)
+    else:
+        few = _spread(presses, settings.searched)
+        quick = replace(settings, margin=settings.margin * few.readings.presses / count)
+        before = few.fit(stated)
+        trials = _searched(few, before, catalogue, say, quick)
+        fits = {}
+        for names in _near(before, trials, quick):
+            say(f"fitting all presses alone with {', '.join(names)}")
+            parts = trials[names].parts[len(stated) :]
+            if (fit := _fitted(presses, plain, parts)) is not None:
+                fits[names] = fit
+    return ContactLaw(plain, _chosen(plain, fits, settings), fits, settings)
+
+
+def _spread(presses: FreeCompliance, most: int) -> FreeCompliance:
+    """Return so many presses that met resistance, well spread over the surface and the tips."""
+    felt, r = np.flatnonzero(presses.felt), presses.readings
+    place = r.point_m[r.first[felt]] / max(float(r.between_m.max()), 1e-9)
+    tip = np.log(r.radius_m[r.first[felt]])
+    some = presses.some(felt[well_spread(np.column_stack([place, tip]), most)])
+    return replace(some, settings=FREE_COMPLIANCE_TRIAL)
+
+
+def _near(
+    plain: FreeComplianceFit, fits: Mapping[Set, FreeComplianceFit], settings: ContactLawSettings
+) -> list[Set]:
+    """Return the sets that may be chosen on all presses, or be equivalent there; smallest first."""
+    scale = _scale([plain, *fits.values()])
+    excess = (plain.misfit - plain.dof) / scale
+    near: list[Set] = []
+    waiting: list[Set] = []
+    best, number = plain, 0
+    for size in range(1, settings.most_effects + 1):
+        sets = sorted(
+            (names for names in fits if len(names) == size),
+            key=lambda names: _criterion(fits[names], scale),
+        )
+        if not sets:
+            continue
+        top = fits[sets[0]]
+        least = settings.perhaps * max(settings.margin, settings.least * excess) * (size - number)
+        if _criterion(best, scale) - _criterion(top, scale) <= least:
+            waiting.append(sets[0])
+            continue
+        most = _criterion(top, scale) + max(settings.margin, settings.near * excess)
+        close = [n for n in sets[: settings.refitted] if _criterion(fits[n], scale) < most]
+        near, waiting = [*near, *waiting, *close], []
+        best, number = top, size
+    return near
+
+
+def _searched(
+    presses: FreeCompliance,
+    plain: FreeComplianceFit,
+    catalogue: Sequence[Effect],
+    say: Callable[[str], None],
+    settings: ContactLawSettings,
+) -> dict[Set, FreeComplianceFit]:
+    """Fit the sets of effects among which the law is sought, by their names."""
     free = [
         e
         for e in catalogue
-        if e.link != "body" and e.name not in known and e.untestable(presses.readings) is None
+        if e.link != "body" and e.name not in plain.names and e.untestable(presses.readings) is None
     ]
     parts = {e.name: presses.part(e, _start(presses, plain, e, settings.shapes)) for e in free}
     fits: dict[Set, FreeComplianceFit] = {}
@@ -139,7 +202,7 @@ def contact_law(
             break
         for names in new:
             tried(names)
-    return ContactLaw(plain, _chosen(plain, fits, settings), fits, settings)
+    return fits
 
 
 def _one_form_each(

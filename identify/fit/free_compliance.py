@@ -13,6 +13,8 @@ sought. The fit holds however far the map is from the truth, but does not see ef
 compliances alone (any effect of the body).
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -57,6 +59,18 @@ class FreeCompliance:
     state: BodyState
     growth: np.ndarray | None = None
     settings: FreeComplianceSettings = FREE_COMPLIANCE
+
+    def some(self, presses: np.ndarray) -> FreeCompliance:
+        """Return some of the presses, of rising indices (k,)."""
+        rows = np.isin(self.readings.press, presses)
+        return replace(
+            self,
+            readings=self.readings.some(presses),
+            displacement_m=self.displacement_m[rows],
+            contacts=self.contacts.some(presses),
+            unit_compliance=self.unit_compliance[presses],
+            growth=None if self.growth is None else self.growth[presses],
+        )
 
     def chain(self, effects: Sequence[Effect]) -> Chain:
         """Return the chain with some effects."""
@@ -127,15 +141,19 @@ class FreeCompliance:
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray
     ) -> FreeComplianceFit:
         """Fit with given weights (j,) of the presses."""
-        root = np.sqrt(weight)[self.readings.press]
+        root, most = np.sqrt(weight)[self.readings.press], self.settings.longest_step
         chain = self.chain([part.effect for part in parts])
         log_c = np.log(self._slopes if compliance is None else compliance)
+        at, follow = np.zeros(0), np.zeros((len(log_c), 0))
         latest: dict[bytes, FreeComplianceFit] = {}
 
         def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            nonlocal log_c
+            nonlocal log_c, at, follow
             values = effect_values(parts, u)
-            log_c, judged, columns = self._eliminate(chain, parts, u, values, log_c)
+            if len(at):
+                log_c = log_c + np.clip(follow @ (u - at), -most, most)
+            log_c, judged, columns, follow = self._eliminate(chain, parts, u, values, log_c)
+            at = u
             r = self._white(judged, judged.residual_m)
             latest.clear()
             latest[u.tobytes()] = FreeComplianceFit(
@@ -173,8 +191,11 @@ class FreeCompliance:
         u: np.ndarray,
         values: Mapping[str, Values],
         log_c: np.ndarray,
-    ) -> tuple[np.ndarray, Judged, np.ndarray]:
-        """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C."""
+    ) -> tuple[np.ndarray, Judged, np.ndarray, np.ndarray]:
+        """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C.
+
+        Returned last is the derivative (j, q) of the best ln C by the effects' parameters.
+        """
         press, presses = self.readings.press, self.readings.presses
         most, widest = self.settings.longest_step * self.felt, self.settings.widest
         usual = float(np.median(np.log(self._slopes)))
@@ -190,8 +211,7 @@ class FreeCompliance:
             judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent)
             latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
-            by_c, by_e = chain.by_body(c, e, latent, values)
-            own = self._white(judged, by_c * c[press] - by_e * e[press])
+            own = self._white(judged, chain.by_log_compliance(c, e, latent, values))
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
             short = np.bincount(press, own * r, presses) / square
             travel = self._white(judged, self.displacement_m)
@@ -213,10 +233,11 @@ class FreeCompliance:
             log_c = log_c + moved
         columns = self._columns(chain, parts, u, c, e, judged.latent_force_n)
         columns = self._white(judged, columns)
+        shares = np.empty((presses, columns.shape[1]))
         for k in range(columns.shape[1]):
-            share = np.bincount(press, own * columns[:, k], presses) / square
-            columns[:, k] -= own * share[press]
-        return np.log(c), judged, columns
+            shares[:, k] = np.bincount(press, own * columns[:, k], presses) / square
+            columns[:, k] -= own * shares[press, k]
+        return np.log(c), judged, columns, -shares
 
     def _white(self, judged: Judged, change_m: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, q) by the noise and the errors of first touch and lag."""

@@ -168,6 +168,7 @@ class FreeComplianceSettings:
 
 
 FREE_COMPLIANCE = FreeComplianceSettings()
+FREE_COMPLIANCE_TRIAL = replace(FREE_COMPLIANCE, reweighted=1, rtol=1e-3, max_evaluations=15)
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,10 @@ class ContactLawSettings:
     least, equal : shares of the excess misfit: an effect takes at least the one, sets within the
         other are equivalent, because the laws themselves are right to a few per cent
     shapes : candidates of a shape parameter
+    searched : presses that serve to compare the sets, where there are half as many again
+    near, refitted : share of the excess misfit within which of the best set there, and most sets of
+        a size, that are then fitted to all presses
+    perhaps : share of an effect's price at which a larger set is among them
     """
 
     bent: float = 9.0
@@ -196,6 +201,10 @@ class ContactLawSettings:
     least: float = 0.05
     equal: float = 0.01
     shapes: int = 12
+    searched: int = 60
+    near: float = 0.03
+    refitted: int = 6
+    perhaps: float = 0.5
 
 
 CONTACT_LAW = ContactLawSettings()

@@ -21,6 +21,7 @@ from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
 
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
 _PREDICTIONS = 24 * 24  # readings of a press times changes of the force, in a chain with a memory
+_TOUCHED = 8  # travels up to the touch that are kept
 _HOOKS: dict[str, Hook] = {
     "_forces": "force",
     "_contacts": "contact",
@@ -60,6 +61,9 @@ class Chain:
         init=False, repr=False, compare=False
     )  # hooks beyond the elastic travel, with the names of their effects
     _touches: list[Any] = field(init=False, repr=False, compare=False)
+    _touched: dict[Any, np.ndarray] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         acting = sorted(self.effects, key=attrgetter("order"))
@@ -100,9 +104,28 @@ class Chain:
         travel = self._elastic(compliance, modulus, force_n, values)
         touch = sum(effect.touch(self.readings, **values[effect.name]) for effect in self._touches)
         if touch:
-            start = np.full(len(force_n), touch)
-            travel = travel - self._elastic(compliance, modulus, start, values)
+            travel = travel - self._up_to(touch, compliance, modulus, values)
         return travel
+
+    def _up_to(
+        self,
+        touch_n: float,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Elastic travel (m,) up to the force of touch; the last ones are kept.
+
+        The forces of the readings, by which most predictions differ, have no part in it.
+        """
+        own = tuple(tuple(values[effect.name].values()) for effect in self._contacts)
+        key = (touch_n, compliance.tobytes(), modulus.tobytes(), own)
+        if key not in self._touched:
+            if len(self._touched) >= _TOUCHED:
+                self._touched.clear()
+            start = np.full(len(self.readings), touch_n)
+            self._touched[key] = self._elastic(compliance, modulus, start, values)
+        return self._touched[key]
 
     def _beyond(
         self, force_n: np.ndarray, travel: np.ndarray, values: Mapping[str, Values]
@@ -215,6 +238,20 @@ class Chain:
         up = self.predict(compliance, (1 + _STEP) * modulus, force_n, values)
         down = self.predict(compliance, (1 - _STEP) * modulus, force_n, values)
         return by_compliance, (up - down) / (2 * _STEP * modulus[self.readings.press])
+
+    def by_log_compliance(
+        self,
+        compliance: np.ndarray,
+        modulus: np.ndarray,
+        force_n: np.ndarray,
+        values: Mapping[str, Values],
+    ) -> np.ndarray:
+        """Return the derivative (m,) by ln C of the reading's press, in an even body: E ~ 1/C."""
+        up, down = (
+            self.predict(factor * compliance, modulus / factor, force_n, values)
+            for factor in (1 + _STEP, 1 / (1 + _STEP))
+        )
+        return (up - down) / (2 * np.log1p(_STEP))
 
     def by_growth(
         self,

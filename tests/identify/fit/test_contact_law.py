@@ -118,6 +118,18 @@ def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name(la
     assert law.found.rms_n < 0.3 * law.plain.rms_n
 
 
+def test_the_law_of_some_presses_is_fitted_to_all_of_them(late_ball):
+    own, law = late_ball
+    some, said = replace(CONTACT_LAW, searched=12), []
+    found = contact_law(own, CATALOGUE, (), said.append, some)
+    assert found.names == law.names
+    assert found.found.misfit == pytest.approx(law.found.misfit, rel=CONTACT_LAW.equal)
+    assert len(found.found.compliance) == PRESSES
+    late = next(name for name in law.names if name != "spherical_tip")
+    assert [n for n, _ in found.candidates(late)] == [n for n, _ in law.candidates(late)]
+    assert sum(text.startswith("fitting all presses") for text in said) <= 3 * some.refitted
+
+
 def test_a_ball_whose_touch_is_declared_late_by_a_length_is_found():
     law = contact_law(ball(1, offset_m=4e-4), CATALOGUE)
     assert law.plain.chi2_per_dof > CONTACT_LAW.bent
@@ -218,7 +230,7 @@ def test_compliances_beside_an_effect_do_not_depend_on_where_they_start():
     chain, misfits = own.chain([part.effect for part in parts]), []
     for far in (1.0, np.e):
         start = np.log(far * own.fit(()).compliance)
-        _, judged, _ = own._eliminate(chain, parts, u, values, start)
+        _, judged, *_ = own._eliminate(chain, parts, u, values, start)
         felt = own.felt[own.readings.press]
         misfits.append(np.sum((judged.residual_m / judged.sigma_m)[felt] ** 2))
     assert misfits[1] == pytest.approx(misfits[0], rel=0.01)

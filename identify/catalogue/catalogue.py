@@ -24,6 +24,8 @@ from identify.catalogue.force_saturation import ForceSaturation
 from identify.catalogue.force_wander import ForceWander
 from identify.catalogue.force_warm_up import ForceWarmUp
 from identify.catalogue.free_loop import FreeLoop
+from identify.catalogue.free_saturation import FreeSaturation
+from identify.catalogue.free_stiffening import FreeStiffening
 from identify.catalogue.guide_friction import GuideFriction
 from identify.catalogue.hysteresis import Hysteresis
 from identify.catalogue.inclusion_edge import InclusionEdge
@@ -71,6 +73,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         SphericalTip(),
         FiniteStrain(),
         StrainStiffening(),
+        FreeStiffening(),
         Viscoelasticity(),
         TwoTimeCreep(),
         PowerLawCreep(),
@@ -93,6 +96,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         SensitivityDrift(),
         SensitivityWander(),
         ForceSaturation(),
+        FreeSaturation(),
         ContactOffset(),
         Backlash(),
         TouchThreshold(),

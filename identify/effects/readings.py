@@ -30,6 +30,7 @@ class Readings:
     radius_m : (m,) of the probe
     start_s : start of the scan's clock, if not the time of its first reading
     travel_from : "touch" or "plane", see `models.Scan`; empty where that is not known
+    deepest : largest travel over the tip's radius in the scan
     """
 
     press: np.ndarray
@@ -42,6 +43,7 @@ class Readings:
     radius_m: np.ndarray
     start_s: float | None = None
     travel_from: Literal["", "touch", "plane"] = ""
+    deepest: float = 1.0
 
     @classmethod
     def of(cls, scan: Scan) -> Readings:
@@ -57,6 +59,7 @@ class Readings:
             force_n=rows.force_n,
             radius_m=rows.probe_radius_m,
             travel_from=rows.travel_from,
+            deepest=max(float(np.max(rows.displacement_m / rows.probe_radius_m)), 1e-3),
         )
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""The form of an effect as a curve with its 95 % band: a drift's course, a creep's, a loop's."""
+"""The form of an effect as a curve with its 95 % band: the course of a drift, a bent law, creep."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from identify.effects.base import Effect
 from identify.effects.unknown_course import UnknownCourse
 from identify.fit.profile_intervals import NORMAL_95
 from identify.fit.result import FitResult
+from identify.measurement.chain import TracedChain
 from identify.select.form_average import posterior_covariance
 
 _MOST = 60  # points of a curve
@@ -40,13 +41,13 @@ class FormCurve:
 
 
 def form_curves(fit: FitResult) -> tuple[FormCurve, ...]:
-    """Return the curve of each effect of a fit that has one: drifts, preconditioning, response."""
+    """Return the curve of each effect of a fit that has one: those of the body have none."""
     curves = (form_curve(fit, part.effect) for part in fit.model.effects)
     return tuple(curve for curve in curves if curve is not None)
 
 
 def form_curve(fit: FitResult, effect: Effect) -> FormCurve | None:
-    """Return what an effect adds along the session or within a press; None of other effects."""
+    """Return what an effect adds along the session, the force or a press; None of other effects."""
     drawn = _drawn(fit, effect)
     if drawn is None:
         return None
@@ -97,6 +98,10 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
             return words, at, lambda **p: hooks.reading(readings, none, none, **p)[rows]
         words = (*along, "added to the force", "N")
         return words, at, lambda **p: -hooks.force(readings, none, **p)[rows]
+    what = ("added to the travel, as a share of the press's largest", "1")
+    if effect.link == "contact" or effect.family == "force_saturation":
+        rows, share = _along_force(fit, effect)
+        return ("force, in one press", "N", *what), readings.force_n[rows], share
     if "response" not in effect.hooks:
         return None
     force, travel = fit.at.latent_force_n, fit.at.body.compliance[readings.press]
@@ -106,7 +111,6 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
     def share(**parameters: float) -> np.ndarray:
         return (hooks.response(readings, force, travel, **parameters) - travel) / largest
 
-    what = ("added to the travel, as a share of the press's largest", "1")
     if effect.family == "preconditioning":
         steady = np.array([np.argmax(np.where(readings.press == j, force, -np.inf))
                            for j in range(readings.presses)])  # fmt: skip
@@ -124,6 +128,22 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
         )
     at = readings.time_s[rows] - readings.touch_time_s[readings.press[rows[0]]]
     return ("time since touch, in one press", "s", *what), at, lambda **p: share(**p)[rows]
+
+
+def _along_force(fit: FitResult, effect: Effect) -> tuple[np.ndarray, Callable[..., np.ndarray]]:
+    """Rows of the way in of the press to which an effect adds most, and what it adds there."""
+    at, readings, own = fit.at, fit.model.readings, fit.at.values[effect.name]
+    chain = TracedChain(fit.model.chain, at.compliance, at.modulus, at.latent_force_n, at.values)
+    absent = chain.with_values(effect.name, {**own, **effect.null})
+    largest = np.maximum(readings.peak_of(absent), 1e-12)
+
+    def share(**parameters: float) -> np.ndarray:
+        return (chain.with_values(effect.name, parameters) - absent) / largest
+
+    press = readings.press[int(np.argmax(np.abs(share(**own))))]
+    rows = np.flatnonzero((readings.press == press) & (readings.phase != "unload"))
+    rows = rows[_spread(readings.force_n[rows])]
+    return rows, lambda **parameters: share(**parameters)[rows]
 
 
 def _spread(at: np.ndarray) -> np.ndarray:

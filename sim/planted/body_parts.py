@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import gamma
@@ -28,6 +29,7 @@ from sim.planted.body_in_loop import (
 )
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import sphere_travel
+from sim.planted.foreign_forms import of_locking, of_toe
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.response import half_space_nearness, softened_nearby
 
@@ -47,6 +49,16 @@ def _finite_strain(scene: PlantScene, v: Values, press: int, force: float, u: fl
 def _stiffening(scene: PlantScene, v: Values, press: int, force: float, u: float) -> float:
     b = v["exponent"] / scene.radius_m[press]
     return math.copysign(math.log1p(b * abs(u)) / b, u) if b else u
+
+
+def _bent(law: Callable[[Any, float], Any], name: str, scene: PlantScene, v: Values) -> Law:
+    """Law of a depth over the tip's radius, odd in it."""
+
+    def depth(press: int, force: float, u: float) -> float:
+        tip = scene.radius_m[press]
+        return tip * math.copysign(float(law(abs(u) / tip, v[name])), u)
+
+    return Law(depth)
 
 
 def _sphere(scene: PlantScene, v: Values) -> Callable[[int, float, float], float]:
@@ -183,6 +195,8 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "mesh_error": _coarse,
     "finite_strain": lambda s, v: Law(partial(_finite_strain, s, v)),
     "strain_stiffening": lambda s, v: Law(partial(_stiffening, s, v)),
+    "form_toe_stiffening": partial(_bent, of_toe, "toe"),
+    "form_locking_stiffening": partial(_bent, of_locking, "locking"),
     "spherical_tip": lambda s, v: Law(_sphere(s, v)),
     "tool_compliance": lambda s, v: Law(lambda press, f, u: u + v["compliance_m_per_n"] * f),
     "outside_slipped_presses": _slipped,

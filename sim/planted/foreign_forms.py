@@ -15,6 +15,8 @@ CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep", "creep_recovery
 LOOP = ("hysteresis", "play", "free_loop", "several_plays")
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
 GAIN = ("sensitivity_drift", "sensitivity_wander")
+STIFFENING = ("strain_stiffening", "free_stiffening")
+SATURATION = ("force_saturation", "free_saturation")
 TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
 MOTION = (
     "breathing", "breathing_from_touch", "breathing_harmonics", "breathing_harmonics_from_touch",
@@ -101,6 +103,61 @@ def form_guide_friction(bench, force_n, travel_m, values):
     most = np.maximum(travel_m.max(axis=1, keepdims=True), 1e-12)
     behind = lag_behind(travel_m, 0.03 * most[:, 0])
     return force_n + values["friction_n"] * (travel_m - behind) / (0.03 * most), travel_m
+
+
+# ---- bent laws -------------------------------------------------------------------------------
+
+
+def of_toe(x: np.ndarray, toe: float) -> np.ndarray:
+    """Depth y of y + toe y^3 = x."""
+    root = np.sqrt(3 * toe)
+    return 2 / root * np.sinh(np.arcsinh(1.5 * root * x) / 3) if toe else x
+
+
+def of_locking(x: np.ndarray, share: float) -> np.ndarray:
+    """Depth y of y (1 + share y^2)^2 = x, by Newton's steps from above."""
+    y = x
+    for _ in range(30):
+        bent = 1 + share * y**2
+        y = y - (y * bent**2 - x) / (bent * (1 + 5 * share * y**2))
+    return y
+
+
+@on_contact("form", "u/a = y + toe y^3, y = d/a", "toe", 0.5, limit=200.0, kin=STIFFENING)
+def form_toe_stiffening(bench, travel_m, values):
+    """Fibres that are straightened first: hardly stiffer at the touch, and then ever more."""
+    tip = bench.program.radius_m[:, None]
+    return tip * of_toe(travel_m / tip, values["toe"])
+
+
+@on_contact("form", "u/a = y (1 + locking y^2)^2, y = d/a", "locking", 0.2, limit=60.0,
+            kin=STIFFENING)  # fmt: skip
+def form_locking_stiffening(bench, travel_m, values):
+    """Chains that are nearly stretched out: the stiffness runs away with depth."""
+    tip = bench.program.radius_m[:, None]
+    return tip * of_locking(travel_m / tip, values["locking"])
+
+
+def softened(force_n: np.ndarray, knee_n: float, loss: float) -> np.ndarray:
+    """Reading that loses a share of what exceeds a knee, rounded over a fifth of it."""
+    width = 0.2 * knee_n
+    over, none = (width * np.logaddexp(0, (f - knee_n) / width) for f in (force_n, 0 * force_n))
+    return force_n - loss * (over - none)
+
+
+@on_sensor("form", "force - loss times its excess over 60 % of the largest", "loss", 0.1,
+           limit=0.9, kin=SATURATION)  # fmt: skip
+def form_yielding_sensor(bench, force_n, travel_m, values):
+    """A sensor whose beam meets its stop: straight to a knee, and less steep beyond."""
+    return softened(force_n, 0.6 * float(bench.program.force_n.max()), values["loss"]), travel_m
+
+
+@on_sensor("form", "force / (1 + loss (force/largest)^2)", "loss", 0.1, limit=0.9,
+           kin=SATURATION)  # fmt: skip
+def form_loaded_amplifier(bench, force_n, travel_m, values):
+    """An amplifier that is loaded by its own output."""
+    level = force_n / float(bench.program.force_n.max())
+    return force_n / (1 + values["loss"] * level**2), travel_m
 
 
 # ---- drifts ----------------------------------------------------------------------------------
@@ -222,6 +279,10 @@ FOREIGN_FORMS = (
     form_several_plays,
     form_fat_loop,
     form_guide_friction,
+    form_toe_stiffening,
+    form_locking_stiffening,
+    form_yielding_sensor,
+    form_loaded_amplifier,
     *_drifts(),
     form_cooling,
     form_slow_preconditioning,

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from sim.planted.foreign_forms import calming
+from sim.planted.foreign_forms import calming, softened
 from sim.planted.instrument import changing_tone, two_tones
 from sim.planted.instrument_in_loop import (
     Backlash,
@@ -130,6 +130,20 @@ def _knee(scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: math.tanh(knee * f) / knee if knee else f
 
 
+def _largest_n(scene: PlantScene) -> float:
+    return float(scene.bench.program.force_n.max())
+
+
+def _yielding(scene: PlantScene, v: Values) -> Reading:
+    knee = 0.6 * _largest_n(scene)
+    return lambda t, f: float(softened(np.array(f), knee, v["loss"]))
+
+
+def _loaded(scene: PlantScene, v: Values) -> Reading:
+    most = _largest_n(scene)
+    return lambda t, f: f / (1 + v["loss"] * (f / most) ** 2)
+
+
 def _filtered(name: str, scene: PlantScene, v: Values) -> Mechanism:
     return on_sensor(name, scene, LowPass(v["delay_s"]).read, "press")
 
@@ -156,6 +170,8 @@ READINGS: Mapping[str, Callable[[PlantScene, Values], Reading]] = {
     "sensitivity_drift": lambda s, v: lambda t, f: f * (1 + v["rate_per_s"] * t),
     "sensitivity_wander": _gaining,
     "force_saturation": _knee,
+    "form_yielding_sensor": _yielding,
+    "form_loaded_amplifier": _loaded,
     **{f"form_{n}_force_drift": partial(_force_course, course) for n, course in _COURSES.items()},
 }
 """Force (N) that a sensor, tared once a scan, reads at a time (s) under a true force (N)."""

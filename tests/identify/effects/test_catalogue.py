@@ -21,7 +21,7 @@ NAMES = (
     "breathing_from_touch", "local_creep", "free_loop", "guide_friction", "backlash", "force_jump",
     "displacement_jump", "several_plays", "preconditioning_nearby", "breathing_harmonics",
     "breathing_harmonics_from_touch", "creep_recovery", "breathing_drifting",
-    "sensitivity_wander",
+    "sensitivity_wander", "free_stiffening", "free_saturation",
 )  # fmt: skip
 
 

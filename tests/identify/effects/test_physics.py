@@ -5,7 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy import integrate
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
@@ -16,6 +19,7 @@ from identify.catalogue.viscoelasticity import lagging
 from identify.effects.base import Pressing
 from identify.effects.conformance.example_scan import trial
 from identify.effects.conformance.worked_example import Inputs
+from identify.effects.monotone import bent
 from identify.effects.sphere import ball_travel, depth_over_hertz
 from tests.fem.reference.hayes import layer_operator, sphere_on_layer
 
@@ -288,6 +292,36 @@ def test_stiffening_is_smooth_through_no_force():
     out = CATALOGUE["strain_stiffening"].contact(own, pressing(201), own.force_n, travel, b=5.0)
     bend = np.diff(out, 2) / np.diff(travel)[0] ** 2  # -b / a at no force
     assert_allclose(bend[98:101], -5.0 / 5e-3, rtol=0.01)
+
+
+def test_a_stiffening_of_even_rises_is_fungs_law():
+    travel = np.linspace(0, 8e-3, 50)
+    own = replace(readings(force_n=tuple(50 * travel)), deepest=1.6)
+    b = 2.0
+    rises = {f"rise_{k}": 1.6 * b * area for k, area in enumerate((1 / 6, 1 / 3, 1 / 3, 1 / 6), 1)}
+    free = CATALOGUE["free_stiffening"].contact(own, pressing(50), own.force_n, travel, **rises)
+    fung = CATALOGUE["strain_stiffening"].contact(own, pressing(50), own.force_n, travel, b=b)
+    assert_allclose(free, fung, rtol=1e-5)
+
+
+@given(
+    rises=st.lists(st.floats(0, 10), min_size=4, max_size=4),
+    stiffer=st.booleans(),
+)
+def test_a_rise_is_the_integral_of_its_hats_and_the_law_bends_one_way(rises, stiffer):
+    hats = np.interp(np.linspace(0, 1, 30001), (0, 1 / 3, 2 / 3, 1),
+                     np.array(rises) * (6, 3, 3, 6))  # fmt: skip
+    fine = np.linspace(0, 1, 30001)
+    rise = integrate.cumulative_trapezoid(hats, fine, initial=0)
+    slope = 1 / (1 + rise) if stiffer else 1 + rise
+    level = np.linspace(0, 1, 31)
+    wanted = integrate.cumulative_trapezoid(slope, fine, initial=0)[::1000]
+    found = bent(level, rises, stiffer)
+    assert_allclose(found, wanted, rtol=2e-4, atol=1e-6)
+    steps = np.diff(bent(np.linspace(-0.5, 1.5, 81), rises, stiffer))
+    assert np.all(steps > 0)
+    turns = np.diff(steps) * (-1 if stiffer else 1)
+    assert np.all(turns > -1e-4 * steps.max())
 
 
 # ---- instrument --------------------------------------------------------------------------

@@ -41,10 +41,23 @@ def several_plays(d, f, t, phase, press):
     return out, f
 
 
+def straightening(d, f, t, phase, press):
+    """Depth y tips wide of y + y^3 / 2 = u: hardly stiffer at first, and then ever more."""
+    x = d / 4e-3
+    return 4e-3 * np.array([np.roots([0.5, 0, 1, -one])[-1].real for one in x]), f
+
+
+def yielding(d, f, t, phase, press):
+    """A sensor that reads 85 % of what exceeds 60 % of the largest force."""
+    return d, f - 0.15 * np.maximum(f - 0.6 * f.max(), 0)
+
+
 @pytest.mark.parametrize(
     ("change", "family"),
     [
         (three_times, "viscoelasticity"),
+        (straightening, "strain_stiffening"),
+        pytest.param(yielding, "force_saturation", marks=pytest.mark.slow),
         pytest.param(logarithmic_zero, "force_drift", marks=pytest.mark.slow),
     ],
 )

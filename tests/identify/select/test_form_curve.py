@@ -44,6 +44,20 @@ def test_creep_is_drawn_within_the_press_to_which_it_adds_most():
     assert np.all(np.linalg.eigvalsh(posterior_covariance(fit)) > 0)
 
 
+def test_a_bent_law_is_drawn_along_the_force():
+    fit = fitted(lambda d, f, t, phase, press: (d, f / (1 + 0.2 * f / 0.3)), "force_saturation",
+                 loss=0.1, sharpness=1.0)  # fmt: skip
+    (curve,) = form_curves(fit)
+    assert (curve.along, curve.at_unit, curve.unit) == ("force, in one press", "N", "1")
+    assert np.all(np.diff(curve.at) >= 0)
+    force = np.array(curve.at)
+    lost = force / (1 - 0.2 * force / 0.3) - force  # of a reading F / (1 + 0.2 F / 0.3)
+    wanted = lost / (0.3 / 1.2)
+    assert np.all(wanted > np.array(curve.lower95) - 0.01)
+    assert np.all(wanted < np.array(curve.upper95) + 0.01)
+    assert 0.01 < max(np.subtract(curve.upper95, curve.lower95)) < 0.2
+
+
 def test_an_effect_without_a_course_has_no_curve():
     fit = fitted(lambda d, f, t, phase, press: (d + 1e-4, f), "contact_offset", offset_m=5e-5)
     assert form_curves(fit) == ()

@@ -87,4 +87,39 @@ def _growth(readings: Readings, lag_s: float) -> np.ndarray:
     place = np.empty(len(order), int)
     place[order] = np.arange(len(order))
     course = LocalLines(felt[order], within[order], force[order], readings.sampling_step_s)
-    return course.at(run, place, within + lag_s) - course.at(felt, place, within)
+    growth = course.at(run, place, within + lag_s) - course.at(felt, place, within)
+    _end_softly(growth, course, readings, within, lag_s)
+    return growth
+
+
+def _end_softly(
+    growth: np.ndarray, course: LocalLines, readings: Readings, within: np.ndarray, lag_s: float
+) -> None:
+    """Change the growth (m,) of phases' last readings to that of ramps that begin and end softly.
+
+    Such a ramp's force changes little in its first and last moments, and between the readings none
+    shows how soft it is there. The holds do: a late channel still lacks something of them at the
+    end of the loading, one that is ahead has lost it at their own end. That lack, over the rate of
+    the force, is at most the lag, and here one time for all ramps.
+    """
+    run, phase = readings.run, readings.phase
+    rows = np.arange(len(run))
+    rate = course.at(run, rows, within + 1.0) - course.at(run, rows, within)
+    last = np.flatnonzero(np.diff(run, append=-1))
+    before = last[:-1][readings.press[last[:-1]] == readings.press[last[:-1] + 1]]
+    tops = before[(phase[before] == "load") & (phase[before + 1] == "hold")]
+    falls = before[(phase[before] == "hold") & (phase[before + 1] == "unload")]
+    late = lag_s > 0
+    corners = tops if late else falls
+    if not len(corners):
+        return
+    slope = rate[corners] if late else -rate[corners + 1]
+    held = corners + 1 if late else corners
+    lacks = course.at(run[held], held, within[corners]) - readings.force_n[corners]
+    soft_s = float(lacks @ slope) / max(float(slope @ slope), 1e-300)
+    soft_s = min(max(soft_s, 0.0), abs(lag_s))
+    growth[corners] = soft_s * slope
+    ends = last[phase[last] == "unload"]
+    growth[ends] = soft_s * rate[ends] if late else 0.0
+    if not late:  # it shows what comes next: a rest
+        growth[tops] = 0.0

@@ -6,9 +6,10 @@ fitted by several laws of the depth since touch (`sim.scan.touch_laws`); where t
 straight line as far as the noise shows, by the nearly straight ones, since a curvature that the
 noise hides still moves the touch by several times a line's standard deviation. The touch is their
 mean, weighted by the Bayesian information criterion (Kass & Raftery, J. Am. Stat. Assoc. 1995).
-Under a ball the law is known but for a small part, see `BALL`. Where none holds, the loading is
-fitted alone, or its first part. A body that goes on sinking while the force is held is described by
-the force's history.
+Under a ball the law is known but for a small part, see `BALL`. Where none holds, the channels of
+force and depth may not be of one instant: the lag that lets loading and unloading coincide is taken
+out. Else the loading is fitted alone, or its first part. A body that goes on sinking while the
+force is held is described by the force's history.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ CURVED = 3.5
 
 LEAST_NOISE = 1e-4
 """Of the range of force: without noise, deviations below are of no account."""
+
+LONGEST_LAG_S = 0.2
+"""Between the channels of force and depth, either way."""
 
 CREEP_TIMES_S = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Times of retardation by which creep is described."""
@@ -83,21 +87,75 @@ def first_touch(
         if holds:
             return touch
     sd = depth_noise_m / np.sqrt(size), force_noise_n / np.sqrt(size)
+
+    def start(used: np.ndarray, depth: np.ndarray = depth_m) -> tuple[FirstTouch, bool]:
+        means = _means(depth, used, size), _means(force_n, used, size)
+        return _law_start(*means, line, *sd, laws, ball)
+
     touch = FirstTouch(line, 0.0)
     for share, back in PARTS:
         used = (part == 0) | ((part == 1) & (wanted_n <= share * wanted_n.max()))
         used |= back & (part == 3)
-        count = int(used.sum()) // size
-        depth, force = (
-            values[used][: count * size].reshape(count, size).mean(axis=1)
-            for values in (depth_m, force_n)
-        )
-        touch, holds = _law_start(depth, force, line, *sd, laws, ball)
+        touch, holds = start(used)
         if holds:
             break
         if straight:  # what the approach felt is not what was pressed: the body may have moved
             return FirstTouch(line, _line_sd(depth_m[moving], force_n[moving], *noise))
+        if back:
+            lag_s, lag_sd_s = _lag(depth_m, force_n, moving, step_s, size, sinking)
+            used &= _has_earlier(used, lag_s / step_s)
+            touch, holds = start(used, _earlier(depth_m, lag_s / step_s))
+            if holds:
+                other, _ = start(used, _earlier(depth_m, (lag_s + lag_sd_s) / step_s))
+                moved = other.depth_m - touch.depth_m
+                return FirstTouch(touch.depth_m, float(np.hypot(touch.sd_m, moved)))
     return touch
+
+
+def _means(values: np.ndarray, used: np.ndarray, size: int) -> np.ndarray:
+    """Return the means of so many neighbours each among the values that are used."""
+    count = int(used.sum()) // size
+    return values[used][: count * size].reshape(count, size).mean(axis=1)
+
+
+def _earlier(values: np.ndarray, steps: float) -> np.ndarray:
+    """Return the values of so many samples before, between samples by a straight line."""
+    at = np.arange(len(values))
+    return np.interp(at - steps, at, values)
+
+
+def _has_earlier(values: np.ndarray, steps: float) -> np.ndarray:
+    """Return where `_earlier` has a value of its own: not after the end."""
+    return np.arange(len(values)) - steps < len(values)
+
+
+def _lag(
+    depth: np.ndarray,
+    force: np.ndarray,
+    moving: np.ndarray,
+    step_s: float,
+    size: int,
+    noise_m: float,
+) -> tuple[float, float]:
+    """Return the time by which the force is read later than the depth, and its error, s.
+
+    With it the depth is one cubic of the force, when loading as when unloading.
+    """
+
+    def misfit(steps: float) -> float:
+        used = moving & _has_earlier(moving, steps)
+        mean, course = (_means(v, used, size) for v in (force, _earlier(depth, steps)))
+        cubic = np.linalg.qr(np.vander((mean - mean.mean()) / np.ptp(mean), 4)).Q
+        left = course - cubic @ (cubic.T @ course)
+        return float(left @ left) / len(left) * moving.sum() / noise_m**2
+
+    most = round(LONGEST_LAG_S / step_s)
+    cost = np.array([misfit(steps) for steps in range(-most, most + 1)])
+    best = min(max(int(cost.argmin()), 1), 2 * most - 1)
+    before, here, after = cost[best - 1 : best + 2]
+    bend = max(float(before - 2 * here + after), 1e-9)
+    steps = best - most + min(max(float(before - after) / (2 * bend), -1.0), 1.0)
+    return steps * step_s, step_s * float(np.sqrt(2 / bend))
 
 
 def _creeps(depth: np.ndarray, noise: float) -> bool:

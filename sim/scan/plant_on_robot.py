@@ -202,7 +202,9 @@ def _drawn(
         effect = HIDDEN[name]
         drawn = effect.draw(bench, rng)
         sign = float(rng.choice([-1, 1])) if effect.two_sided else 1.0
-        one, reached = amplitude_for(bench, effect, drawn, size, planted, sign)
+        # The error of a mesh has its size on the mesh on which it acts
+        meant = replace(bench, divisions=DIVISIONS) if name == "mesh_error" else bench
+        one, reached = amplitude_for(meant, effect, drawn, size, planted, sign)
         planted = (*planted, one)
         record = {"name": name, "category": effect.category, "law": effect.law}
         record |= {"values": dict(one[1]), "wanted_size": size, "size": reached}

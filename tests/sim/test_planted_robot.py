@@ -222,6 +222,14 @@ def test_what_goes_with_time_has_the_size_that_was_asked_on_the_robots_clock(sho
     assert np.sqrt(sum(squares)) == pytest.approx(0.05, rel=0.15)
 
 
+def test_the_error_of_a_mesh_has_the_size_that_was_asked_on_the_mesh_where_it_acts(short_scan):
+    plan, _, law = short_scan
+    plant = plant_on_robot([("mesh_error", 0.05)], plan, ScanSettings(), HiddenBody())
+    stiffer = plant.mechanisms.pressed(law)
+    travel = np.array([[b.displacement(j, 0.2) for b in (law, stiffer)] for j in range(len(plan))])
+    assert abs(np.diff(travel) / travel[:, :1]).mean() == pytest.approx(0.05, rel=0.1)
+
+
 def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
     words = ["scan", "--presses-per-side", "2", "--force", "0.2", "--json"]
     plant = ["--plant", "extra_inclusion:5", "--plant", "stiffness_gradient:5"]

@@ -106,6 +106,18 @@ def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(cours
     assert 0.3 < np.sqrt(np.mean((off / stated) ** 2)) < 2
 
 
+@pytest.mark.parametrize("steps", [15, -15])
+def test_first_touch_is_right_where_the_channels_are_not_of_one_instant(steps):
+    rng, found = np.random.default_rng(7), []
+    for _ in range(12):
+        depth, force, *rest = press(COURSES["cubic"][0], 0.25, rng, 5e-3, 2e-5)
+        at = np.arange(len(force)) - steps
+        found.append(first_touch(depth, force[at.clip(0, len(at) - 1)], *rest, 2e-5, 5e-3))
+    off, stated = np.transpose(found) - [[0.0012], [0.0]]
+    assert abs(off.mean()) < 8e-6  # 30 ms are 45 um at the speed of the approach
+    assert 0.5 < np.sqrt(np.mean((off / stated) ** 2)) < 1.5
+
+
 def test_a_tip_that_sinks_without_any_force_has_no_law_of_creep():
     part = np.repeat([1, 2, 3], 250)
     fallen, nothing = np.linspace(0, 0.02, 750), np.zeros(750)

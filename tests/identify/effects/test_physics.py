@@ -357,6 +357,28 @@ def test_saturation_undoes_clipping_where_few_readings_are_clipped():
     assert fitted_loss(true, read) < 1e-3
 
 
+@pytest.mark.parametrize("lag", [0.03, -0.03])
+@pytest.mark.parametrize("soft_s", [0.0, 0.1])
+def test_a_lag_is_undone_where_ramps_end_sharply_and_where_they_end_softly(soft_s, lag):
+    dense = np.arange(-100, 4101) * 1e-3
+    rate = np.interp(
+        dense, [0, soft_s, 1 - soft_s, 1, 3, 3 + soft_s, 4 - soft_s, 4, 4 + 1e-9],
+        [1e-9, 1, 1, 0, 0, -1, -1, 0, 0] if soft_s else [1, 1, 1, 1, -1, -1, -1, -1, 0],
+    )  # fmt: skip
+    if not soft_s:
+        rate = np.where(dense <= 0, 0, np.where(dense < 1, 1, np.where(dense < 3, 0, rate)))
+    course = 0.3 * np.cumsum(rate) * 1e-3 / (1 - soft_s)
+    time = np.r_[np.arange(1, 9) / 8, 1 + np.arange(1, 9) / 4, 3 + np.arange(1, 7) / 6]
+    true = np.interp(time, dense, course)
+    own = readings(
+        time_s=tuple(time), force_n=tuple(np.interp(time - lag, dense, course)),
+        phase=("load",) * 8 + ("hold",) * 8 + ("unload",) * 6,
+    )  # fmt: skip
+    found = CATALOGUE["time_lag"].force(own, own.force_n, lag_s=lag)
+    assert np.abs(own.force_n - true).max() > 0.008
+    assert_allclose(found, true, atol=0.0025)
+
+
 def test_breathing_in_step_with_the_presses_is_no_candidate():
     own = trial().readings
     regular = 4.5 * own.press + (own.time_s - own.time_s[own.first][own.press])

@@ -104,14 +104,42 @@ class CarriedFine(NamedTuple):
         return own, _mesh_error(fine, coarse, own / coarse_compliance, settings)
 
 
+class SupportError(NamedTuple):
+    """Error of the coarse model that a support's giving way brings, beside that of a firm one.
+
+    Attributes
+    ----------
+    base : compliance of the support, m/Pa, across and along
+    effect : (j,) its effect on ln C on the coarse mesh
+    log_ratio : (j,) of the finer compliance over the coarse one, beyond that on the firm support
+    """
+
+    base: np.ndarray
+    effect: np.ndarray
+    log_ratio: np.ndarray
+
+    def at(self, base: np.ndarray, effect: np.ndarray, near: float) -> np.ndarray | None:
+        """Return the logarithm (j,) at another support, in proportion to its effect.
+
+        None where a compliance differs by more than the factor `near`.
+        """
+        low, high = np.minimum(self.base, base), np.maximum(self.base, base)
+        if (high > near * low).any():
+            return None
+        return self.log_ratio * (effect @ self.effect) / max(self.effect @ self.effect, 1e-300)
+
+
 def fine_solution(
     fine: FineModel,
     stiffness: ModulusField,
     coarse: PalpationModel,
     coarse_compliance: np.ndarray,
     settings: BodySettings = BODY,
+    base: tuple[float, float] | None = None,
 ) -> FineSolution:
     """Evaluate the finer model for a map; `coarse_compliance` (j,) is the coarse one's.
+
+    Both are on a support that gives way by `base` (m/Pa, across and along) more than its own.
 
     The finer meshes see the map of a soft inclusion at points where it may be softer than anywhere
     on the coarse one, or not positive at all. There the least modulus on the coarse mesh stands.
@@ -120,9 +148,9 @@ def fine_solution(
     modulus = np.maximum(stiffness.modulus(fine.points_m), least)
     if isinstance(fine, RefinedModel):
         known = coarse_compliance if fine.coarse is coarse else None
-        response = fine.evaluate(modulus, coarse_compliance=known)
+        response = fine.evaluate(modulus, base, coarse_compliance=known)
         return FineSolution(response.compliance, response.error, response.fine)
-    response = fine.evaluate(modulus)
+    response = fine.evaluate(modulus, base)
     compliance = response.compliance
     error = _mesh_error(fine, coarse, compliance / coarse_compliance, settings)
     return FineSolution(compliance, error, response)

@@ -36,6 +36,8 @@ class BodySettings:
     carried_shift_m, carried_change : distance of the body's place, and change of the logarithm of
         a compliance, up to which a search takes the finer model's correction from another place
     carried_slack : slack up to which both grow with it
+    near_support : factor between the compliances of two supports within which a search takes the
+        finer model's correction of one for the other, in proportion to their effects
     shift_step_m : distance between shifts with a finer model of their own
     """
 
@@ -61,6 +63,7 @@ class BodySettings:
     carried_shift_m: float = 5e-4
     carried_change: float = 0.05
     carried_slack: float = 4.0
+    near_support: float = 1.25
 
 
 BODY = BodySettings()

@@ -44,6 +44,23 @@ def counted(monkeypatch, model: PalpationModel) -> list[int]:
     return solved
 
 
+def test_a_base_that_gives_way_is_that_of_the_finer_mesh(models):
+    contacts = models[0].contacts
+    meshes = [(4, 4, 2), (6, 6, 3), (8, 8, 4), (12, 12, 6)]
+    coarse, fine, *finer = (PalpationModel(block_mesh(SIZE, n), 0.49, contacts) for n in meshes)
+    own, reference = BodyMechanics.of(coarse, RefinedModel(coarse, fine)), RefinedModel(*finer)
+    state = own.state().changed(base_tangential_m_per_pa=4e-6)
+    true = reference.evaluate(MAP.modulus(reference.points_m), (0.0, 4e-6)).compliance
+    firm = own.corrected(MAP, own.state()).evaluate(MAP, state).compliance
+    exact = own.corrected(MAP, state)
+    assert np.abs(firm / true - 1).max() > 0.015
+    assert np.abs(exact.evaluate(MAP, state).compliance / true - 1).max() < 0.004
+    near = state.changed(base_tangential_m_per_pa=4.6e-6)
+    carried = own.corrected(MAP, near, slack=1.0)
+    assert carried.ratio != pytest.approx(exact.ratio, rel=1e-5, abs=0)
+    assert carried.ratio == pytest.approx(own.corrected(MAP, near).ratio, rel=1e-3, abs=0)
+
+
 def test_a_search_takes_the_reduced_basis_within_its_tolerance(mechanics, monkeypatch):
     mechanics.evaluate(MAP, mechanics.state(), slack=1.0)
     solved = counted(monkeypatch, mechanics.coarse)

@@ -1,12 +1,12 @@
 """A base that gives way under pressure."""
 
 from identify.body.state import BodyState
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.effects.base import Advice, Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length
 
 
-class BaseCompliance(Effect):
+class BaseCompliance(Advice, Effect):
     """Springs below the whole base, normal to it."""
 
     name = "base_compliance"
@@ -49,6 +49,14 @@ class BaseCompliance(Effect):
         """Put the springs below the body, beside any that are there."""
         total = state.base_normal_m_per_pa + normal_m_per_pa
         return state.changed(base_normal_m_per_pa=total)
+
+    def levels(self, state: BodyState) -> tuple[float, ...]:
+        """Return that of a base as soft as the body held sideways, and one ten times softer."""
+        if state.background_pa is None:
+            return ()
+        nu = min(state.poisson_ratio, 0.495)
+        held_pa = state.background_pa * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+        return (state.height_m / held_pa, 10 * state.height_m / held_pa)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how soft the base is."""

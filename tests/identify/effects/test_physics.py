@@ -422,6 +422,12 @@ def test_candidate_inclusions_lie_in_the_body_below_the_presses(size):
         assert 0 < candidate["z_m"] < size[2]
 
 
+def test_a_base_is_sought_where_it_gives_way_as_the_body_held_sideways_does():
+    state = BodyState(BOX, 0.25).changed(background_pa=5000.0)
+    found = CATALOGUE["base_compliance"].levels(state)
+    assert found[0] == pytest.approx(0.048 / 6000)  # held sideways, 1.2 times as stiff
+
+
 def test_candidate_inclusions_stand_closer_than_their_radius():
     side = np.linspace(0.012, 0.084, 9)
     points = tuple((a, b, 0.048) for a in side for b in side)

@@ -101,7 +101,7 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
     what = ("added to the travel, as a share of the press's largest", "1")
     if effect.link == "contact" or effect.family == "force_saturation":
         rows, share = _along_force(fit, effect)
-        return ("force, in one press", "N", *what), readings.force_n[rows], share
+        return ("force, in one press", "N", *what), fit.at.latent_force_n[rows], share
     if "response" not in effect.hooks:
         return None
     force, travel = fit.at.latent_force_n, fit.at.body.compliance[readings.press]
@@ -142,7 +142,7 @@ def _along_force(fit: FitResult, effect: Effect) -> tuple[np.ndarray, Callable[.
 
     press = readings.press[int(np.argmax(np.abs(share(**own))))]
     rows = np.flatnonzero((readings.press == press) & (readings.phase != "unload"))
-    rows = rows[_spread(readings.force_n[rows])]
+    rows = rows[_spread(at.latent_force_n[rows])]  # without the noise of the reading
     return rows, lambda **parameters: share(**parameters)[rows]
 
 

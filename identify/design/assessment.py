@@ -95,8 +95,7 @@ def assess(
     say("computing detection limits")
     # Biases are told by the last fit's, so that these are the ones found at their size
     unseen = detection_limits(last, catalogue) if known else ()
-    alone = known and last is first
-    limits = unseen if alone else detection_limits(first, catalogue, known=unseen)
+    limits = unseen if known and last is first else _limits(explained, catalogue, unseen)
     forms = forms_of(explained)
     say("looking for confounders of the effects found")
     return Assessment(
@@ -120,6 +119,29 @@ def assess(
         finer_mesh=known and MODEL_ERROR in offered,
         other_map=other,
     )
+
+
+def _limits(
+    explained: Explanation, catalogue: Sequence[Effect], unseen: Sequence[Limit]
+) -> tuple[Limit, ...]:
+    """Return the detection limits of the first step.
+
+    Beside a free map each effect of the body takes models of its own: its limit is that beside the
+    last step, or none where it was not tested.
+    """
+    first, last = explained.ladder[0].fit, explained.final
+    if first.field is None or last.fit is first:
+        return detection_limits(first, catalogue, known=unseen)
+    body = [effect for effect in catalogue if effect.link == "body"]
+    others = [effect for effect in catalogue if effect.link != "body"]
+    if not unseen:
+        tested = {score.name for score in last.diagnosis.scores if score.untestable is None}
+        body = [effect for effect in body if effect.name in tested]
+        return detection_limits(first, [*others, *body], known=unseen)
+    names = {effect.name for effect in body}
+    of_body = tuple(limit for limit in unseen if limit.name in names)
+    found = [effect for effect in body if effect.name in last.fit.effect_names]
+    return (*detection_limits(first, [*others, *found]), *of_body)
 
 
 def _not_counted(

@@ -17,9 +17,11 @@ from identify.fit.posterior import (
 )
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
+from identify.fit.settings import CONTACT_LAW
 from identify.fit.start_map import fit_map
 
 __all__ = [
+    "CONTACT_LAW",
     "SPOTS",
     "Estimate",
     "Field",

@@ -16,22 +16,18 @@ of the excess misfit; sets that differ by less than 1 % are equivalent, however 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
-from identify.effects.base import Effect, Values, advice
+from identify.effects.base import Effect
+from identify.fit.contact_law_sets import Set, criterion_of, fit_set, misfit_scale, search_sets
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.effect_in_model import EffectInModel
-from identify.optimize.result import InadmissibleError
 from models import well_spread
 
 _MANY = 1.5  # times `ContactLawSettings.searched`: fewer presses are all searched
-_STEP = 0.01  # of an amplitude's typical size, for its pattern
-
-Set = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -44,12 +40,15 @@ class ContactLaw:
     found : fit with further effects
     fits : fits of all sets of further effects, by names
     settings : of the search
+    partial : set that takes most of the excess misfit where none leaves noise in enough presses;
+        no law of all presses, which may have one each
     """
 
     plain: FreeComplianceFit
     found: FreeComplianceFit
     fits: dict[Set, FreeComplianceFit]
     settings: ContactLawSettings = CONTACT_LAW
+    partial: FreeComplianceFit | None = None
 
     @property
     def names(self) -> Set:
@@ -69,13 +68,28 @@ class ContactLaw:
 
     def criterion(self, fit: FreeComplianceFit) -> float:
         """Misfit in units of that of the best law, and the price of the parameters."""
-        return _criterion(fit, _scale(self.fits.values()))
+        return criterion_of(fit, misfit_scale(self.fits.values()))
+
+    def range_of(self, name: str) -> dict[str, tuple[float, float]]:
+        """How far each parameter of an effect found moves, down and up, by other laws of contact.
+
+        Laws with one effect of the contact more or fewer that explain nearly as much: where
+        structure is left, they are as credible (`ContactLawSettings.unsure`).
+        """
+        most = self.found.misfit + self.settings.unsure * self._excess
+        moved = {key: [0.0] for key in self.found.values[name]}
+        for names, fit in self.fits.items():
+            other = set(names) ^ set(self.names)
+            if name in names and fit.misfit < most and _one_of_contact((fit, self.found), other):
+                for key, value in self.found.values[name].items():
+                    moved[key].append(fit.values[name][key] - value)
+        return {key: (min(shifts), max(shifts)) for key, shifts in moved.items()}
 
     def candidates(self, name: str) -> list[tuple[str, FreeComplianceFit]]:
         """Equivalent effects in the place of one of those found, best first."""
         rest = set(self.names) - {name}
         best, near = self.criterion(self.found), []
-        slack = self.settings.equal * self._excess / _scale(self.fits.values())
+        slack = self.settings.equal * self._excess / misfit_scale(self.fits.values())
         slack = max(self.settings.margin, slack)
         for names, fit in self.fits.items():
             other = set(names) - rest
@@ -104,19 +118,38 @@ def contact_law(
     """
     plain, count = presses.fit(stated), presses.readings.presses
     if count < _MANY * settings.searched:
-        fits = _searched(presses, plain, catalogue, say, settings)
+        fits = search_sets(presses, plain, catalogue, say, settings)
     else:
         few = _spread(presses, settings.searched)
         quick = replace(settings, margin=settings.margin * few.readings.presses / count)
         before = few.fit(stated)
-        trials = _searched(few, before, catalogue, say, quick)
-        fits = {}
-        for names in _near(before, trials, quick):
-            say(f"fitting all presses alone with {', '.join(names)}")
-            parts = trials[names].parts[len(stated) :]
-            if (fit := _fitted(presses, plain, parts)) is not None:
-                fits[names] = fit
-    return ContactLaw(plain, _chosen(plain, fits, settings), fits, settings)
+        trials, fits = search_sets(few, before, catalogue, say, quick), {}
+
+        def fitted(sets: Sequence[Set]) -> None:
+            for names in sets:
+                say(f"fitting all presses alone with {', '.join(names)}")
+                parts = trials[names].parts[len(stated) :]
+                if (fit := fit_set(presses, plain, parts)) is not None:
+                    fits[names] = fit
+
+        fitted(_near(before, trials, quick))
+        best = _best(plain, fits, settings)
+        if best.noise_share >= settings.noise_share:
+            own = set(best.names) - set(plain.names)
+            fitted([n for n in trials if n not in fits
+                    and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
+    best = _best(plain, fits, settings)
+    if best is plain or best.noise_share >= settings.noise_share:
+        return ContactLaw(plain, best, fits, settings)
+    law = ContactLaw(plain, plain, fits, settings)
+    share = replace(law, found=best).share
+    return replace(law, partial=best) if share > settings.most_of else law
+
+
+def _one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
+    """Whether the names are one, of an effect of the contact."""
+    parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
+    return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)
 
 
 def _spread(presses: FreeCompliance, most: int) -> FreeCompliance:
@@ -132,7 +165,7 @@ def _near(
     plain: FreeComplianceFit, fits: Mapping[Set, FreeComplianceFit], settings: ContactLawSettings
 ) -> list[Set]:
     """Return the sets that may be chosen on all presses, or be equivalent there; smallest first."""
-    scale = _scale([plain, *fits.values()])
+    scale = misfit_scale([plain, *fits.values()])
     excess = (plain.misfit - plain.dof) / scale
     near: list[Set] = []
     waiting: list[Set] = []
@@ -140,188 +173,53 @@ def _near(
     for size in range(1, settings.most_effects + 1):
         sets = sorted(
             (names for names in fits if len(names) == size),
-            key=lambda names: _criterion(fits[names], scale),
+            key=lambda names: criterion_of(fits[names], scale),
         )
         if not sets:
             continue
         top = fits[sets[0]]
         least = settings.perhaps * max(settings.margin, settings.least * excess) * (size - number)
-        if _criterion(best, scale) - _criterion(top, scale) <= least:
+        if criterion_of(best, scale) - criterion_of(top, scale) <= least:
             waiting.append(sets[0])
             continue
-        most = _criterion(top, scale) + max(settings.margin, settings.near * excess)
-        close = [n for n in sets[: settings.refitted] if _criterion(fits[n], scale) < most]
+        most = criterion_of(top, scale) + max(settings.margin, settings.near * excess)
+        if _is_no_law(top, settings):  # nor are its equals
+            most = -np.inf
+            waiting.append(sets[0])
+        close = [n for n in sets[: settings.refitted] if criterion_of(fits[n], scale) < most]
         near, waiting = [*near, *waiting, *close], []
         best, number = top, size
     return near
 
 
-def _searched(
-    presses: FreeCompliance,
-    plain: FreeComplianceFit,
-    catalogue: Sequence[Effect],
-    say: Callable[[str], None],
-    settings: ContactLawSettings,
-) -> dict[Set, FreeComplianceFit]:
-    """Fit the sets of effects among which the law is sought, by their names."""
-    free = [
-        e
-        for e in catalogue
-        if e.link != "body" and e.name not in plain.names and e.untestable(presses.readings) is None
-    ]
-    parts = {e.name: presses.part(e, _start(presses, plain, e, settings.shapes)) for e in free}
-    fits: dict[Set, FreeComplianceFit] = {}
-    seen: set[Set] = set()
-
-    def tried(names: Set) -> None:
-        seen.add(names)
-        say(f"fitting the presses alone with {', '.join(names)}")
-        fit = _fitted(presses, plain, [parts[name] for name in names])
-        if fit is not None:
-            fits[names] = fit
-
-    def criterion(names: Set) -> float:
-        return _criterion(fits[names], _scale([plain, *fits.values()]))
-
-    for name in parts:
-        tried((name,))
-    if all(_has_room(plain, fit, settings) for fit in fits.values()):
-        for names in combinations(_one_form_each(parts, fits, criterion), 2):
-            tried(names)
-    while fits:
-        best = min(fits, key=criterion)
-        if len(best) < 2:
-            break
-        new = [names for names in _exchanges(best, parts) if names not in seen]
-        if not new and len(best) < settings.most_effects:
-            if not _has_room(plain, fits[best], settings):
-                break
-            more = (_ordered((*best, name), parts) for name in parts if name not in best)
-            new = [names for names in more if names not in seen]
-        if not new:
-            break
-        for names in new:
-            tried(names)
-    return fits
-
-
-def _one_form_each(
-    parts: Mapping[str, EffectInModel],
-    fits: Mapping[Set, FreeComplianceFit],
-    criterion: Callable[[Set], float],
-) -> list[str]:
-    """Return one form of each cause: the best alone, or the first where none can be fitted."""
-    causes: dict[str, list[str]] = {}
-    for name, part in parts.items():
-        causes.setdefault(part.effect.family, []).append(name)
-    return [
-        min((n for n in forms if (n,) in fits), key=lambda n: criterion((n,)), default=forms[0])
-        for forms in causes.values()
-    ]
-
-
-def _exchanges(names: Set, parts: Mapping[str, EffectInModel]) -> list[Set]:
-    """Return the pairs that differ from a pair in one effect, none of another number of effects."""
-    if len(names) != 2:
-        return []
-    return [
-        _ordered((kept, other), parts) for kept in names for other in parts if other not in names
-    ]
-
-
-def _has_room(
-    plain: FreeComplianceFit, fit: FreeComplianceFit, settings: ContactLawSettings
-) -> bool:
-    """Whether a fit's misfit above noise leaves further effects enough to earn their place."""
-    noise = fit.dof - settings.noise_sd * np.sqrt(2 * fit.dof)
-    return fit.misfit - noise > max(settings.margin, settings.least * (plain.misfit - plain.dof))
-
-
-def _chosen(
-    plain: FreeComplianceFit, fits: dict[Set, FreeComplianceFit], settings: ContactLawSettings
+def _best(
+    plain: FreeComplianceFit, fits: Mapping[Set, FreeComplianceFit], settings: ContactLawSettings
 ) -> FreeComplianceFit:
     """Smallest set that no larger one beats by more than the margin for each further effect.
 
-    None of them, if even the best leaves structure in too many presses: its gain may then be
-    anything that differs from press to press.
+    It is the law of none if it leaves structure in too many presses: its gain may then be anything
+    that differs from press to press.
     """
-    scale = _scale([plain, *fits.values()])
+    scale = misfit_scale([plain, *fits.values()])
     least = max(settings.margin, settings.least * (plain.misfit - plain.dof) / scale)
     best, number = plain, 0
     for size in range(1, settings.most_effects + 1):
         sets = [fit for names, fit in fits.items() if len(names) == size]
         if not sets:
             continue
-        top = min(sets, key=lambda fit: _criterion(fit, scale))
-        gain = _criterion(best, scale) - _criterion(top, scale)
+        top = min(sets, key=lambda fit: criterion_of(fit, scale))
+        gain = criterion_of(best, scale) - criterion_of(top, scale)
         # A rising error is no gain: chi-square also falls where the slope, and the noise, grow
         if gain > least * (size - number) and top.misfit < best.misfit:
             best, number = top, size
-    return best if best.noise_share >= settings.noise_share else plain
+    return best
 
 
-def _fitted(
-    presses: FreeCompliance, plain: FreeComplianceFit, parts: Sequence[EffectInModel]
-) -> FreeComplianceFit | None:
-    """Fit the study's effects and further ones; None for an impossible fit or one at a bound."""
-    chain = presses.chain([part.effect for part in (*plain.parts, *parts)])
-    if any(advice(part.effect).redundant(chain.profile, chain.nonlinear) for part in parts):
-        return None
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a step too far is turned back
-            fit = presses.fit((*plain.parts, *parts), plain.compliance)
-    except InadmissibleError:
-        return None
-    doubtful = any(
-        advice(p.effect).doubt(fit.values[p.effect.name], presses.readings) for p in parts
-    )
-    return None if fit.at_bound or doubtful or not np.isfinite(fit.misfit) else fit
-
-
-def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect, most: int) -> Values:
-    """Null of the amplitudes, and the candidate of the shape nearest to the residual."""
-    shapes = effect.grid(presses.readings, presses.state)
-    if len(shapes) > most:
-        chosen = np.linspace(0, len(shapes) - 1, most).round().astype(int)
-        shapes = [shapes[i] for i in chosen]
-    if len(shapes) == 1:
-        return {**shapes[0], **effect.null}
-    press, count = plain.press, len(plain.compliance)
-    chain = presses.chain([*(part.effect for part in plain.parts), effect])
-    modulus = presses.unit_compliance / plain.compliance
-    force = presses.readings.force_n
-    likeness = []
-    for shape in shapes:
-        sides = []
-        for size in (0.0, _STEP):
-            values = {**shape, **effect.null}
-            for p in effect.bounded(presses.readings, presses.state):
-                if p.null is not None:
-                    values[p.name] = p.null + size * p.typical * (-1 if p.upper == p.null else 1)
-            both = {**plain.values, effect.name: values}
-            sides.append(chain.predict(plain.compliance, modulus, force, both))
-        moved = sides[1] - sides[0]
-        moved -= force * (np.bincount(press, force * moved, count)
-                          / np.bincount(press, force**2, count))[press]  # fmt: skip
-        along = plain.weight[press] * moved
-        length = float(np.sqrt(moved @ along))
-        likeness.append(float(along @ plain.residual_m) / length if length > 0 else -np.inf)
-    best = int(np.argmax(likeness if effect.one_sided else np.abs(likeness)))
-    return {**shapes[best], **effect.null}
+def _is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Whether so few of a sample of presses are noise that the law cannot be that of all."""
+    least = settings.noise_share
+    return fit.noise_share < least - 3 * np.sqrt(least * (1 - least) / max(fit.felt.sum(), 1))
 
 
 def _contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
     return next(p.effect.contains for p in fit.parts if p.effect.name == name)
-
-
-def _ordered(names: Set, parts: Mapping[str, EffectInModel]) -> Set:
-    return tuple(name for name in parts if name in names)
-
-
-def _scale(fits) -> float:
-    """Misfit per degree of freedom of the best fit, at least 1."""
-    return max(1.0, min((fit.misfit / fit.dof for fit in fits), default=1.0))
-
-
-def _criterion(fit: FreeComplianceFit, scale: float) -> float:
-    return fit.misfit / scale + fit.unknowns * float(np.log(len(fit.residual)))

@@ -7,6 +7,7 @@ import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.unknown_course import UNKNOWN
+from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.result import FitResult
 from identify.select.candidates import Candidate
 from identify.select.settings import SELECTION, SelectionSettings
@@ -24,6 +25,9 @@ class AcceptedEffect:
     confounded : for each candidate, the effects it cannot be separated from because of model error
     chi2_before : chi-square of the step before
     first_candidates : those of its own step, if they were compared again since
+    partial : the presses' curves call for it and leave structure in many: no law of them all
+    range_of : by parameter, how far other laws of contact move it, down and up
+    law : fit of the presses with the law, each with a compliance of its own; None without a law
     settings : of the selection
     """
 
@@ -33,6 +37,9 @@ class AcceptedEffect:
     confounded: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     chi2_before: float = np.inf
     first_candidates: tuple[Candidate, ...] = ()
+    partial: bool = False
+    range_of: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    law: FreeComplianceFit | None = None
     settings: SelectionSettings = SELECTION
 
     @property

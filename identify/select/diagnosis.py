@@ -1,7 +1,9 @@
 """Diagnosis of a fit: significant effects of a catalogue, and groups that look alike."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -9,7 +11,14 @@ import numpy as np
 
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
-from identify.select.score_test import Score, cosine, fitted_basis, holm_significant, score_effect
+from identify.select.score_test import (
+    Score,
+    cosine,
+    fitted_basis,
+    holm_significant,
+    score_effect,
+    unscored,
+)
 from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
 CandidateVerdict = Literal["supported", "helps", "indistinguishable", "not_seen", "untestable"]
@@ -84,6 +93,12 @@ class Diagnosis:
         family = score.family or name  # another form of the same cause leaves the cause decided
         others = {n for n in self.confused_with(name) if self[n].family != family}
         return "indistinguishable" if others & self.significant else "supported"
+
+    def beside_untested(self, effects: Sequence[Effect], reason: str) -> Diagnosis:
+        """Return the diagnosis beside effects that were not scored, for a reason in words."""
+        readings = len(self.scores[0].beyond) if self.scores else 0
+        untested = (unscored(effect, reason, readings) for effect in effects)
+        return replace(self, scores=(*self.scores, *untested))
 
     def effect_verdict(self, name: str) -> EffectVerdict:
         """Return the verdict on an effect by its score alone, with its numbers."""

@@ -209,6 +209,20 @@ def few_presses(
     return bad if few and share > settings.elsewhere else none
 
 
+def ended_by_presses(
+    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> str:
+    """Reason why nothing is sought beside the law that the presses' curves called for, or nothing.
+
+    What is sought for presses that have a law of their own would be laid on all others.
+    """
+    if any(effect.partial for effect in accepted):
+        return "the presses' own curves, with whatever stiffness, leave structure in many of them"
+    if few_presses(fit, accepted, settings).any():
+        return "few presses hold the structure that is left, and would decide"
+    return ""
+
+
 def _share(before: FitResult, after: FitResult) -> float:
     """Share of the excess chi-square of a fit that another one removes."""
     excess = before.chi2 - before.dof

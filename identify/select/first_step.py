@@ -32,13 +32,22 @@ def follow(
     step : without the effects
     start : map to start from, beside that of the step
     """
-    if not law.names:
+    found = law.partial if law.partial and step.fit.field is not None else law.found
+    names = [name for name in found.names if name not in law.plain.names]
+    if not names:
         return None
-    say(f"fitting the map with {', '.join(law.names)}")
+    say(f"fitting the map with {', '.join(names)}")
     if step.fit.field is not None:
-        model = _with_effects(law.found, step.fit.model, step.fit)
-        free = refit_free_map(model, step.fit.map, compliance=law.found.compliance)
-        return None if free.bic >= step.fit.bic else (free, _accepted(law, free, say, settings))
+        model = _with_effects(found, step.fit.model, step.fit)
+        free = refit_free_map(model, step.fit.map, compliance=found.compliance)
+        if free.bic >= step.fit.bic:
+            return None
+        if law.partial is None:
+            return free, _accepted(law, free, say, settings)
+        alone = [Candidate(name, found.chi2, law.criterion(found), free) for name in names]
+        return free, [
+            AcceptedEffect(c.name, (c,), partial=True, law=found, settings=settings) for c in alone
+        ]
     # A map that was fitted without the effects, or to straightened readings: either may be a trap
     most = settings.first_evaluations
     fits = [
@@ -76,7 +85,14 @@ def _accepted(
                 # As good as the effect found, as far as the laws can be trusted
                 candidates.append(Candidate(other, alone.chi2, candidates[0].criterion, beside))
         accepted.append(
-            AcceptedEffect(name, tuple(candidates), shown_by_presses=True, settings=settings)
+            AcceptedEffect(
+                name,
+                tuple(candidates),
+                shown_by_presses=True,
+                range_of=law.range_of(name),
+                law=law.found,
+                settings=settings,
+            )
         )
     return accepted
 

@@ -149,6 +149,8 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
             found[p.name] = replace(own, std=factor * own.std, lower95=max(low, p.lower),
                                     upper95=min(high, p.upper))  # fmt: skip
         return found
+    if not explained.final.comparison.is_noise:
+        found |= _beside_other_laws(explained, found)
     if len(forms) < 2 or last.solution is None:
         return found
     of_meshes = np.diag(last.solution.covariance - last.solution.noise_covariance)
@@ -169,6 +171,23 @@ def averaged(explained: Explanation, forms: Sequence[Form]) -> dict[str, Estimat
         ends = [p.to_value(_quantile(q, share, mean, below, above)) for q in (0.025, 0.975)]
         found[p.name] = replace(own, lower95=max(ends[0], p.lower), upper95=min(ends[1], p.upper))
     return found
+
+
+def _beside_other_laws(
+    explained: Explanation, found: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    """Return the estimates whose intervals count other laws of contact.
+
+    These are as credible where structure is left (`AcceptedEffect.range_of`).
+    """
+    wider = {}
+    for accepted in explained.accepted:
+        for key, (down, up) in accepted.range_of.items():
+            own = found[f"{accepted.name}.{key}"]
+            wider[f"{accepted.name}.{key}"] = replace(
+                own, lower95=own.lower95 + down, upper95=own.upper95 + up
+            )
+    return wider
 
 
 def structure_factor(fit: FitResult) -> np.ndarray:

@@ -35,7 +35,7 @@ from identify.select.candidates import (
     shortlist,
 )
 from identify.select.diagnosis import diagnose
-from identify.select.explanation import Explanation, few_presses, verdict_of, within_laws
+from identify.select.explanation import Explanation, ended_by_presses, verdict_of, within_laws
 from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
@@ -84,7 +84,7 @@ def forward_selection(
     say("fitting the map")
     fit = first or fit_jointly(model, stiffness)
     fit = found_again(fit) if model.effects else fit  # without any, that map was
-    path = _Path(*_begun(fit, catalogue, policy, judged, say))
+    path = _Path(*_begun(fit, catalogue, policy, judged, say, settings))
 
     def is_noise(fit: FitResult) -> bool:
         return compare_residual(whitened_fit(fit, scan), settings.residual).is_noise
@@ -137,8 +137,8 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
     while len(path.accepted) < most and (
         len(ladder) == begun or policy.goes_on(ladder, path.accepted, settings)
     ):
-        if few_presses(ladder[-1].fit, path.accepted, settings).any():
-            return  # what is sought for them would be laid on all others
+        if ended_by_presses(ladder[-1].fit, path.accepted, settings):
+            return
         now = ladder[-1]
         candidates = policy.propose(now, effects, say, path.dropped, settings)
         if not candidates:
@@ -208,6 +208,7 @@ def _begun(
     policy: Policy,
     judged: Callable[[FitResult, Sequence[Effect]], Step],
     say: Callable[[str], None],
+    settings: SelectionSettings,
 ) -> tuple[list[Step], list[AcceptedEffect]]:
     """Return the steps of the map alone and of its first step, with the effects of the latter."""
     # Beside a free map without a law that the presses call for, scores of the body say nothing
@@ -216,7 +217,12 @@ def _begun(
     alone = judged(fit, scored)
     if policy.first and (started := policy.first(alone, say)):
         fit, accepted = started
-        return [alone, judged(fit, catalogue)], accepted
+        reason = ended_by_presses(fit, accepted, settings)
+        after = judged(fit, scored if reason else catalogue)
+        if reason:  # nothing is sought further, and each would take models of the body
+            beyond = [e for e in catalogue if e not in scored and e.name not in fit.effect_names]
+            after = replace(after, diagnosis=after.diagnosis.beside_untested(beyond, reason))
+        return [alone, after], accepted
     return [judged(fit, catalogue) if by_presses else alone], []
 
 

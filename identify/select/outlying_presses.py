@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.fit.contact_law import ContactLaw
 from identify.fit.result import FitResult
 from identify.measurement.experiment import Progress
 from identify.optimize.result import InadmissibleError
@@ -93,10 +94,15 @@ def _selected(
         seed=seed,
         progress=start.experiment.say,
         on_step=on_step,
-        policy=Policy(first=first if law is not None and law.names else None),
+        policy=Policy(first=first if law is not None and calls_for_effects(law, start) else None),
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
         first=start.fit if start.fit.field is not None else None,
     )
+
+
+def calls_for_effects(law: ContactLaw, start: StartFit) -> bool:
+    """Whether the presses call for effects: beside a free map also for those of a partial law."""
+    return bool(law.names) or (law.partial is not None and start.fit.field is not None)
 
 
 def without_suspects(

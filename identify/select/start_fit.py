@@ -94,7 +94,9 @@ def start_fit(
     if experiment.map.field is not None:
         law = contact_law_of(experiment, catalogue, settings.contact_law)
         experiment.say("fitting the map")
-        more = law is not None and bool(law.names)  # the first step will fit it with these
+        more = law is not None and bool(
+            law.names or law.partial
+        )  # the first step will fit it with these
         fit = fit_map(experiment, callback=on_iteration, rough=more, settings=settings.fit)
         return StartFit(experiment, catalogue, fit, fit.model, fit.map, law)
     law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings)

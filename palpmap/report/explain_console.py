@@ -1,6 +1,7 @@
 """An explanation on one screen: verdict, next step, ladder, evidence."""
 
 from collections.abc import Sequence
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 from identify.select import Explanation, Step
@@ -18,8 +19,15 @@ from palpmap.result.doubts import (
     unseen_inclusions,
 )
 from palpmap.result.evidence import added_names
-from palpmap.result.explain_words import VERDICTS, headline, step_evidence, steps_of, verdict_detail
+from palpmap.result.explain_words import (
+    VERDICTS,
+    headline,
+    step_evidence,
+    steps_of,
+    verdict_detail,
+)
 from palpmap.result.field_tables import field_tables
+from palpmap.result.misfit_words import rise_note
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
 from palpmap.result.tables import explained_table, ladder_table, verdict_table
@@ -55,7 +63,8 @@ def explain_summary(
 
     style = VERDICTS[explained.verdict][1]
     verdict = f"{headline(explained)} {verdict_detail(explained, record.other_map)}".strip()
-    said = [*_evidence(explained, problem), *presses_sentences(record)]
+    rises = (rise_note(*two) for two in pairwise(explained.ladder))
+    said = [*_evidence(explained, problem), *chain(*rises), *presses_sentences(record)]
     further = [
         *explained.final.comparison.notes,
         *form_notes(record, explained),

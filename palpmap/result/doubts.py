@@ -6,7 +6,7 @@ from identify.design import DETECTION
 from identify.effects import COUNTED_FROM, length, more, percent
 from identify.select import Explanation
 from palpmap import units
-from palpmap.result.explain_words import listed
+from palpmap.result.misfit_words import listed
 from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
 from palpmap.study.open_study import Problem
 

@@ -14,11 +14,9 @@ from identify.residual import law_sentence, sentence
 from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
+from palpmap.result.misfit_words import few_presses_words, listed, rise_note
 from palpmap.result.records import OtherMapRecord
 from palpmap.study.open_study import Problem
-
-_HARD = 0.7  # of the middle compliance
-_LISTED = 6  # presses
 
 VERDICTS = {  # but see `headline`
     "nothing_missing": ("No missing effect is detected.", "green"),
@@ -71,7 +69,7 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
         text += f" In addition: {sure}." if sure else ""
         return text + (_little_left(explained) if explained.within_laws else "")
     if explained.in_few_presses:
-        return _few_presses(explained)
+        return few_presses_words(explained)
     maps = other_map_sentence(other)
     if explained.unknown:
         # A search for another map that did not end says nothing against a course that leaves noise
@@ -145,31 +143,6 @@ def _little_left(explained: Explanation) -> str:
     )
 
 
-def _few_presses(explained: Explanation) -> str:
-    """Say that few presses hold the structure, where they are, and how well the others are met."""
-    final = explained.final
-    few, fit = np.array(explained.in_few_presses), final.fit
-    squares = np.bincount(fit.press_index, fit.at.residual**2)
-    count = np.bincount(fit.press_index)
-    share = np.sum((squares - count)[few]) / (fit.chi2 - fit.dof)
-    others = np.setdiff1d(np.arange(len(count)), few)
-    times = np.sqrt(squares[others].sum() / count[others].sum())
-    softness = fit.at.compliance / np.median(fit.at.compliance)
-    where = (
-        f", where the body is {1 / np.median(softness[few]):.1f} times as hard as at the others"
-        if np.median(softness[few]) < _HARD
-        else ""
-    )
-    ids = [final.comparison.presses[j].press for j in few[np.argsort(-squares[few])]]
-    said = ", ".join(map(str, ids[:_LISTED]))
-    more = f" and {len(ids) - _LISTED} more" if len(ids) > _LISTED else ""
-    names = listed([effect.name for effect in explained.accepted])
-    return (
-        f"These presses hold {percent(min(share, 1.0))} of it{where} ({said}{more}). With {names}, "
-        f"the residual of all others is {times:.2g} times the noise."
-    )
-
-
 def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
     """Return the change of each step, given the names of its effects.
 
@@ -184,15 +157,6 @@ def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
         labels.append(", ".join([*start, *new, *lost]))
         had = has
     return labels
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names as a list in a sentence.
-
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
-    """
-    return " and ".join([", ".join(names[:-1])] * (len(names) > 1) + list(names[-1:]))
 
 
 def _help(explained: Explanation) -> str:
@@ -273,7 +237,8 @@ def step_notes(explained: Explanation, number: int) -> list[str]:
         f"{units.rms(before.cross_validation.rms_m)} to {units.rms(after.cross_validation.rms_m)}."
     )
     names = added_names(before, after)
-    return [text, *(note for name in names for note in _name_notes(explained, name))]
+    rise = rise_note(before, after)
+    return [text, *rise, *(note for name in names for note in _name_notes(explained, name))]
 
 
 def _name_notes(explained: Explanation, name: str) -> list[str]:

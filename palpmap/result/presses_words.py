@@ -1,7 +1,9 @@
 """The fit of the single presses without a map: its record and its sentences."""
 
+from dataclasses import replace
+
 from identify.effects import force, percent
-from identify.fit import FreeComplianceFit
+from identify.fit import CONTACT_LAW, FreeComplianceFit
 from palpmap.result.records import (
     CountRecord,
     ExplainRecord,
@@ -16,6 +18,8 @@ def presses_record(problem: Problem) -> PressesAloneRecord | None:
     law = problem.law
     if law is None:
         return None
+    if law.partial is not None and problem.fit.field is not None:  # the map was fitted beside it
+        law = replace(law, found=law.partial)
     largest = problem.model.readings.largest_force_n
     return PressesAloneRecord(
         effects=law.names,
@@ -76,6 +80,8 @@ def presses_sentences(record: ExplainRecord) -> list[str]:
             f"noise in {percent(after.noise_share)} of the presses, "
             f"{percent(before.noise_share)} before."
         )
+        if after.noise_share < CONTACT_LAW.noise_share:
+            says.append("No law of contact that all presses share leaves noise in more of them.")
         says += [
             f"{' or '.join(others)} in place of {name} does as well there."
             for name, others in found.as_good.items()

@@ -243,3 +243,44 @@ def test_one_step_in_logarithms_finds_the_compliance_of_a_power_law():
     np.testing.assert_allclose(_in_logarithms(measured - modelled, measured), -far)
     beyond = _in_logarithms(np.array([-1.5, 0.5]), np.array([-0.5, 0.2]))  # one has no logarithm
     np.testing.assert_allclose(beyond, [-1.5, 0.5])
+
+
+def test_a_law_that_differs_from_place_to_place_is_that_of_some_presses_alone():
+    """Each place stiffens by its own b: one law takes most of the misfit, and is none of them."""
+    own = soft_tissue(0)
+    effects = [CATALOGUE[name] for name in ("strain_stiffening", "touch_threshold")]
+    chain, r = own.chain(effects), own.readings
+    b = np.exp(np.random.default_rng(3).normal(0.5, 0.8, PRESSES))
+    modulus = 0.6 * (1 - NU**2) / (1.15 * 0.6 * BALL) / own.fit(()).compliance
+    travel = np.concatenate([
+        chain.predict(own.unit_compliance / modulus, modulus, r.force_n, {
+            "strain_stiffening": {"b": float(b[j])}, "touch_threshold": {"threshold_n": 0.015},
+        })[r.press == j]
+        for j in range(PRESSES)
+    ])  # fmt: skip
+    noise = Noise(3e-6, 5e-4)
+    law = contact_law(replace(own, displacement_m=travel, noise=noise), effects)
+    assert law.names == ()
+    assert law.partial is not None
+    assert set(law.partial.names) == {"strain_stiffening", "touch_threshold"}
+    assert law.partial.noise_share < CONTACT_LAW.noise_share
+    assert law.partial.misfit < 0.5 * law.plain.misfit
+
+
+def test_the_range_of_a_touch_is_that_of_laws_that_explain_nearly_as_much(late_ball):
+    """A law of the contact that loses a twentieth counts, one that loses a half does not."""
+    _, law = late_ball
+    (name,) = {"touch_threshold"} & set(law.names)
+    found, excess = law.found, law.plain.misfit - law.plain.dof
+    values = found.values | {name: {"threshold_n": 0.06}}
+    stiffer = CATALOGUE["strain_stiffening"]
+    more = (*found.parts, replace(found.parts[0], effect=stiffer))
+
+    def beside(lost: float):
+        fits = {"misfit": found.misfit + lost * excess}
+        other = type("Fit", (), {"values": values, "parts": more, "names": (), **fits})
+        return replace(law, fits={(*law.names, stiffer.name): other}).range_of(name)
+
+    shift = 0.06 - found.values[name]["threshold_n"]
+    assert beside(0.05)["threshold_n"] == pytest.approx((0.0, shift))
+    assert beside(0.5)["threshold_n"] == (0.0, 0.0)

@@ -17,7 +17,7 @@ from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
-from identify.select.explanation import few_presses, within_laws
+from identify.select.explanation import ended_by_presses, few_presses, within_laws
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
 from models import Scan
@@ -150,7 +150,7 @@ def test_structure_within_the_accuracy_of_contact_laws_ends_the_selection():
 
 def test_few_presses_that_no_law_explains_are_known():
     """Of 20 presses two hold the excess; not where all do, nor without a law of the presses."""
-    shown = [SimpleNamespace(shown_by_presses=True)]
+    shown = [SimpleNamespace(shown_by_presses=True, partial=False)]
     press = np.repeat(np.arange(20), 10)
 
     def found(residual: np.ndarray, accepted: list = shown) -> list[int]:
@@ -159,10 +159,20 @@ def test_few_presses_that_no_law_explains_are_known():
             model=SimpleNamespace(readings=readings), at=SimpleNamespace(residual=residual),
             field=1, chi2=float(residual @ residual), dof=200,
         )  # fmt: skip
-        return np.flatnonzero(few_presses(fit, accepted, SELECTION)).tolist()
+        few = np.flatnonzero(few_presses(fit, accepted, SELECTION)).tolist()
+        assert bool(few) == bool(ended_by_presses(fit, accepted, SELECTION))
+        return few
 
     residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
     assert found(residual) == [3, 11]
     assert found(residual, []) == []
     assert found(np.where(press < 6, 5.0, 1.0)) == []  # a third are no few
     assert found(np.where(press == 3, 2.5, 1.4)) == []  # most of the excess lies elsewhere
+
+
+def test_nothing_is_sought_beside_the_law_of_some_presses():
+    partial = [SimpleNamespace(shown_by_presses=False, partial=True)]
+    fit = SimpleNamespace(
+        field=1, model=SimpleNamespace(readings=SimpleNamespace(press=[0], presses=1))
+    )
+    assert "structure in many" in ended_by_presses(fit, partial, SELECTION)

@@ -1,0 +1,162 @@
+"""The sets of effects among which a contact law is sought, fitted to the presses alone."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from identify.effects.base import Effect, Values, advice
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit
+from identify.fit.settings import ContactLawSettings
+from identify.measurement.effect_in_model import EffectInModel
+from identify.optimize.result import InadmissibleError
+
+_STEP = 0.01  # of an amplitude's typical size, for its pattern
+
+Set = tuple[str, ...]
+
+
+def search_sets(
+    presses: FreeCompliance,
+    plain: FreeComplianceFit,
+    catalogue: Sequence[Effect],
+    say: Callable[[str], None],
+    settings: ContactLawSettings,
+) -> dict[Set, FreeComplianceFit]:
+    """Fit the sets of effects among which the law is sought, by their names."""
+    free = [
+        e
+        for e in catalogue
+        if e.link != "body" and e.name not in plain.names and e.untestable(presses.readings) is None
+    ]
+    parts = {e.name: presses.part(e, _start(presses, plain, e, settings.shapes)) for e in free}
+    fits: dict[Set, FreeComplianceFit] = {}
+    seen: set[Set] = set()
+
+    def tried(names: Set) -> None:
+        seen.add(names)
+        say(f"fitting the presses alone with {', '.join(names)}")
+        fit = fit_set(presses, plain, [parts[name] for name in names])
+        if fit is not None:
+            fits[names] = fit
+
+    def criterion(names: Set) -> float:
+        return criterion_of(fits[names], misfit_scale([plain, *fits.values()]))
+
+    for name in parts:
+        tried((name,))
+    if all(_has_room(plain, fit, settings) for fit in fits.values()):
+        for names in combinations(_one_form_each(parts, fits, criterion), 2):
+            tried(names)
+    while fits:
+        best = min(fits, key=criterion)
+        if len(best) < 2:
+            break
+        new = [names for names in _exchanges(best, parts) if names not in seen]
+        if not new and len(best) < settings.most_effects:
+            if not _has_room(plain, fits[best], settings):
+                break
+            more = (_ordered((*best, name), parts) for name in parts if name not in best)
+            new = [names for names in more if names not in seen]
+        if not new:
+            break
+        for names in new:
+            tried(names)
+    return fits
+
+
+def _one_form_each(
+    parts: Mapping[str, EffectInModel],
+    fits: Mapping[Set, FreeComplianceFit],
+    criterion: Callable[[Set], float],
+) -> list[str]:
+    """Return one form of each cause: the best alone, or the first where none can be fitted."""
+    causes: dict[str, list[str]] = {}
+    for name, part in parts.items():
+        causes.setdefault(part.effect.family, []).append(name)
+    return [
+        min((n for n in forms if (n,) in fits), key=lambda n: criterion((n,)), default=forms[0])
+        for forms in causes.values()
+    ]
+
+
+def _exchanges(names: Set, parts: Mapping[str, EffectInModel]) -> list[Set]:
+    """Return the pairs that differ from a pair in one effect, none of another number of effects."""
+    if len(names) != 2:
+        return []
+    return [
+        _ordered((kept, other), parts) for kept in names for other in parts if other not in names
+    ]
+
+
+def _has_room(
+    plain: FreeComplianceFit, fit: FreeComplianceFit, settings: ContactLawSettings
+) -> bool:
+    """Whether a fit's misfit above noise leaves further effects enough to earn their place."""
+    noise = fit.dof - settings.noise_sd * np.sqrt(2 * fit.dof)
+    return fit.misfit - noise > max(settings.margin, settings.least * (plain.misfit - plain.dof))
+
+
+def fit_set(
+    presses: FreeCompliance, plain: FreeComplianceFit, parts: Sequence[EffectInModel]
+) -> FreeComplianceFit | None:
+    """Fit the study's effects and further ones; None for an impossible fit or one at a bound."""
+    chain = presses.chain([part.effect for part in (*plain.parts, *parts)])
+    if any(advice(part.effect).redundant(chain.profile, chain.nonlinear) for part in parts):
+        return None
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # a step too far is turned back
+            fit = presses.fit((*plain.parts, *parts), plain.compliance)
+    except InadmissibleError:
+        return None
+    doubtful = any(
+        advice(p.effect).doubt(fit.values[p.effect.name], presses.readings) for p in parts
+    )
+    return None if fit.at_bound or doubtful or not np.isfinite(fit.misfit) else fit
+
+
+def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect, most: int) -> Values:
+    """Null of the amplitudes, and the candidate of the shape nearest to the residual."""
+    shapes = effect.grid(presses.readings, presses.state)
+    if len(shapes) > most:
+        chosen = np.linspace(0, len(shapes) - 1, most).round().astype(int)
+        shapes = [shapes[i] for i in chosen]
+    if len(shapes) == 1:
+        return {**shapes[0], **effect.null}
+    press, count = plain.press, len(plain.compliance)
+    chain = presses.chain([*(part.effect for part in plain.parts), effect])
+    modulus = presses.unit_compliance / plain.compliance
+    force = presses.readings.force_n
+    likeness = []
+    for shape in shapes:
+        sides = []
+        for size in (0.0, _STEP):
+            values = {**shape, **effect.null}
+            for p in effect.bounded(presses.readings, presses.state):
+                if p.null is not None:
+                    values[p.name] = p.null + size * p.typical * (-1 if p.upper == p.null else 1)
+            both = {**plain.values, effect.name: values}
+            sides.append(chain.predict(plain.compliance, modulus, force, both))
+        moved = sides[1] - sides[0]
+        moved -= force * (np.bincount(press, force * moved, count)
+                          / np.bincount(press, force**2, count))[press]  # fmt: skip
+        along = plain.weight[press] * moved
+        length = float(np.sqrt(moved @ along))
+        likeness.append(float(along @ plain.residual_m) / length if length > 0 else -np.inf)
+    best = int(np.argmax(likeness if effect.one_sided else np.abs(likeness)))
+    return {**shapes[best], **effect.null}
+
+
+def _ordered(names: Set, parts: Mapping[str, EffectInModel]) -> Set:
+    return tuple(name for name in parts if name in names)
+
+
+def misfit_scale(fits) -> float:
+    """Misfit per degree of freedom of the best fit, at least 1."""
+    return max(1.0, min((fit.misfit / fit.dof for fit in fits), default=1.0))
+
+
+def criterion_of(fit: FreeComplianceFit, scale: float) -> float:
+    """Misfit in units of a scale, and the price of the parameters."""
+    return fit.misfit / scale + fit.unknowns * float(np.log(len(fit.residual)))

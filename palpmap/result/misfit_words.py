@@ -1,0 +1,87 @@
+"""The misfit of a step in sentences: few presses that hold it, and an error that rises."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from identify.effects import percent
+from identify.select import SELECTION, Explanation, Step
+from palpmap import units
+from palpmap.result.evidence import added_names
+
+_HARD = 0.7  # of the middle compliance
+_LISTED = 6  # presses
+_MOST_KEPT = 0.5  # of a misfit: what no map takes
+
+
+def few_presses_words(explained: Explanation) -> str:
+    """Say that few presses hold the structure, where they are, and how well the others are met."""
+    final = explained.final
+    few, fit = np.array(explained.in_few_presses), final.fit
+    squares = np.bincount(fit.press_index, fit.at.residual**2)
+    count = np.bincount(fit.press_index)
+    share = np.sum((squares - count)[few]) / (fit.chi2 - fit.dof)
+    others = np.setdiff1d(np.arange(len(count)), few)
+    times = np.sqrt(squares[others].sum() / count[others].sum())
+    softness = fit.at.compliance / np.median(fit.at.compliance)
+    where = (
+        f", where the body is {1 / np.median(softness[few]):.1f} times as hard as at the others"
+        if np.median(softness[few]) < _HARD
+        else ""
+    )
+    ids = [final.comparison.presses[j].press for j in few[np.argsort(-squares[few])]]
+    said = ", ".join(map(str, ids[:_LISTED]))
+    more = f" and {len(ids) - _LISTED} more" if len(ids) > _LISTED else ""
+    names = listed([effect.name for effect in explained.accepted])
+    return (
+        f"These presses hold {percent(min(share, 1.0))} of it{where} ({said}{more}). With {names}, "
+        f"the residual of all others is {times:.2g} times the noise.{_with_any_map(explained, few)}"
+    )
+
+
+def _with_any_map(explained: Explanation, few: np.ndarray) -> str:
+    """Say how much of their misfit some presses keep with a compliance of their own each."""
+    fit, law = explained.final.fit, next((a.law for a in explained.accepted if a.law), None)
+    if law is None:
+        return ""
+    squares, count = law.by_press
+    by_map = np.bincount(fit.press_index, fit.at.residual**2)
+    kept = np.sum((squares - count)[few]) / np.sum((by_map - count)[few])
+    if kept < _MOST_KEPT:
+        return ""
+    names = listed([effect.name for effect in explained.accepted])
+    return (
+        f" If each of these presses has a stiffness of its own, {percent(min(kept, 1.0))} of their "
+        f"misfit remains beside {names}: no map takes it, of whatever form. Their contact, or "
+        "their readings, are of another kind than the others'."
+    )
+
+
+def rise_note(before: Step, after: Step) -> list[str]:
+    """Say why a better fit has a larger error in length, where it has."""
+    one, other = before.fit, after.fit
+    if other.rms_m <= one.rms_m * SELECTION.error_rise or other.chi2 >= one.chi2:
+        return []
+    names = listed(added_names(before, after))
+    noise = [step.comparison.expected_rms_m for step in (before, after)]
+    errors = [np.sqrt(fit.chi2_per_dof) for fit in (one, other)]
+    text = (
+        f"The error in length rises from {units.rms(one.rms_m)} to {units.rms(other.rms_m)}, and "
+        f"yet the model is nearer to the readings: with {names} the error of a reading falls from "
+        f"{errors[0]:.3g} to {errors[1]:.3g} times its noise (the root of Chi2/dof). "
+    )
+    if noise[1] > noise[0]:
+        return [
+            f"{text}The body yields more to each newton then, so that the same noise of the force "
+            f"is a larger length: {units.rms(noise[1])} after {units.rms(noise[0])}."
+        ]
+    return [f"{text}The readings that the noise hides most have the larger error in length."]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence.
+
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return " and ".join([", ".join(names[:-1])] * (len(names) > 1) + list(names[-1:]))

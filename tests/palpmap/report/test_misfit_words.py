@@ -1,0 +1,52 @@
+"""The misfit in words: an error in length that rises, and presses that no map meets."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from palpmap.result.misfit_words import few_presses_words, rise_note
+
+
+def step(rms_m: float, chi2: float, noise_m: float, *names: str) -> Any:
+    """A step of 100 degrees of freedom."""
+    fit = SimpleNamespace(rms_m=rms_m, chi2=chi2, chi2_per_dof=chi2 / 100, effect_names=names)
+    return SimpleNamespace(fit=fit, comparison=SimpleNamespace(expected_rms_m=noise_m))
+
+
+def test_a_better_fit_with_a_larger_error_in_length_says_why():
+    before = step(187e-6, 3200.0, 40e-6)
+    (note,) = rise_note(before, step(249e-6, 800.0, 61e-6, "strain_stiffening"))
+    assert "from 187 µm to 249 µm" in note
+    assert "from 5.66 to 2.83 times its noise" in note
+    assert "61 µm after 40 µm" in note
+    (other,) = rise_note(before, step(249e-6, 800.0, 40e-6, "strain_stiffening"))
+    assert "hides most" in other
+    assert rise_note(before, step(150e-6, 800.0, 61e-6, "strain_stiffening")) == []
+    assert rise_note(before, step(249e-6, 4000.0, 61e-6, "strain_stiffening")) == []
+
+
+def few_of_twenty(kept: float) -> str:
+    """Two hard presses of twenty keep a share of their misfit with a stiffness of their own."""
+    press = np.repeat(np.arange(20), 10)
+    residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
+    squares = np.full(20, 10.0)
+    squares[[3, 11]] += kept * 240.0
+    law = SimpleNamespace(by_press=(squares, np.full(20, 10)))
+    compliance = np.where(np.isin(np.arange(20), (3, 11)), 0.25, 1.0)
+    fit = SimpleNamespace(
+        press_index=press, chi2=float(residual @ residual), dof=200,
+        at=SimpleNamespace(residual=residual, compliance=compliance),
+    )  # fmt: skip
+    presses = [SimpleNamespace(press=100 + j) for j in range(20)]
+    return few_presses_words(SimpleNamespace(  # pyright: ignore[reportArgumentType]
+        final=SimpleNamespace(fit=fit, comparison=SimpleNamespace(presses=presses)),
+        in_few_presses=(3, 11), accepted=[SimpleNamespace(name="touch_threshold", law=law)],
+    ))  # fmt: skip
+
+
+def test_few_presses_that_no_map_meets_are_told():
+    says = few_of_twenty(0.9)
+    assert "100 % of it, where the body is 4.0 times as hard" in says
+    assert "90 % of their misfit remains beside touch_threshold: no map takes it" in says
+    assert "no map" not in few_of_twenty(0.3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -70,6 +71,17 @@ class Mesh:
     def box_m(self) -> np.ndarray:
         """Least and greatest coordinates of the nodes, (2, 3) m."""
         return np.array([self.nodes.min(axis=0), self.nodes.max(axis=0)])
+
+    @cached_property
+    def centres_m(self) -> np.ndarray:
+        """Mean of each cell's corners, (e, 3) m."""
+        return self.nodes[self.cells[:, :4]].mean(axis=1)
+
+    @cached_property
+    def diameters_m(self) -> np.ndarray:
+        """Twice the greatest distance of a cell's corner from its centre, (e,) m."""
+        away = self.nodes[self.cells[:, :4]] - self.centres_m[:, None]
+        return 2 * np.sqrt((away**2).sum(axis=2).max(axis=1))
 
     def surface(self, name: str) -> np.ndarray:
         """Return the faces of a named surface; a wrong name lists the right ones."""

@@ -43,7 +43,7 @@ from fem.linear.assembly import Stiffness, split_lame
 from fem.linear.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS, by_sample
 from fem.linear.quadrature import monomials
 from fem.mesh.mesh import TET_EDGES, Mesh
-from fem.near_field.cells import exact, interpolant
+from fem.near_field.cells import SampleWeights, contributions
 from fem.near_field.moments import moments
 from fem.near_field.points import functions
 from fem.near_field.reuse import Shared, shared
@@ -103,7 +103,9 @@ def neighbourhood(
     radius = float(contacts.radius_m[j])
     frame = contact_frame(contacts.directions[j])
     local = (mesh.nodes - contacts.points_m[j]) @ frame.T  # axis 2 is the depth
-    cells = _cells_near(mesh.cells, local, radius)
+    distance = _from_disc((mesh.centres_m - contacts.points_m[j]) @ frame.T, radius)
+    near = distance < _REACH_RADII * radius + _REACH_CELLS * mesh.diameters_m
+    cells = np.flatnonzero(near)
     shape = contact_shape(surface, contacts.points_m[j], frame, radius)
     return Neighbourhood(frame, local, cells, shape, radius)
 
@@ -113,7 +115,7 @@ def close_cells(mesh: Mesh, places: Sequence[Neighbourhood]) -> np.ndarray:
 
     They have modulus samples of their own, see `fem.linear.modulus_samples`.
     """
-    close = [place.cells[_lie_close(mesh.cells[place.cells], place)] for place in places]
+    close = [place.cells[_lie_close(mesh, place)] for place in places]
     return np.unique(np.concatenate(close))
 
 
@@ -192,8 +194,7 @@ def over_all(
 
 
 def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cell by cell, and single precision where it counts: half the memory, an error of 1e-7."""
-    coupling, energy = np.moveaxis(coupling, 1, 0), np.moveaxis(energy, 2, 0)
+    """Single precision where it counts: half the memory, an error of 1e-7."""
     return np.ascontiguousarray(coupling, np.float32), np.ascontiguousarray(energy)
 
 
@@ -202,47 +203,47 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
 
     Returns
     -------
-    coupling : (m, c, q, nodes, 3)
-    energy : (m, m, c, q)
-    dilatation : (m, c) mean change of each cell's volume
+    coupling : (c, m, q, nodes, 3)
+    energy : (c, m, m, q)
+    dilatation : (c, m) mean change of each cell's volume
     """
     nu, mesh = stiffness.poisson_ratio, stiffness.mesh
     field = nodal_fields(place.local, mesh.cells[cells], place.shape, place.radius, nu, profile)
-    field = np.ascontiguousarray(field)  # (m, c, nodes, 3)
-    gradients = stiffness.gradients[cells] @ place.frame.T
-    derivatives = linear_derivatives(mesh.order)
-    # The interpolant's part, by the stiffness matrix's own quadrature
-    lam, mu, _ = split_lame(nu)
-    rule = stiffness.rule if degree == 1 else CLOSE_RULE
-    volumes = stiffness.volumes[cells, None] * rule[1]
-    coupling, energy = interpolant(field, derivatives, rule[0], gradients, place.frame, volumes,
-                                   lam, mu)  # fmt: skip
-    if degree == 2:
-        coupling, energy = (
-            np.moveaxis(by_sample(np.moveaxis(coupling, 2, 4)), 4, 2),
-            by_sample(energy),
-        )
-    # The exact functions, from moments to those against the shape functions and modulus samples
+    field = np.ascontiguousarray((field @ place.frame).swapaxes(0, 1))  # (c, m, nodes, 3)
+    volumes = stiffness.volumes[cells]
     vertices = place.local[mesh.cells[cells, :4]]
     strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
-    basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
-    stress, basis = (np.ascontiguousarray(a) for a in (_stress(strain, nu), basis))
-    own, cross = exact(stress, _raised(degree), basis, derivatives, gradients, place.frame, field)
-    coupling += own
-    energy += np.moveaxis(density @ basis.T, 0, 2) - cross - cross.swapaxes(0, 1)
+    coupling, energy = contributions(
+        field, stiffness.gradients[cells], volumes, strain, density,
+        _sample_weights(stiffness, degree), split_lame(nu)[:2], place.frame,
+    )  # fmt: skip
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
-    dilatation = np.einsum("cmsk,k->mc", strain[:, :, :3], often) / stiffness.volumes[cells]
-    mean = stiffness.mean_gradients[cells] @ place.frame.T
-    return coupling, energy, dilatation - np.einsum("mcis,cis->mc", field, mean)
+    dilatation = strain[:, :, :3].sum(axis=2) @ often / volumes[:, None]
+    flat = 3 * field.shape[2]
+    mean = stiffness.mean_gradients[cells].reshape(len(cells), flat, 1)
+    return coupling, energy, dilatation - (field.reshape(*field.shape[:2], flat) @ mean)[..., 0]
+
+
+def _sample_weights(stiffness: Stiffness, degree: int) -> SampleWeights:
+    """Weights of the samples of a modulus of that degree."""
+    points, weights = stiffness.rule if degree == 1 else CLOSE_RULE
+    basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
+    raised = _raised(degree)[:, :, None] == np.arange(len(monomials(degree + 1)))  # (a, 4, k)
+    inner = np.einsum("p,pb,pd->bdp", weights, points, points)
+    inner = np.moveaxis(inner if degree == 1 else by_sample(inner), 2, 0)
+    exact = np.tensordot(basis, raised, 1)
+    return SampleWeights(
+        linear_derivatives(stiffness.mesh.order), basis, exact, np.ascontiguousarray(inner)
+    )
 
 
 def _mean_parts(stiffness: Stiffness, cells, dilatation):
-    """Coupling and energy of each cell's mean change of volume (m, c)."""
+    """Coupling and energy of each cell's mean change of volume (c, m)."""
     share = stiffness.mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
     gradients = stiffness.mean_gradients[cells]
-    coupling = np.einsum("cq,mc,cia->mcqia", share, dilatation, gradients, optimize=True)
-    return coupling, np.einsum("cq,mc,lc->mlcq", share, dilatation, dilatation, optimize=True)
+    coupling = np.einsum("cq,cm,cia->cmqia", share, dilatation, gradients, optimize=True)
+    return coupling, np.einsum("cq,cm,cl->cmlq", share, dilatation, dilatation, optimize=True)
 
 
 def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
@@ -294,37 +295,18 @@ def square(moments: np.ndarray) -> np.ndarray:
     return result
 
 
-def _stress(strain: np.ndarray, nu: float) -> np.ndarray:
-    """Stress moments (c, m, k, 3, 3) of strain moments (c, m, 6, k), E = 1."""
-    lam, mu, _ = split_lame(nu)
-    index = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-    tensor = 2 * mu * strain.swapaxes(2, 3)[..., index]
-    trace = lam * strain[:, :, :3].sum(axis=2)
-    tensor[..., range(3), range(3)] += trace[..., None]
-    return tensor
-
-
-def _cells_near(cells: np.ndarray, local: np.ndarray, radius: float) -> np.ndarray:
-    corners = local[cells[:, :4]]
-    distance = _from_disc(corners.mean(axis=1), radius)
-    return np.flatnonzero(distance < _REACH_RADII * radius + _REACH_CELLS * _diameter(corners))
-
-
-def _lie_close(cells: np.ndarray, place: Neighbourhood) -> np.ndarray:
-    """Return True for cells (c, nodes) close enough to the disc for a varying field, (c,)."""
-    corners = place.local[cells[:, :4]]
-    points = np.einsum("qv,cvi->cqi", _PLACES, corners)
-    return _from_disc(points, place.radius).min(axis=1) < _CLOSE_CELLS * _diameter(corners)
-
-
-def _diameter(corners: np.ndarray) -> np.ndarray:
-    return 2 * np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max(axis=1)
+def _lie_close(mesh: Mesh, place: Neighbourhood) -> np.ndarray:
+    """Return True for a press's cells close enough to the disc for a varying field, (c,)."""
+    points = _PLACES @ place.local[mesh.cells[place.cells, :4]]
+    distance = _from_disc(points, place.radius).min(axis=1)
+    return distance < _CLOSE_CELLS * mesh.diameters_m[place.cells]
 
 
 def _from_disc(points: np.ndarray, radius: float) -> np.ndarray:
     """Distance of points (..., 3) from the tip's disc."""
-    out = np.maximum(np.hypot(points[..., 0], points[..., 1]) - radius, 0)
-    return np.hypot(out, points[..., 2])
+    x, y, z = (points[..., i] for i in range(3))
+    out = np.maximum(np.sqrt(x * x + y * y) - radius, 0)  # hypot takes eight times as long
+    return np.sqrt(out * out + z * z)
 
 
 def nodal_fields(local, cells, shape, radius: float, nu: float, profile: int) -> np.ndarray:

@@ -29,7 +29,8 @@ SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed s
 def cell_size_m(body: Body) -> float:
     """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
 
-    >>> cell_size_m(Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.3))
+    >>> size_m = (0.096, 0.096, 0.048)
+    >>> round(cell_size_m(Body(shape="block", size_m=size_m, poisson_ratio=0.3)), 6)
     0.012
 
     Raises

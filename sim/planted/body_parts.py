@@ -28,7 +28,7 @@ from sim.planted.body_in_loop import (
     Sticky,
 )
 from sim.planted.catalogue import HIDDEN
-from sim.planted.contact import sphere_travel
+from sim.planted.contact import STIFFENED, levelling, sphere_travel
 from sim.planted.foreign_forms import of_locking, of_toe
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.response import half_space_nearness, softened_nearby
@@ -195,6 +195,7 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "mesh_error": _coarse,
     "finite_strain": lambda s, v: Law(partial(_finite_strain, s, v)),
     "strain_stiffening": lambda s, v: Law(partial(_stiffening, s, v)),
+    "free_stiffening": partial(_bent, partial(levelling, knee=STIFFENED), "share"),
     "form_toe_stiffening": partial(_bent, of_toe, "toe"),
     "form_locking_stiffening": partial(_bent, of_locking, "locking"),
     "spherical_tip": lambda s, v: Law(_sphere(s, v)),

@@ -32,6 +32,22 @@ def strain_stiffening(bench, travel_m, values):
     return np.log1p(scale * travel_m) / scale if values["exponent"] else travel_m
 
 
+def levelling(x: np.ndarray, share: float, knee: float) -> np.ndarray:
+    """Curve of slope 1 at 0 that falls to 1 - share well beyond a knee."""
+    return (1 - share) * x + share * knee * np.arctan(x / knee)
+
+
+STIFFENED = 0.3
+"""Depth over radius about which the planted free stiffening sets in."""
+
+
+@on_contact("structured", "(1 - share) u + share c arctan(u/c), c = 0.3 a", "share", 0.2, limit=0.9)
+def free_stiffening(bench, travel_m, values):
+    """Tissue that stiffens from a depth on, and then no more."""
+    tip = bench.program.radius_m[:, None]
+    return tip * levelling(travel_m / tip, values["share"], STIFFENED)
+
+
 @on_contact("structured", "(1 - share) u + share (F C(a) + m(a))", "share", 0.1, limit=1.0)
 def spherical_tip(bench, travel_m, values):
     """The tip is rounded: a share of the travel is that of a sphere, whose contact grows.

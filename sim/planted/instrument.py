@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.planted.bench import Bench
+from sim.planted.contact import levelling
 from sim.planted.effect import Draw, any_direction, on_sensor
 
 
@@ -47,6 +48,14 @@ def force_saturation(bench, force_n, travel_m, values):
     """The force channel bends over: it reads less, the larger the force."""
     knee = values["knee_per_n"]
     return (np.tanh(knee * force_n) / knee if knee else force_n), travel_m
+
+
+@on_sensor("structured", "(1 - loss) F + loss c arctan(F/c), c half of the largest", "loss", 0.1,
+           limit=0.9)  # fmt: skip
+def free_saturation(bench, force_n, travel_m, values):
+    """A force channel whose sensitivity falls to a lower one."""
+    most = float(bench.program.force_n.max())
+    return most * levelling(force_n / most, values["loss"], 0.5), travel_m
 
 
 @on_sensor("structured", "travel - offset", "offset_m", 1.5e-4, two_sided=True)

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from sim.planted.contact import levelling
 from sim.planted.foreign_forms import calming, softened
 from sim.planted.instrument import changing_tone, two_tones
 from sim.planted.instrument_in_loop import (
@@ -139,6 +140,11 @@ def _yielding(scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: float(softened(np.array(f), knee, v["loss"]))
 
 
+def _levelling(scene: PlantScene, v: Values) -> Reading:
+    most = _largest_n(scene)
+    return lambda t, f: most * float(levelling(np.array(f / most), v["loss"], 0.5))
+
+
 def _loaded(scene: PlantScene, v: Values) -> Reading:
     most = _largest_n(scene)
     return lambda t, f: f / (1 + v["loss"] * (f / most) ** 2)
@@ -170,6 +176,7 @@ READINGS: Mapping[str, Callable[[PlantScene, Values], Reading]] = {
     "sensitivity_drift": lambda s, v: lambda t, f: f * (1 + v["rate_per_s"] * t),
     "sensitivity_wander": _gaining,
     "force_saturation": _knee,
+    "free_saturation": _levelling,
     "form_yielding_sensor": _yielding,
     "form_loaded_amplifier": _loaded,
     **{f"form_{n}_force_drift": partial(_force_course, course) for n, course in _COURSES.items()},

@@ -149,6 +149,7 @@ def _lag(
         left = course - cubic @ (cubic.T @ course)
         return float(left @ left) / len(left) * moving.sum() / noise_m**2
 
+    noise_m = max(noise_m, LEAST_NOISE * float(np.ptp(depth)))
     most = round(LONGEST_LAG_S / step_s)
     cost = np.array([misfit(steps) for steps in range(-most, most + 1)])
     best = min(max(int(cost.argmin()), 1), 2 * most - 1)

@@ -149,6 +149,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         ):
             return
         candidates = leaving_noise(candidates, selection.is_noise, settings)
+        before = list(ladder), list(path.accepted), list(path.dropped)
         path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
         fit, path.accepted, lost, exchanged = _refitted(
             candidates[0], path.accepted, policy, say, settings
@@ -160,6 +161,21 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
+        if _hides_lead(now, ladder[-1], settings):
+            ladder[:], path.accepted, path.dropped = before
+            return
+
+
+def _hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:
+    """Whether a step takes away a simple law of the residual, and not what follows that law.
+
+    The law is the lead to the cause: as if the force lagged, say. The cause takes what follows it;
+    imitations take a tenth each until nothing of the lead is left.
+    """
+    law, excess = before.comparison.law, before.fit.chi2 - before.fit.dof
+    if law is None or after.comparison.law is not None or after.comparison.is_noise:
+        return False
+    return before.fit.chi2 - after.fit.chi2 < settings.of_lead * law.share * excess
 
 
 def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:

@@ -104,6 +104,8 @@ class SelectionSettings:
     predicted_share : of the decrease of chi-square: required of the predicted travel alone where
         the rms residual rises
     first_evaluations : of the first step from the contact law
+    of_lead : share of what follows a simple law of the residual that an effect must take, where the
+        law is gone beside it
     elsewhere : of the unexplained chi-square: share outside the outlying presses below which these
         may have hidden the explanation of the others; and what each press with a compliance of its
         own must leave of it to exclude every map
@@ -141,6 +143,7 @@ class SelectionSettings:
     error_rise: float = 1.002
     predicted_share: float = 0.5
     first_evaluations: int = 40
+    of_lead: float = 0.5
     elsewhere: float = 0.5
     rough: float = 0.01
     diagnosis: DiagnosisSettings = DIAGNOSIS

@@ -56,7 +56,7 @@ def yielding(d, f, t, phase, press):
     ("change", "family"),
     [
         (three_times, "viscoelasticity"),
-        (straightening, "strain_stiffening"),
+        pytest.param(straightening, "strain_stiffening", marks=pytest.mark.slow),
         pytest.param(yielding, "force_saturation", marks=pytest.mark.slow),
         pytest.param(logarithmic_zero, "force_drift", marks=pytest.mark.slow),
     ],

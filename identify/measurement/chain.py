@@ -269,56 +269,6 @@ class Chain:
         return (up - down) / (2 * _STEP)
 
 
-class TracedChain:
-    """A chain at one body and its forces, the output of each link kept.
-
-    Another value of one effect then costs no more than the links from that effect on.
-
-    Parameters
-    ----------
-    as of `Chain.predict`
-    """
-
-    def __init__(
-        self,
-        chain: Chain,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> None:
-        self._chain, self._body, self._values = chain, (compliance, modulus), values
-        self._forces = [force_n]
-        for effect in chain._forces:
-            force_n = effect.force(chain.readings, force_n, **values[effect.name])
-            self._forces.append(force_n)
-        self._travels = [chain._from_touch(compliance, modulus, force_n, values)]
-        for name, hook in chain._later:
-            travel = hook(chain.readings, force_n, self._travels[-1], **values[name])
-            self._travels.append(travel)
-
-    @property
-    def predicted_m(self) -> np.ndarray:
-        """Displacement (m,)."""
-        return self._travels[-1]
-
-    def with_values(self, name: str, own: Values) -> np.ndarray:
-        """Displacement (m,) with other values of one effect."""
-        chain, values = self._chain, {**self._values, name: own}
-        begun = next((i for i, (n, _) in enumerate(chain._later) if n == name), None)
-        if begun is not None:
-            force_n, travel = self._forces[-1], self._travels[begun]
-        else:
-            first = next((i for i, e in enumerate(chain._forces) if e.name == name), None)
-            force_n = self._forces[-1 if first is None else first]
-            for effect in [] if first is None else chain._forces[first:]:
-                force_n = effect.force(chain.readings, force_n, **values[effect.name])
-            travel = chain._from_touch(*self._body, force_n, values)
-        for later, hook in chain._later[begun or 0 :]:
-            travel = hook(chain.readings, force_n, travel, **values[later])
-        return travel
-
-
 class Judged(NamedTuple):
     """Comparison of a chain with m readings, with both columns' noise.
 

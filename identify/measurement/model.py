@@ -25,7 +25,7 @@ from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
-from identify.measurement.chain import Chain, Judged, TracedChain, judge
+from identify.measurement.chain import Chain, Judged, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
@@ -33,6 +33,7 @@ from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.settings import TOUCH
 from identify.measurement.shared_error import SharedErrors, lag_error_m
+from identify.measurement.traced_chain import TracedChain
 
 _STEP = 1e-4  # of a parameter's scale, for difference quotients
 _OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map

@@ -10,7 +10,7 @@ from identify.effects.base import Effect
 from identify.effects.unknown_course import UnknownCourse
 from identify.fit.profile_intervals import NORMAL_95
 from identify.fit.result import FitResult
-from identify.measurement.chain import TracedChain
+from identify.measurement.traced_chain import TracedChain
 from identify.select.form_average import posterior_covariance
 
 _MOST = 60  # points of a curve

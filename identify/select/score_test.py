@@ -19,9 +19,9 @@ import numpy as np
 
 from identify.effects.base import Effect, EffectParameter, advice, changes_body
 from identify.fit.result import FitResult
-from identify.measurement.chain import TracedChain
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
+from identify.measurement.traced_chain import TracedChain
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
 from identify.select.null_distribution import NullSearch

@@ -144,7 +144,7 @@ def test_no_shift_is_asked_for_where_a_tip_stands_at_an_edge_or_the_body_is_no_b
 def test_the_laboratory_moves_the_body_under_presses_and_inclusions():
     spot = Inclusion(12e3, (0.040, 0.048, 0.040), 0.008)
     presses = np.array([[0.014, 0.048], [0.040, 0.048], [0.082, 0.048]])
-    radius, divisions = np.full(3, 0.005), (8, 8, 4)
+    radius, divisions = np.full(3, 0.005), (10, 10, 5)
     stated = HiddenBody(truth=TruthMap(6e3, (spot,)))
     body = body_shift.body(stated, {"angle_rad": np.pi, "distance_m": 0.004})
     assert body.shift_m == pytest.approx((-0.004, 0.0))

@@ -136,6 +136,18 @@ def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
     return Mesh(nodes, mesh.cells, mesh.surfaces)
 
 
+def lower_base(mesh: Mesh, by_m: float) -> Mesh:
+    """Return a block's mesh, bent or not, with a lower base: stretched in its lower half alone."""
+    nodes = mesh.nodes.copy()
+    base = nodes[:, 2].min()
+    half = (nodes[mesh.surface_nodes("top"), 2].min() - base) / 2
+    sinks = by_m * np.clip(1 - (nodes[:, 2] - base) / half, 0.0, 1.0)
+    if mesh.order == 2:  # edges stay straight
+        sinks[mesh.cells[:, 4:]] = sinks[mesh.cells[:, TET_EDGES]].mean(axis=2)
+    nodes[:, 2] -= sinks
+    return Mesh(nodes, mesh.cells, mesh.surfaces)
+
+
 def paper_mesh() -> Mesh:
     """Return the paper's body: 2,601 nodes, 12,288 four-node tetrahedra (Sec. III.B.1)."""
     return block_mesh(PAPER_SIZE_M, PAPER_DIVISIONS, order=1)

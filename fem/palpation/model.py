@@ -144,9 +144,11 @@ class PalpationModel:
             like=self,
         )
 
-    def _hold(self, poisson_ratio: float, held: tuple[str, ...]) -> ConstrainedBody:
+    def _hold(
+        self, poisson_ratio: float, held: tuple[str, ...], mesh: Mesh | None = None
+    ) -> ConstrainedBody:
         return ConstrainedBody(
-            self.mesh,
+            mesh or self.mesh,
             poisson_ratio,
             held,
             self._weights,
@@ -221,6 +223,12 @@ class PalpationModel:
         for array in (compliance, field, amplitude):
             array.setflags(write=False)
         return response
+
+    def moved(self, mesh: Mesh, floating: bool) -> ConstrainedBody:
+        """Return the body on a mesh with the same cells and nodes elsewhere, for its matrix."""
+        own = self.support
+        held = own.held if floating else (own.surface, *own.held)
+        return self._hold(self.stiffness.poisson_ratio, held, mesh)
 
     def held(
         self, material: Material, support_compliance: tuple[float, float] | None = None

@@ -7,7 +7,7 @@ The problem is self-adjoint, so that the fields that give the compliances give t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ from fem.palpation.fibres import HORIZONTAL
 from fem.palpation.skin import Skin, by_skin
 
 if TYPE_CHECKING:
+    from fem.mesh.mesh import Mesh
     from fem.palpation.constrained_body import ConstrainedBody
     from fem.palpation.model import Material, PalpationModel
 
@@ -189,6 +190,25 @@ class Response:
             return body.foundation.products(base, base) / np.square(self._springs)
         traction = self.base_traction()
         return body.foundation.products(traction, traction)
+
+    def compliance_moved(
+        self, mesh: Mesh, modulus: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
+        """Compliances (j,) of the body on a mesh with nodes a little elsewhere, to first order.
+
+        With the fields u on the mesh as it is, C - u' dK u; near fields stay as they are, so that
+        nodes around the tips must not move.
+
+        Parameters
+        ----------
+        mesh : with the same cells
+        modulus : Young's modulus (p,) Pa at points (p, 3)
+        """
+        body, material = self.model.moved(mesh, self._springs is not None), self._material
+        there = material._replace(modulus=modulus(body.stiffness.points_m))
+        change = self.model.values(body, there) - self.model.values(self._body, material)
+        moved = self._body.stiffness.product(change, self._free)
+        return self.compliance - np.einsum("dj,dj->j", self._free, moved)
 
     def base_traction(self) -> np.ndarray:
         """Traction (j, b, 3) Pa of the support on the body at the nodes of `Foundation`."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fem import PalpationModel
+from fem import Mesh, PalpationModel
 from fem.palpation import Response, fibre_weights
 from fem.reduced import ReducedResponse
 from identify.body.shifted_block import Shift
@@ -181,6 +181,12 @@ class BodyResponse:
         """Compliance (j,) of the presses, or the body, of another coarse model."""
         other = self._mechanics._solve(model, self._map, self._state)
         return self.compliance * (other.compliance / self._full.compliance)
+
+    def compliance_moved(self, mesh: Mesh) -> np.ndarray:
+        """Compliance (j,) of a body with nodes a little elsewhere, away from the tips."""
+        modulus = ChangedMap(self._map, self._state).modulus
+        other = self._full.compliance_moved(mesh, modulus)
+        return self.compliance * (other / self._full.compliance)
 
     def changes(self, moduli: np.ndarray) -> np.ndarray:
         """First-order change of compliance (j, g) for changes (p, g) of the modulus samples."""

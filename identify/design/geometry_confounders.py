@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from fem import Contacts, PalpationModel
-from fem.mesh import Mesh
+import numpy as np
+
+from fem import PalpationModel
+from fem.mesh import Mesh, lower_base
 from identify.design.settings import CONFOUNDERS, ConfounderSettings
 from identify.fit.result import FitResult
 from identify.optimize.result import InadmissibleError
@@ -19,7 +21,8 @@ from identify.select.accepted_effect import AcceptedEffect
 from identify.select.explanation import Explanation
 from identify.select.score_test import fitted_basis
 
-_STEP = 0.02  # of a length, for its derivative
+_STEP = 0.02  # of a radius, for its derivative
+_SMALL = 1e-5  # of a height; fields on stretched cells change their volume by its square
 
 Length = Literal["tip_radius", "body_height"]
 
@@ -47,7 +50,7 @@ def geometry_confounders(
 
     To first order.
     """
-    known: dict[Length, PalpationModel] = {}
+    known: dict[Length, PalpationModel | Mesh] = {}
     return tuple(
         confounder
         for accepted in explained.accepted
@@ -58,7 +61,7 @@ def geometry_confounders(
 def _of_effect(
     explained: Explanation,
     accepted: AcceptedEffect,
-    known: dict[Length, PalpationModel],
+    known: dict[Length, PalpationModel | Mesh],
     settings: ConfounderSettings,
 ) -> Iterator[GeometryConfounder]:
     number = next(
@@ -68,13 +71,15 @@ def _of_effect(
     if number == 0:
         return
     before, after = (step.fit for step in explained.ladder[number - 1 : number + 1])
-    for length, (model, step, stated) in _models(before, known).items():
+    body = before.at.body
+    for length, (other, step, stated) in _others(before, known).items():
         try:
-            changed = before.at.body.compliance_on(model)
+            wider = isinstance(other, PalpationModel)
+            changed = body.compliance_on(other) if wider else body.compliance_moved(other)
         except InadmissibleError:
             continue
         press = before.model.readings.press
-        moved = before.at.by_compliance * (changed - before.at.body.compliance)[press] / step
+        moved = before.at.by_compliance * (changed - body.compliance)[press] / step
         column = before.at.whitened(moved, press)
         basis = fitted_basis(before.at)
         column = column - basis @ (basis.T @ column)
@@ -84,29 +89,23 @@ def _of_effect(
             yield GeometryConfounder(accepted.name, length, size)
 
 
-def _models(
-    fit: FitResult, known: dict[Length, PalpationModel]
-) -> dict[Length, tuple[PalpationModel, float, float]]:
-    """Return model, step and stated value of each length, m."""
+def _others(
+    fit: FitResult, known: dict[Length, PalpationModel | Mesh]
+) -> dict[Length, tuple[PalpationModel | Mesh, float, float]]:
+    """Return the model or the mesh with another length, the step to it and the stated value, m."""
     coarse = fit.model.mechanics.coarse
     present, mesh, found = coarse.contacts, coarse.mesh, {}
-
-    def built(length: Length, mesh: Mesh, contacts: Contacts) -> PalpationModel:
-        if length not in known:
-            nu = coarse.stiffness.poisson_ratio
-            known[length] = PalpationModel(mesh, nu, contacts, support=coarse.support)
-        return known[length]
-
     if present.profile == "flat":
         stated = float(present.radius_m.min())
         step = -_STEP * stated  # narrower, so that no tip hangs over an edge
-        contacts = replace(present, radius_m=present.radius_m + step)
-        found["tip_radius"] = built("tip_radius", mesh, contacts), step, stated
+        if "tip_radius" not in known:
+            contacts = replace(present, radius_m=present.radius_m + step)
+            nu = coarse.stiffness.poisson_ratio
+            known["tip_radius"] = PalpationModel(mesh, nu, contacts, support=coarse.support)
+        found["tip_radius"] = known["tip_radius"], step, stated
     if "x0" in mesh.surfaces:  # a block
-        top = mesh.nodes[:, 2].max()
-        stated = float(top - mesh.nodes[:, 2].min())
-        nodes = mesh.nodes.copy()
-        nodes[:, 2] += _STEP * (nodes[:, 2] - top)  # the base sinks
-        higher = built("body_height", Mesh(nodes, mesh.cells, mesh.surfaces), present)
-        found["body_height"] = higher, _STEP * stated, stated
+        stated = float(np.ptp(mesh.nodes[:, 2]))
+        if "body_height" not in known:
+            known["body_height"] = lower_base(mesh, _SMALL * stated)
+        found["body_height"] = known["body_height"], _SMALL * stated, stated
     return found

@@ -110,6 +110,7 @@ class FreeMapFit:
         self.history: list[FitIteration] = []
         self.spent = 0
         self._start, self._compliance = model, compliance
+        self._spread: tuple[_Point, Hyper, np.ndarray] | None = None  # of the last step
 
     @property
     def prior(self) -> MaternField:
@@ -144,7 +145,7 @@ class FreeMapFit:
                 self.hyper = found if number == 0 else self.hyper.towards(found, s.longest_change)
             error = max(self.hyper.error, self._nearing(readings))
             data = FieldData.of(readings.sums, point.by_field, point.field, shift, readings.doubt)
-            posterior = FieldPosterior(data, self.prior, error)
+            posterior = FieldPosterior(data, self.prior, error, self._spread_by(point))
             self._accept(point, posterior, number)
             told = (self.weight > 0) & (readings.doubt == 0)
             unit = np.sqrt(error**2 + readings.variance)
@@ -233,7 +234,7 @@ class FreeMapFit:
         to_u = posterior.data.effects.step(posterior.moved())
         low, high = point.model.unknowns.bounds
         share = first = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
-        before = posterior.misfit(point.s - point.s) + self._cost(point)
+        before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
         while share > s.shortest_step * first:
             u = np.clip(point.u + share * to_u, low, high)
             try:
@@ -241,16 +242,27 @@ class FreeMapFit:
             except (InadmissibleError, SolverError):
                 share /= 2
                 continue
-            if posterior.misfit(there.s - point.s) + self._cost(there) <= before * (1 + s.worse):
+            spread_by = self.prior.product(there.by_field)
+            cost = self._cost(there, spread_by @ there.by_field.T)
+            if posterior.misfit(there.s - point.s) + cost <= before * (1 + s.worse):
                 point.model.mechanics._solutions.clear()  # large, and not asked again
+                self._spread = there, self.hyper, spread_by
                 return there, share
             share /= 2
         return point, 0.0
 
-    def _cost(self, point: _Point) -> float:
-        """Least square of the prior's distance of a field with the point's predictions."""
-        of_s = self.prior.product(point.by_field) @ point.by_field.T
-        of_s[np.diag_indices_from(of_s)] += 1e-8 * np.trace(of_s) / len(of_s)
+    def _spread_by(self, point: _Point) -> np.ndarray | None:
+        """Prior covariance (j, g) of s and field at a point, if the last step found it."""
+        known = self._spread
+        there = known is not None and known[0] is point and known[1] == self.hyper
+        return known[2] if known is not None and there else None
+
+    def _cost(self, point: _Point, of_s: np.ndarray) -> float:
+        """Least square of the prior's distance of a field with the point's predictions.
+
+        `of_s` (j, j) is their prior covariance.
+        """
+        of_s = of_s + 1e-8 * np.trace(of_s) / len(of_s) * np.eye(len(of_s))
         offset = point.by_field @ point.field
         return float(offset @ np.linalg.solve(of_s, offset))
 

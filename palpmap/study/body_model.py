@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
+from fem.mesh import lower_base
 from identify import BodyModel, contacts_of
 from models import InputError, Scan
 from palpmap.study.body import Body
 from palpmap.study.cell_size import (
-    COARSE_CELLS,
     SURFACE_EDGES,
     block_divisions,
     cell_size_m,
@@ -56,20 +56,18 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     else:
         meshes = (_mesh_of_free_map(study, len(scan.press_ids)),)
     contacts, note = contacts_of(scan, ball, meshes, surface)
-    if study.body.thickness_assumed:
-        note = f"{note} {_thickness_note(study.body, contacts)}".strip()
     nu, support = study.body.poisson_ratio, support_of(study.body)
     if len(meshes) == 1:
         model = PalpationModel(meshes[0], nu, contacts, support=support)
         if study.body.support == "base-sliding":
             _check_held(model, scan)
-        return BodyModel(model, model, model, note, surface)
+        return BodyModel(model, model, model, _noted(study.body, model, note), surface)
     search = _search_model(study, meshes[0], contacts)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
     fine = RefinedModel(coarse, finer) if study.body.shape == "block" else finer
-    return BodyModel(search, coarse, fine, note, surface)
+    return BodyModel(search, coarse, fine, _noted(study.body, coarse, note), surface)
 
 
 def _mesh_of_free_map(study: Study, presses: int) -> Mesh:
@@ -106,40 +104,25 @@ def _search_model(study: Study, coarse: Mesh, contacts: Contacts) -> PalpationMo
     )
 
 
-def _thickness_note(body: Body, contacts: Contacts) -> str:
-    """Say how far moduli depend on a thickness that nobody measured."""
+def _noted(body: Body, model: PalpationModel, note: str) -> str:
+    """Return a note, with how far moduli depend on a thickness that nobody measured."""
     edges = edges_of(body)
-    assert edges is not None  # the study's own rule: no closed surface has an assumed thickness
-    counts = block_divisions(edges, float(np.cbrt(np.prod(edges) / COARSE_CELLS)))
-    some = np.linspace(0, len(contacts) - 1, min(len(contacts), FEW)).round().astype(int)
-    contacts = Contacts(
-        contacts.points_m[some], contacts.directions[some], contacts.radius_m[some],
-        contacts.profile,
-    )  # fmt: skip
-    higher, thicker = contacts, body
-    if body.size_m is not None:
-        x, y, z = body.size_m
-        thicker = body.model_copy(update={"size_m": (x, y, THICKER * z)})
-        up = np.array([0.0, 0.0, (THICKER - 1) * z])
-        higher = Contacts(
-            contacts.points_m + up, contacts.directions, contacts.radius_m, contacts.profile
-        )
-    else:  # with the sides where they are
-        made = contact_body(body)
-        update = {"thickness_m": THICKER * edges[2], "margin_m": made.margin_m}
-        thicker = body.model_copy(update=update)
+    if not body.thickness_assumed or edges is None:  # no closed surface has an assumed thickness
+        return note
+    mesh, presses = model.mesh, len(model.contacts)
+    some = np.linspace(0, presses - 1, min(presses, FEW)).round().astype(int)
+    contacts = model.contacts.some(np.unique(some))
+    thicker = lower_base(mesh, (THICKER - 1) * edges[2])
     here, there = (
-        PalpationModel(
-            _divided(one, counts), body.poisson_ratio, pressed, support=support_of(body)
-        ).evaluate(1.0).compliance
-        for one, pressed in ((body, contacts), (thicker, higher))
-    )  # fmt: skip
+        model.on(one, contacts).evaluate(1.0).compliance for one in (mesh, thicker)
+    )  # near fields are those of the model
     low, middle, high = np.percentile(100 * (there / here - 1), [5, 50, 95])
-    return (
+    told = (
         f"The thickness is assumed: were it {100 * (THICKER - 1):.0f} % more, an even body would "
         f"be {middle:.2g} % softer under the presses ({low:.2g} to {high:.2g} %), and the moduli "
         "found would be higher by as much."
     )
+    return f"{note} {told}".strip()
 
 
 def support_of(body: Body) -> Support:

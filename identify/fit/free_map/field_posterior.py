@@ -30,16 +30,18 @@ class FieldPosterior:
     data : of the readings
     prior : of the field (g,)
     error : relative error of the map in each press's compliance, of the map's own form
+    known : `spread_by`, where it is known
     """
 
     data: FieldData
     prior: MaternField
     error: float = 0.0
+    known: np.ndarray | None = None
 
     @cached_property
     def spread_by(self) -> np.ndarray:
         """Prior covariance of s and field, K C (j, g)."""
-        return self.prior.product(self.data.by_field)
+        return self.prior.product(self.data.by_field) if self.known is None else self.known
 
     @cached_property
     def of_field(self) -> np.ndarray:

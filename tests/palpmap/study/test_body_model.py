@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.study.body import Body
-from palpmap.study.body_model import _thickness_note, build_body_model, support_of
+from palpmap.study.body_model import _noted, build_body_model, support_of
 from palpmap.study.cell_size import cell_size_m, smallest_cell_m
 from palpmap.study.study import Study, load_study, write_study
 from tests.fem.reference.hayes import punch_factor
@@ -131,7 +131,8 @@ def test_an_assumed_thickness_is_said_with_its_weight_as_a_bonded_layer_has_it()
         shape="block", size_m=(0.14, 0.14, 0.02), poisson_ratio=0.45, thickness_assumed=True
     )
     contacts = Contacts([[0.07, 0.07, 0.02]], [0.0, 0.0, -1.0], 0.005)
-    said = _thickness_note(body, contacts)
+    model = PalpationModel(block_mesh((0.14, 0.14, 0.02), (16, 16, 4)), 0.45, contacts)
+    said = _noted(body, model, "")
     percent = float(re.search(r"would be ([\d.]+) % softer", said).group(1))
     thin, thick = (punch_factor(0.005 / h, 0.45) for h in (0.02, 1.2 * 0.02))
     assert percent == pytest.approx(100 * (thin / thick - 1), rel=0.1)

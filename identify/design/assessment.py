@@ -94,7 +94,7 @@ def assess(
     outlying = suspects_left(explained, without)
     say("computing detection limits")
     # Biases are told by the last fit's, so that these are the ones found at their size
-    unseen = detection_limits(last, catalogue) if known else ()
+    unseen = detection_limits(last, _beside(explained, catalogue)) if known else ()
     limits = unseen if known and last is first else _limits(explained, catalogue, unseen)
     forms = forms_of(explained)
     say("looking for confounders of the effects found")
@@ -121,6 +121,19 @@ def assess(
     )
 
 
+def _beside(explained: Explanation, catalogue: Sequence[Effect]) -> list[Effect]:
+    """Return the effects that may be undetected beside the last model.
+
+    Beside a free map each effect of the body takes models of its own: those that were not tested
+    there are left out.
+    """
+    last = explained.final
+    if last.fit.field is None:
+        return list(catalogue)
+    tested = {score.name for score in last.diagnosis.scores if score.untestable is None}
+    return [effect for effect in catalogue if effect.link != "body" or effect.name in tested]
+
+
 def _limits(
     explained: Explanation, catalogue: Sequence[Effect], unseen: Sequence[Limit]
 ) -> tuple[Limit, ...]:
@@ -132,12 +145,10 @@ def _limits(
     first, last = explained.ladder[0].fit, explained.final
     if first.field is None or last.fit is first:
         return detection_limits(first, catalogue, known=unseen)
+    if not unseen:
+        return detection_limits(first, _beside(explained, catalogue), known=unseen)
     body = [effect for effect in catalogue if effect.link == "body"]
     others = [effect for effect in catalogue if effect.link != "body"]
-    if not unseen:
-        tested = {score.name for score in last.diagnosis.scores if score.untestable is None}
-        body = [effect for effect in body if effect.name in tested]
-        return detection_limits(first, [*others, *body], known=unseen)
     names = {effect.name for effect in body}
     of_body = tuple(limit for limit in unseen if limit.name in names)
     found = [effect for effect in body if effect.name in last.fit.effect_names]

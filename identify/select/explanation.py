@@ -137,7 +137,8 @@ class Explanation:
     def within_laws(self) -> bool:
         """Whether the residual is beyond noise by less than laws of contact are right to."""
         noise = self.final.comparison.is_noise
-        return not noise and within_laws(self.ladder, self.accepted, self.settings)
+        first, last = self.ladder[0].fit, self.final.fit
+        return not noise and within_laws(first, last, self.accepted, self.settings)
 
     @cached_property
     def in_few_presses(self) -> tuple[int, ...]:
@@ -176,14 +177,16 @@ def verdict_of(
 
 
 def within_laws(
-    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+    first: FitResult,
+    last: FitResult,
+    accepted: Sequence[AcceptedEffect],
+    settings: SelectionSettings,
 ) -> bool:
     """Whether structure that remains beside a free map is less than laws of contact are right to.
 
     Where single presses called for the laws, they hold to a few per cent (`contact_law`): an excess
     of a hundredth of what they explain, in a residual of hardly more than noise, is their own.
     """
-    first, last = ladder[0].fit, ladder[-1].fit
     if last.field is None or not any(effect.shown_by_presses for effect in accepted):
         return False
     small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
@@ -210,16 +213,28 @@ def few_presses(
 
 
 def ended_by_presses(
-    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+    first: FitResult,
+    fit: FitResult,
+    accepted: Sequence[AcceptedEffect],
+    settings: SelectionSettings,
+    noise: bool = False,
 ) -> str:
     """Reason why nothing is sought beside the law that the presses' curves called for, or nothing.
 
-    What is sought for presses that have a law of their own would be laid on all others.
+    What is sought for presses that have a law of their own would be laid on all others; what is
+    sought in the error of laws would be another law.
+
+    Parameters
+    ----------
+    first : fit of the first step
+    noise : the residual is noise
     """
     if any(effect.partial for effect in accepted):
         return "the presses' own curves, with whatever stiffness, leave structure in many of them"
     if few_presses(fit, accepted, settings).any():
         return "few presses hold the structure that is left, and would decide"
+    if not noise and within_laws(first, fit, accepted, settings):
+        return "the structure that is left is less than laws of contact are right to"
     return ""
 
 

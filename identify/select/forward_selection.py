@@ -84,12 +84,12 @@ def forward_selection(
     say("fitting the map")
     fit = first or fit_jointly(model, stiffness)
     fit = found_again(fit) if model.effects else fit  # without any, that map was
-    path = _Path(*_begun(fit, catalogue, policy, judged, say, settings))
 
     def is_noise(fit: FitResult) -> bool:
         return compare_residual(whitened_fit(fit, scan), settings.residual).is_noise
 
     selection = _Selection(judged, is_noise, policy, say, settings)
+    path = _Path(*_begun(fit, catalogue, selection))
     _grow(path, catalogue, selection)
     if settings.most_effects and fit.field is None:
         path = _with_unknown_cause(path, catalogue, selection)
@@ -97,7 +97,7 @@ def forward_selection(
     further = "" if path.settled else _further(ladder, accepted, settings)
     names = dict.fromkeys(path.dropped)
     gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
-    within = within_laws(ladder, accepted, settings)
+    within = within_laws(ladder[0].fit, ladder[-1].fit, accepted, settings)
     return Explanation(
         verdict_of(ladder[-1], accepted, further, within),
         tuple(ladder),
@@ -137,9 +137,10 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
     while len(path.accepted) < most and (
         len(ladder) == begun or policy.goes_on(ladder, path.accepted, settings)
     ):
-        if ended_by_presses(ladder[-1].fit, path.accepted, settings):
+        first, now = ladder[0].fit, ladder[-1]
+        noise = now.comparison.is_noise
+        if ended_by_presses(first, now.fit, path.accepted, settings, noise):
             return
-        now = ladder[-1]
         candidates = policy.propose(now, effects, say, path.dropped, settings)
         if not candidates:
             path.settled = now.comparison.is_noise
@@ -219,21 +220,19 @@ def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Se
 
 
 def _begun(
-    fit: FitResult,
-    catalogue: Sequence[Effect],
-    policy: Policy,
-    judged: Callable[[FitResult, Sequence[Effect]], Step],
-    say: Callable[[str], None],
-    settings: SelectionSettings,
+    fit: FitResult, catalogue: Sequence[Effect], selection: _Selection
 ) -> tuple[list[Step], list[AcceptedEffect]]:
     """Return the steps of the map alone and of its first step, with the effects of the latter."""
+    policy, judged = selection.policy, selection.judged
     # Beside a free map without a law that the presses call for, scores of the body say nothing
     by_presses = policy.first is not None and fit.field is not None
     scored = [e for e in catalogue if e.link != "body"] if by_presses else catalogue
     alone = judged(fit, scored)
-    if policy.first and (started := policy.first(alone, say)):
+    if policy.first and (started := policy.first(alone, selection.say)):
+        first = fit
         fit, accepted = started
-        reason = ended_by_presses(fit, accepted, settings)
+        noise = selection.is_noise(fit)
+        reason = ended_by_presses(first, fit, accepted, selection.settings, noise)
         after = judged(fit, scored if reason else catalogue)
         if reason:  # nothing is sought further, and each would take models of the body
             beyond = [e for e in catalogue if e not in scored and e.name not in fit.effect_names]
@@ -319,7 +318,7 @@ def is_more_missing(
     strongest = max(
         (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
     )
-    enough = now.comparison.is_noise or within_laws(ladder, accepted, settings)
+    enough = now.comparison.is_noise or within_laws(ladder[0].fit, now.fit, accepted, settings)
     if strongest == 0 or not accepted or not enough:
         return strongest > 0
     explained = ladder[0].fit.chi2 - now.fit.chi2

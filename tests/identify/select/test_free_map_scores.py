@@ -139,7 +139,7 @@ def test_structure_within_the_accuracy_of_contact_laws_ends_the_selection():
     def within(chi2: float, accepted: list, first: float = 20000, field: object = 1) -> bool:
         fits = [SimpleNamespace(chi2=c, dof=1000, chi2_per_dof=c / 1000, field=field)
                 for c in (first, chi2)]  # fmt: skip
-        return within_laws([SimpleNamespace(fit=f) for f in fits], accepted, SELECTION)
+        return within_laws(*fits, accepted, SELECTION)
 
     assert within(1150, [shown, other])
     assert not within(1250, [shown])  # a hundredth of what they explain is 188
@@ -158,9 +158,10 @@ def test_few_presses_that_no_law_explains_are_known():
         fit = SimpleNamespace(
             model=SimpleNamespace(readings=readings), at=SimpleNamespace(residual=residual),
             field=1, chi2=float(residual @ residual), dof=200,
+            chi2_per_dof=float(residual @ residual) / 200,
         )  # fmt: skip
         few = np.flatnonzero(few_presses(fit, accepted, SELECTION)).tolist()
-        assert bool(few) == bool(ended_by_presses(fit, accepted, SELECTION))
+        assert bool(few) == bool(ended_by_presses(fit, fit, accepted, SELECTION))
         return few
 
     residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
@@ -170,9 +171,23 @@ def test_few_presses_that_no_law_explains_are_known():
     assert found(np.where(press == 3, 2.5, 1.4)) == []  # most of the excess lies elsewhere
 
 
+def test_nothing_is_sought_in_the_error_of_laws():
+    """A residual of 1.05 times the noise in every press, of which laws explained nearly all."""
+    shown = [SimpleNamespace(shown_by_presses=True, partial=False)]
+    readings = SimpleNamespace(press=np.repeat(np.arange(20), 10), presses=20)
+    at = SimpleNamespace(residual=np.full(200, 1.05))
+    fit = SimpleNamespace(
+        model=SimpleNamespace(readings=readings), at=at, field=1, chi2=220.5, dof=200,
+        chi2_per_dof=1.1,
+    )  # fmt: skip
+    first = SimpleNamespace(chi2=20000.0, dof=200)
+    assert "laws of contact" in ended_by_presses(first, fit, shown, SELECTION)
+    assert not ended_by_presses(first, fit, shown, SELECTION, noise=True)
+
+
 def test_nothing_is_sought_beside_the_law_of_some_presses():
     partial = [SimpleNamespace(shown_by_presses=False, partial=True)]
     fit = SimpleNamespace(
         field=1, model=SimpleNamespace(readings=SimpleNamespace(press=[0], presses=1))
     )
-    assert "structure in many" in ended_by_presses(fit, partial, SELECTION)
+    assert "structure in many" in ended_by_presses(fit, fit, partial, SELECTION)

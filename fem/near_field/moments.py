@@ -166,7 +166,7 @@ def _search(points, vertices, inverse, owner, barycentric):
     for p in range(len(points)):
         deepest = -1e-9
         for i in range(len(vertices)):
-            c = (last + i) % len(vertices)  # points come in rows, most in the cell of the one before
+            c = (last + i) % len(vertices)  # most points lie in the cell of the one before
             place[0] = 1.0
             for a in range(3):
                 place[a + 1] = 0.0

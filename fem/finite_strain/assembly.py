@@ -48,7 +48,7 @@ class FiniteStrainBody:
         self.stiffness = Stiffness(mesh, poisson_ratio, fixed_surface)
         s = self.stiffness
         self.gradients = np.ascontiguousarray(
-            np.einsum("qiv,eva->eqia", s._derivatives, s.gradients)
+            np.einsum("qiv,eva->eqia", s.rule_derivatives, s.gradients)
         )
         self.weights_m3 = s.volumes[:, None] * s.rule[1]
         self._free_cells = s.free_cells

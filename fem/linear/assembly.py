@@ -87,6 +87,7 @@ class Stiffness:
     ----------
     points_m : (e q, 3) where Young's modulus is sampled, q quadrature points a cell, cell by cell.
     indptr, indices : the upper triangle's CSR pattern over the free degrees of freedom.
+    rule_derivatives : (q, nodes, 4) of the shape functions by the barycentric coordinates
     mean_gradients : (e, nodes, 3) 1/m, means of the shape functions' gradients over each cell
     mean_lame : the part of lambda (E = 1) that resists the mean change of volume of each cell, see
         `split_lame`
@@ -111,10 +112,10 @@ class Stiffness:
         points = np.einsum("qv,evi->eqi", self.rule[0], mesh.nodes[mesh.cells[:, :4]])
         self.points_m = points.reshape(-1, 3)
         *self._lame, self.mean_lame = split_lame(poisson_ratio)
-        self._derivatives = shape_derivatives(self.rule[0], mesh.order)
+        self.rule_derivatives = shape_derivatives(self.rule[0], mesh.order)
         self._close_derivatives = shape_derivatives(CLOSE_RULE[0], mesh.order)
         self.mean_gradients = np.einsum(
-            "q,qiv,eva->eia", self.rule[1], self._derivatives, self.gradients, optimize=True
+            "q,qiv,eva->eia", self.rule[1], self.rule_derivatives, self.gradients, optimize=True
         )
         free = np.ones(len(mesh.nodes), bool)
         for name in (fixed_surface,) if isinstance(fixed_surface, str) else fixed_surface:
@@ -169,10 +170,10 @@ class Stiffness:
         weights = modulus * self.rule[1] * self.volumes[:, None]
         mean = weights.sum(axis=1)
         data = np.zeros(len(self.indices))
-        parts = [(np.arange(len(weights)), self._derivatives, weights)]
+        parts = [(np.arange(len(weights)), self.rule_derivatives, weights)]
         if close is not None and len(close[0]):
             cells, samples = close
-            parts[0] = (np.setdiff1d(parts[0][0], cells), self._derivatives, weights)
+            parts[0] = (np.setdiff1d(parts[0][0], cells), self.rule_derivatives, weights)
             weights = np.zeros((len(weights), len(CLOSE_RULE[1])))
             weights[cells] = at_rule(samples) * CLOSE_RULE[1] * self.volumes[cells, None]
             parts.append((cells, self._close_derivatives, weights))
@@ -193,7 +194,7 @@ class Stiffness:
         """
         modulus = np.ascontiguousarray(modulus_pa, float).reshape(len(self.volumes), -1)
         weights = modulus * self.rule[1] * self.volumes[:, None]
-        slopes = np.einsum("qiv,eva,a->eqi", self._derivatives, self.gradients, direction,
+        slopes = np.einsum("qiv,eva,a->eqi", self.rule_derivatives, self.gradients, direction,
                            optimize=True)  # fmt: skip
         data = np.zeros(len(self.indices))
         kernels.fill_fibres(data, self.indptr, self._pairs, self._pair_node, self._pair_rank,
@@ -217,8 +218,8 @@ class Stiffness:
         whole[count:] = 0.0
         out = whole[:count].reshape(-1, self.samples, len(displacement))
         weights = self.volumes[:, None] * self.rule[1]
-        kernels.energies(out, by_node, self.mesh.cells, self.gradients, self._derivatives, weights,
-                         *self._lame)  # fmt: skip
+        kernels.energies(out, by_node, self.mesh.cells, self.gradients, self.rule_derivatives,
+                         weights, *self._lame)  # fmt: skip
         if close_cells is not None:
             out[close_cells] = 0.0
         if self.mean_lame > 0:

@@ -45,7 +45,7 @@ from fem.errors import SolverError
 from fem.linear.support import first_order_rest
 from fem.palpation.model import Material, PalpationModel, Response
 from fem.palpation.skin import Skin, by_skin
-from fem.reduced.energies import by_sample
+from fem.reduced.energies import mixed_energies
 from fem.reduced.modes import Modes, Pairs
 from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 
@@ -88,7 +88,7 @@ class ReducedModel:
             self._unit = modulus
         new = Snapshot(response, modulus / self._unit)
         if new.law.stretch_m:
-            alone = by_sample(self.full, new.fields)
+            alone = mixed_energies(self.full, new.inside, new.inside)
         else:
             alone = -response.sensitivity[:, : len(modulus)]
         energy = alone @ modulus
@@ -104,15 +104,13 @@ class ReducedModel:
         number, self._next = self._next, self._next + 1
         energies = {number: alone}
         for other, known in self._snapshots.items():
-            both = by_sample(self.full, new.fields.plus(known.fields))
-            own = self._pairs[other, other][2]
-            energies[other] = 0.5 * (both - alone - own)
+            energies[other] = mixed_energies(self.full, known.inside, new.inside)
         self._snapshots[number] = new
         self._used[number] = self._evaluations
         for other, mixed in energies.items():
             key = (other, number)
             first = self._snapshots[other]
-            self._pairs[key] = (first, new, mixed.astype(np.float32))
+            self._pairs[key] = (first, new, np.ascontiguousarray(mixed, np.float32))
             for modes in (self._primal, self._dual):
                 modes.add(key, first, new, mixed)
         self._loads[number] = np.array(response.compliance)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.palpation.model import Material, Response
-from fem.reduced.energies import Fields
+from fem.reduced.energies import Strains
 
 
 class Law(NamedTuple):
@@ -31,10 +31,15 @@ class Snapshot:
         self.modulus, self.law = modulus, law_of(response._material, response._springs)
         self._of = replace(response)  # without the sensitivities that are kept there
 
+    @cached_property
+    def inside(self) -> Strains:
+        """Strains of the displacement of every press."""
+        return Strains.of(self._of)
+
     @property
-    def fields(self) -> Fields:
-        """The displacement of every press."""
-        return Fields.of(self._of)
+    def _nodal(self) -> np.ndarray:
+        """Displacement of every press, finite element part, (j, n, 3)."""
+        return self._of._body.stiffness.prolong(self._of._free)
 
     @property
     def has_skin(self) -> bool:
@@ -44,8 +49,7 @@ class Snapshot:
     @cached_property
     def base(self) -> np.ndarray:
         """Displacement of the supported nodes, (j, b, 3)."""
-        model = self._of.model
-        return self.fields.nodal(model)[:, model.floating.foundation.nodes]
+        return self._nodal[:, self._of.model.floating.foundation.nodes]
 
     @cached_property
     def traction(self) -> np.ndarray:
@@ -55,8 +59,7 @@ class Snapshot:
     @cached_property
     def strains(self) -> np.ndarray:
         """Strains of the surface that may bear a skin, see `fem.palpation.skin.Membrane`."""
-        model = self._of.model
-        return model.floating.membrane.strains(self.fields.nodal(model))
+        return self._of.model.floating.membrane.strains(self._nodal)
 
 
 def law_of(material: Material, springs: tuple[float, float] | None) -> Law:

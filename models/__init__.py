@@ -11,11 +11,12 @@ from models.scan_columns import PHASES, nearest
 from models.scan_file import read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
 from models.scan_quality import Doubt, scan_findings, touching, without_outliers
-from models.thin import MOST_PRESSES, thinned, well_spread
+from models.thin import MOST_OF_FREE_MAP, MOST_PRESSES, thinned, well_spread
 
 __all__ = [
     "ARMS",
     "ARM_PACKAGE",
+    "MOST_OF_FREE_MAP",
     "MOST_PRESSES",
     "PHASES",
     "Arm",

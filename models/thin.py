@@ -5,6 +5,7 @@ import numpy as np
 from models.scan import Scan
 
 MOST_PRESSES = 200  # time and memory of the loop grow with them
+MOST_OF_FREE_MAP = 800  # under a free map, whose cells are larger the more presses there are
 _KINDS_APART = 1.0  # of the scan's extent: presses with another tip or force are no neighbours
 
 

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from identify import PlacedExperiment, Progress, silent
 from identify.effects import Effect
 from identify.measurement import Noise as ScanNoise
-from models import MOST_PRESSES, InputError, Scan, read_scan
+from models import InputError, Scan, read_scan
 from palpmap.study.body import Body
-from palpmap.study.open_study import catalogue_with, open_study, own_effects
+from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
 from palpmap.study.study import About, Map, Noise, Probe, Study, Uncertainty, load_study
 
 Support = Literal["base-bonded", "base-sliding", "base-elastic"]
@@ -143,7 +143,7 @@ class Experiment:
         InputError
             Scan and study do not fit together.
         """
-        thin = thin and len(self.scan.press_ids) > MOST_PRESSES
+        thin = thin and len(self.scan.press_ids) > most_presses(self.study)
         if thin not in self._open:
             catalogue = catalogue_with(self.own_effects)
             self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say, noise)

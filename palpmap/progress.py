@@ -44,7 +44,7 @@ class Stage(NamedTuple):
 
 _OPEN = (
     Stage(("meshing",), 3),
-    Stage(("fitting the presses",), 60, 110, asked=True),
+    Stage(("fitting the presses",), 20, 110, asked=True),
     Stage(("fitting", "trying"), 12, 2),
 )
 _SCORED = Stage(("analysing", "scoring"), 15, 45)

@@ -197,6 +197,8 @@ def _best(
 ) -> FreeComplianceFit:
     """Smallest set that no larger one beats by more than the margin for each further effect.
 
+    Of its size it is the best one, or simpler forms of the same causes that do as well.
+
     It is the law of none if it leaves structure in too many presses: its gain may then be anything
     that differs from press to press.
     """
@@ -208,11 +210,38 @@ def _best(
         if not sets:
             continue
         top = min(sets, key=lambda fit: criterion_of(fit, scale))
+        top = _simplest(top, sets, settings.equal * max(plain.misfit - plain.dof, 0.0), settings)
         gain = criterion_of(best, scale) - criterion_of(top, scale)
         # A rising error is no gain: chi-square also falls where the slope, and the noise, grow
         if gain > least * (size - number) and top.misfit < best.misfit:
             best, number = top, size
     return best
+
+
+def _simplest(
+    top: FreeComplianceFit,
+    sets: Sequence[FreeComplianceFit],
+    slack: float,
+    settings: ContactLawSettings,
+) -> FreeComplianceFit:
+    """Return the set with the fewest parameters among those of the causes of one that do as well.
+
+    A form of several numbers follows the error of the laws, too, and beside a map it takes the
+    place of the compliances.
+    """
+    least = top.noise_share - settings.fewer
+    alike = [
+        fit
+        for fit in sets
+        if _causes(fit) == _causes(top)
+        and fit.misfit <= top.misfit + slack
+        and fit.noise_share >= least
+    ]
+    return min(alike, key=lambda fit: (fit.unknowns, fit.misfit))
+
+
+def _causes(fit: FreeComplianceFit) -> list[str]:
+    return sorted(part.effect.family for part in fit.parts)
 
 
 def _is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:

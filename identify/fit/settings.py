@@ -185,6 +185,8 @@ class ContactLawSettings:
     most_effects : in a law
     least, equal : shares of the excess misfit: an effect takes at least the one, sets within the
         other are equivalent, because the laws themselves are right to a few per cent
+    fewer : share of the presses with noise by which a simpler form of the same causes may lie
+        below and be as good
     shapes : candidates of a shape parameter
     searched : presses that serve to compare the sets, where there are half as many again
     near, refitted : share of the excess misfit within which of the best set there, and most sets of
@@ -203,6 +205,7 @@ class ContactLawSettings:
     most_effects: int = 3
     least: float = 0.05
     equal: float = 0.01
+    fewer: float = 0.05
     shapes: int = 12
     searched: int = 60
     near: float = 0.03

@@ -71,7 +71,7 @@ def write_explain_report(
         doubts=[*doubts.doubts(record, explained), *doubts.assumed_thickness(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
-        unreliable=words.UNRELIABLE,
+        unreliable=words.unreliable(record),
         unseen=doubts.unseen_effects(record),
         trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),

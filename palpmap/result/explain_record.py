@@ -40,6 +40,7 @@ def explain_record(
         ambiguous=explained.ambiguous,
         unknown=explained.unknown,
         reliable=explained.told_apart,
+        few_presses=_few(explained),
         traces=explained.traces,
         helpers=tuple(
             a.name
@@ -74,6 +75,14 @@ def explain_record(
         not_counted=assessment.not_counted,
         **counted(problem),
     )
+
+
+def _few(explained: Explanation) -> tuple[int, ...]:
+    """Return the presses (ids) that alone hold the structure of an unexplained scan."""
+    if explained.verdict != "unexplained":
+        return ()
+    presses = explained.final.comparison.presses
+    return tuple(presses[j].press for j in explained.in_few_presses)
 
 
 def diagnosis_record(step: Step, problem: Problem) -> DiagnosisRecord:

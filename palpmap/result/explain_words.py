@@ -15,7 +15,7 @@ from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.misfit_words import few_presses_words, listed, rise_note
-from palpmap.result.records import OtherMapRecord
+from palpmap.result.records import ExplainRecord, OtherMapRecord
 from palpmap.study.open_study import Problem
 
 VERDICTS = {  # but see `headline`
@@ -26,6 +26,10 @@ VERDICTS = {  # but see `headline`
 }
 
 UNRELIABLE = "Not to be relied on: a cause is missing that moves these values."
+UNRELIABLE_THERE = (
+    "Found from all other presses. The map under those that hold the structure, and how hard it is "
+    "there, is not to be relied on."
+)
 
 CANDIDATES = {
     "supported": "supported",
@@ -46,6 +50,11 @@ def headline(explained: Explanation) -> str:
         of = explained.final.fit.model.readings.presses
         return f"Unexplained in {few} of {of} presses: no known effect removes their structure."
     return VERDICTS[explained.verdict][0]
+
+
+def unreliable(record: ExplainRecord) -> str:
+    """Say which values of an unexplained scan are not to be relied on."""
+    return UNRELIABLE_THERE if record.few_presses else UNRELIABLE
 
 
 def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) -> str:

@@ -222,6 +222,10 @@ class ExplainRecord(CountRecord, FileRecord):
         description="values and intervals count all that is seen; false where structure remains, "
         "whose cause moves them by an unknown amount",
     )
+    few_presses: tuple[int, ...] = Field(
+        default=(),
+        description="presses that alone hold the structure that remains, ids; empty if more do",
+    )
     traces: tuple[str, ...] = Field(
         default=(), description="significant effects too small to be added"
     )

@@ -6,7 +6,7 @@ from typing import Literal
 
 from identify.design import UndetectedBias
 from palpmap import units
-from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, step_labels
+from palpmap.result.explain_words import CANDIDATES, step_labels, unreliable
 from palpmap.result.records import (
     CandidateRecord,
     ExplainRecord,
@@ -156,7 +156,7 @@ def _off(p: ValueRecord, true: float) -> str | Cell:
 
 def explained_table(record: ExplainRecord) -> Table:
     """Return the parameters of an explanation's last model."""
-    title = "found" if record.reliable else UNRELIABLE
+    title = "found" if record.reliable else unreliable(record)
     if record.reliable and record.unknown:
         title = "found beside an unknown cause"
     if record.verdict == "ambiguous":

@@ -13,6 +13,8 @@ from identify.effects import Effect
 from identify.measurement import Noise, scan_noise
 from identify.select import StartFit
 from models import (
+    MOST_OF_FREE_MAP,
+    MOST_PRESSES,
     Catalogue,
     InputError,
     LabelVolume,
@@ -60,7 +62,7 @@ def open_study(
         Scan and study do not fit together.
     """
     measured = touching(measured)
-    part = thinned(measured) if thin else measured
+    part = thinned(measured, most_presses(study)) if thin else measured
     whole = place_scan(measured, study)
     placement = whole if part is measured else whole.of_presses(part.press_ids)
     refuse_unfit(placement, study)
@@ -91,6 +93,11 @@ def open_study(
         None if part is measured else (measured, whole.scan),
         say,
     )
+
+
+def most_presses(study: Study) -> int:
+    """Return the number of presses that the selection uses at most."""
+    return MOST_OF_FREE_MAP if study.map.kind == "free" else MOST_PRESSES
 
 
 def _regions(study: Study, model: PalpationModel, origin_m: np.ndarray) -> LabelVolume | None:

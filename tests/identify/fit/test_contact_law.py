@@ -7,6 +7,7 @@ search knows no layer's contact.
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from fem import Contacts
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.fit.contact_law import contact_law
+from identify.fit.contact_law import _best, contact_law
 from identify.fit.free_compliance import FreeCompliance, _in_logarithms
 from identify.fit.free_compliance_fit import straightened
 from identify.fit.settings import CONTACT_LAW
@@ -265,6 +266,29 @@ def test_a_law_that_differs_from_place_to_place_is_that_of_some_presses_alone():
     assert set(law.partial.names) == {"strain_stiffening", "touch_threshold"}
     assert law.partial.noise_share < CONTACT_LAW.noise_share
     assert law.partial.misfit < 0.5 * law.plain.misfit
+
+
+@pytest.mark.parametrize(
+    ("misfit", "noise_share", "best"),
+    [(905, 0.95, "strain_stiffening"),  # 0.4 % of the excess behind, in nearly as many presses
+     (990, 0.95, "free_stiffening"), (905, 0.85, "free_stiffening")],
+)  # fmt: skip
+def test_a_free_form_must_take_more_than_laws_are_right_to(misfit, noise_share, best):
+    def fit(names, misfit, noise_share, unknowns):
+        parts = [SimpleNamespace(effect=CATALOGUE[name]) for name in names]
+        return SimpleNamespace(
+            parts=parts, misfit=float(misfit), noise_share=noise_share, unknowns=unknowns, dof=900,
+            residual=np.zeros(1000),
+        )  # fmt: skip
+
+    own = {
+        ("strain_stiffening", "touch_threshold"): (misfit, noise_share, 2),
+        ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
+        ("touch_threshold",): (1350, 0.78, 1),
+    }
+    fits = {names: fit(names, *numbers) for names, numbers in own.items()}
+    found = _best(fit((), 7800, 0.0, 0), fits, CONTACT_LAW)
+    assert [part.effect.name for part in found.parts] == [best, "touch_threshold"]
 
 
 def test_the_range_of_a_touch_is_that_of_laws_that_explain_nearly_as_much(late_ball):

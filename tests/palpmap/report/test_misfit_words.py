@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from palpmap.result.explain_words import unreliable
 from palpmap.result.misfit_words import few_presses_words, rise_note
 
 
@@ -50,3 +51,10 @@ def test_few_presses_that_no_map_meets_are_told():
     assert "100 % of it, where the body is 4.0 times as hard" in says
     assert "90 % of their misfit remains beside touch_threshold: no map takes it" in says
     assert "no map" not in few_of_twenty(0.3)
+
+
+def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alone():
+    records: list[Any] = [SimpleNamespace(few_presses=few) for few in ((), (3, 7))]
+    said = [unreliable(record) for record in records]
+    assert said[0].startswith("Not to be relied on")
+    assert said[1].startswith("Found from all other presses")

@@ -54,6 +54,12 @@ def project_out(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return columns - basis @ (basis.T @ columns)
 
 
+def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (m, r) of such a basis (m, k) and of further columns (m, q)."""
+    left = project_out(basis, project_out(basis, columns))  # twice, against rounding
+    return np.hstack([basis, orthonormal(left, np.linalg.norm(columns, axis=0))])
+
+
 def score_test(residual: np.ndarray, directions: np.ndarray, nuisance: np.ndarray) -> TestOutcome:
     """Score test of the directions (m, q) after an orthonormal nuisance basis (m, k).
 

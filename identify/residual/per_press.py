@@ -9,6 +9,7 @@ from identify.residual.directions import common, with_gain
 from identify.residual.hypothesis_tests import (
     Alikeness,
     TestOutcome,
+    extended,
     moran_test,
     orthonormal,
     project_out,
@@ -175,7 +176,7 @@ def press_residuals(w: Whitened, absorbed: np.ndarray, bad: list[int]) -> tuple[
     bad : list of int
         Indices of the outlying presses.
     """
-    space = PressSpace(w, orthonormal(np.hstack([absorbed, common(w)])))
+    space = PressSpace(w, extended(absorbed, common(w)))
     misfits = space.misfits()
     pull = influences(w, absorbed)
     weight = 1 / w.sigma_m**2
@@ -209,14 +210,14 @@ def influences(w: Whitened, absorbed: np.ndarray) -> np.ndarray:
     """Length of the parameters' shift in standard deviations when a press is left out, (j,).
 
     With the whitened Jacobian's orthonormal basis Q, leaving out the rows of press j shifts the
-    fitted coordinates by (I - Q_j' Q_j)^-1 Q_j' r_j: one small solve a press, no refit.
+    fitted coordinates by (I - Q_j' Q_j)^-1 Q_j' r_j = Q_j' (I - Q_j Q_j')^-1 r_j: one solve of the
+    size of a press, no refit.
     """
-    identity = np.eye(absorbed.shape[1])
     pull = np.zeros(w.presses)
     residual = project_out(absorbed, w.whitened)
     for j in range(w.presses):
         rows = w.press_index == j
         q = absorbed[rows]
-        shift = np.linalg.lstsq(identity - q.T @ q, q.T @ residual[rows], rcond=None)[0]
-        pull[j] = np.linalg.norm(shift)
+        own = np.linalg.lstsq(np.eye(len(q)) - q @ q.T, residual[rows], rcond=None)[0]
+        pull[j] = np.linalg.norm(q.T @ own)
     return pull

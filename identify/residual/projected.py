@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.residual.directions import DIMENSIONS, common
-from identify.residual.hypothesis_tests import orthonormal, project_out
+from identify.residual.hypothesis_tests import extended, orthonormal, project_out
 from identify.residual.per_press import bad_presses
 from identify.residual.settings import RESIDUAL, ResidualSettings
 from identify.residual.whitened import Whitened
@@ -67,7 +67,7 @@ def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Residua
     residual = project_out(absorbed, w.whitened)
     scatter, certain = reading_scatter(w, settings)
     scale = scatter if certain and scatter > 1 else 1.0
-    beyond = orthonormal(np.hstack([absorbed, common(w)]))
+    beyond = extended(absorbed, common(w))
     directions, untestable = {}, {}
     for dimension in DIMENSIONS:
         result = dimension.directions(w, settings)
@@ -78,7 +78,7 @@ def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Residua
     chi2 = float(residual @ residual)
     if w.size is not None:
         chi2, dof = w.size
-    smooth = orthonormal(np.hstack([beyond, *directions.values()]))
+    smooth = extended(beyond, np.hstack([np.zeros((len(beyond), 0)), *directions.values()]))
     return ResidualView(
         w=w,
         residual=residual / scale,

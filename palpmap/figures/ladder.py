@@ -213,8 +213,9 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
     side = max(0.34 * n, 2.0)
     figure = new_figure(side + 3.4, side + 2.2)
     axes = figure.subplots()
-    # With square cells the labels on the left would be cut
-    image = axes.imshow(cosines, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    edges = np.arange(n + 1) - 0.5  # an image would be resampled to millions of pixels
+    mesh = axes.pcolormesh(edges, edges, cosines, cmap="Blues", vmin=0, vmax=1)
+    axes.invert_yaxis()
     others = ~np.eye(n, dtype=bool)
     alike = (cosines > diagnosis.settings.alike) & others
     cells = np.argwhere((cosines >= 0.5) & others)
@@ -229,7 +230,7 @@ def draw_cosines(diagnosis: Diagnosis) -> Figure | None:
     axes.tick_params(length=0)
     for side_of in axes.spines.values():
         side_of.set_visible(False)
-    figure.colorbar(image, ax=axes, label="cosine of the patterns beyond the map", shrink=0.7)
+    figure.colorbar(mesh, ax=axes, label="cosine of the patterns beyond the map", shrink=0.7)
     return figure
 
 

@@ -32,6 +32,7 @@ STYLE: Any = {
     "figure.facecolor": "white",
 }
 DPI = 130
+_RUNS = 3  # zlib's Z_RLE: as small for flat colours, in two thirds of the time
 
 
 LARGEST_DOT = 500.0
@@ -59,7 +60,7 @@ def png(figure: Figure) -> bytes:
     """Return a figure as PNG."""
     settle(figure)
     buffer = BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
+    figure.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_type": _RUNS})
     return buffer.getvalue()
 
 

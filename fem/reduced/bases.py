@@ -71,7 +71,8 @@ class ReducedBases:
     def add(self, response: Response, plain: Response | None = None) -> None:
         """Take the full solution for the body that was evaluated last.
 
-        `plain` : that without springs and skin at this modulus, which joins a new basis
+        `plain` : that without springs and skin at this modulus, which joins a new basis; of a body
+        without them it may be the same one
         """
         material = response._material
         if self._most < 2 or modulus_samples(material) is None or material.fibres is not None:
@@ -86,7 +87,7 @@ class ReducedBases:
             idle = [entry for entry in own if not entry[1].served]
             self._bases.remove((idle or own)[0])
         basis = ReducedModel(self.full, self._most)
-        if plain is not None:
+        if plain is not None and plain is not response:
             basis.add(plain)
         basis.add(response)
         if len(basis):  # a body without least energy begins none

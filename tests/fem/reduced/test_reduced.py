@@ -170,6 +170,16 @@ def test_bases_answer_only_where_they_are_certain(full):
     assert answered(bases, near, tolerance).compliance == pytest.approx(found.compliance, rel=1e-6)
 
 
+def test_a_solution_without_springs_and_skin_joins_a_new_basis_once(full):
+    bases, plain = ReducedBases(full), solved(full, CENTRE)
+    bases.add(plain, plain)
+    found = answered(bases, field(CENTRE, full.points_m), 1e-5)
+    assert found.weights.shape == (4, 1)
+    bases.add(full.evaluate(field(CENTRE, full.points_m), (0.0, 2e-6)), plain)
+    found = answered(bases, field(CENTRE, full.points_m), 1e-5, (0.0, 2e-6))
+    assert found.weights.shape == (4, 2)
+
+
 def test_a_field_too_steep_for_a_cell_is_left_to_the_full_model():
     mesh = block_mesh((0.04, 0.04, 0.024), (3, 3, 2))
     full, bases = PalpationModel(mesh, 0.45, contacts()), None

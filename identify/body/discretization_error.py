@@ -118,14 +118,13 @@ class SupportError(NamedTuple):
     effect: np.ndarray
     log_ratio: np.ndarray
 
-    def at(self, base: np.ndarray, effect: np.ndarray, near: float) -> np.ndarray | None:
-        """Return the logarithm (j,) at another support, in proportion to its effect.
-
-        None where a compliance differs by more than the factor `near`.
-        """
+    def serves(self, base: np.ndarray, near: float) -> bool:
+        """Return whether no compliance of another support differs by more than the factor."""
         low, high = np.minimum(self.base, base), np.maximum(self.base, base)
-        if (high > near * low).any():
-            return None
+        return bool((high <= near * low).all())
+
+    def of(self, effect: np.ndarray) -> np.ndarray:
+        """Return the logarithm (j,) of the ratio, in proportion to a support's effect on ln C."""
         return self.log_ratio * (effect @ self.effect) / max(self.effect @ self.effect, 1e-300)
 
 

@@ -152,7 +152,10 @@ class BodyResponse:
             ]
         )
         if by_base.any():
-            change += self._scale * (self._near.support_sensitivity @ by_base)
+            by_support = self._scale * (self._near.support_sensitivity @ by_base)
+            change += by_support
+            if own.support is not None:
+                change += self.compliance * own.support.of(by_support / self.compliance)
         fibres = _fibres(state) - _fibres(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)

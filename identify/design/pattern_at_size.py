@@ -13,6 +13,7 @@ import numpy as np
 from identify.design.seen_pattern import SeenPattern, signal_m
 from identify.design.settings import DetectionSettings
 from identify.effects.base import Effect, EffectParameter, changes_body
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
@@ -101,7 +102,7 @@ def _absorbed(
     force, body, e = at.latent_force_n, at.body, at.body.local_modulus
     if model.unit_compliance is not None:
         e = model.unit_compliance / body.compliance
-    base = model.chain.predict(body.compliance, e, force, at.values)
+    base = model.chain.predict(OperatingPoint(body.compliance, e, force, at.values))
     readings = replace(model.readings, force_n=force)
     model = replace(model, readings=readings, displacement_m=base + moved_m)
     if uncertain := model.map_uncertainty:  # about the map, of which these readings are
@@ -143,15 +144,14 @@ def _moved(
     slack: float,
 ) -> np.ndarray:
     """Return the change of the readings by an effect of these values, (m,) m."""
-    present, force = model.chain, at.latent_force_n
-    c, e = at.compliance, at.modulus
-    base = present.predict(c, e, force, at.values)
+    present, here = model.chain, at.point
     if changes_body(effect):
+        c, e = at.compliance, at.modulus
         dc, de = at.body.exact_change(effect.body(at.state, **values), slack)
         if model.unit_compliance is not None:
             de = e / (1 + dc / c) - e
-        moved = present.predict(c + dc, e + de, force, at.values)
+        moved = present.predict(here._replace(compliance=c + dc, modulus=e + de))
     else:
         chain = replace(present, effects=[*present.effects, effect])
-        moved = chain.predict(c, e, force, {**at.values, effect.name: values})
-    return moved - base
+        moved = chain.predict(here._replace(values={**at.values, effect.name: values}))
+    return moved - present.predict(here)

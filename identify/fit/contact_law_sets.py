@@ -9,6 +9,7 @@ from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import ContactLawSettings
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError
 
@@ -137,7 +138,8 @@ def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect, mo
                 if p.null is not None:
                     values[p.name] = p.null + size * p.typical * (-1 if p.upper == p.null else 1)
             both = {**plain.values, effect.name: values}
-            sides.append(chain.predict(plain.compliance, modulus, force, both))
+            at = OperatingPoint(plain.compliance, modulus, force, both)
+            sides.append(chain.predict(at))
         moved = sides[1] - sides[0]
         moved -= force * (np.bincount(press, force * moved, count)
                           / np.bincount(press, force**2, count))[press]  # fmt: skip

@@ -27,7 +27,7 @@ from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
-from identify.measurement.chain import Chain, Judged, judge
+from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, lag_error_m
@@ -211,7 +211,7 @@ class FreeCompliance:
             judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent)
             latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
-            own = self._white(judged, chain.by_log_compliance(c, e, latent, values))
+            own = self._white(judged, chain.by_log_compliance(OperatingPoint(c, e, latent, values)))
             square = np.maximum(np.bincount(press, own**2, presses), 1e-30)
             short = np.bincount(press, own * r, presses) / square
             travel = self._white(judged, self.displacement_m)
@@ -266,7 +266,8 @@ class FreeCompliance:
             for sign in (1.0, -1.0):
                 moved = u.copy()
                 moved[k] += sign * _STEP
-                sides.append(chain.predict(c, e, latent, effect_values(parts, moved)))
+                at = OperatingPoint(c, e, latent, effect_values(parts, moved))
+                sides.append(chain.predict(at))
             found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
         return found
 

@@ -31,6 +31,22 @@ _HOOKS: dict[str, Hook] = {
 }
 
 
+class OperatingPoint(NamedTuple):
+    """Where a chain of j presses and m readings is evaluated.
+
+    Attributes
+    ----------
+    compliance, modulus : (j,) of the body, m/N, and under the tip, Pa
+    force_n : (m,)
+    values : parameters' values by the name of each effect
+    """
+
+    compliance: np.ndarray
+    modulus: np.ndarray
+    force_n: np.ndarray
+    values: Mapping[str, Values]
+
+
 @dataclass(frozen=True)
 class Chain:
     """The links beyond the body, for m readings of j presses.
@@ -78,53 +94,33 @@ class Chain:
         growth = None if self.growth is None else self.growth[each]
         object.__setattr__(self, "_under", (self.radius_m[each], curvature, growth))
 
-    def predict(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
-        """Displacement (m,) for compliances and local moduli (j,), forces (m,) and effects' values.
-
-        `values` holds, by the name of each effect, its parameters' values.
-        """
+    def predict(self, at: OperatingPoint) -> np.ndarray:
+        """Displacement (m,)."""
+        force_n = at.force_n
         for effect in self._forces:
-            force_n = effect.force(self.readings, force_n, **values[effect.name])
-        return self._beyond(force_n, self._from_touch(compliance, modulus, force_n, values), values)
+            force_n = effect.force(self.readings, force_n, **at.values[effect.name])
+        acting = at._replace(force_n=force_n)
+        return self._beyond(force_n, self._from_touch(acting), at.values)
 
-    def _from_touch(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def _from_touch(self, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) under the acting forces (m,), counted from the touch."""
-        travel = self._elastic(compliance, modulus, force_n, values)
-        touch = sum(effect.touch(self.readings, **values[effect.name]) for effect in self._touches)
-        if touch:
-            travel = travel - self._up_to(touch, compliance, modulus, values)
-        return travel
+        travel = self._elastic(at)
+        own = at.values
+        touch = sum(effect.touch(self.readings, **own[effect.name]) for effect in self._touches)
+        return travel - self._up_to(touch, at) if touch else travel
 
-    def _up_to(
-        self,
-        touch_n: float,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def _up_to(self, touch_n: float, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) up to the force of touch; the last ones are kept.
 
         The forces of the readings, by which most predictions differ, have no part in it.
         """
-        own = tuple(tuple(values[effect.name].values()) for effect in self._contacts)
-        key = (touch_n, compliance.tobytes(), modulus.tobytes(), own)
+        own = tuple(tuple(at.values[effect.name].values()) for effect in self._contacts)
+        key = (touch_n, at.compliance.tobytes(), at.modulus.tobytes(), own)
         if key not in self._touched:
             if len(self._touched) >= _TOUCHED:
                 self._touched.clear()
             start = np.full(len(self.readings), touch_n)
-            self._touched[key] = self._elastic(compliance, modulus, start, values)
+            self._touched[key] = self._elastic(at._replace(force_n=start))
         return self._touched[key]
 
     def _beyond(
@@ -140,35 +136,23 @@ class Chain:
         """True if travel is not proportional to force within a press."""
         return self.profile == "hertz" or bool(self._contacts)
 
-    def _elastic(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def _elastic(self, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) of the tip under the acting forces (m,)."""
         r, ball = self.readings, self.profile == "hertz"
-        compliance = compliance[r.press]
+        compliance, force_n = at.compliance[r.press], at.force_n
         if not self.nonlinear:
             return compliance * force_n
         radius, curvature, growth = self._under
         profile = "hertz" if ball else "flat"
         pressing = Pressing(
-            compliance, modulus[r.press], radius, self.poisson_ratio, profile, curvature, growth
+            compliance, at.modulus[r.press], radius, self.poisson_ratio, profile, curvature, growth
         )
         travel = ball_travel(r, pressing, force_n) if ball else compliance * force_n
         for effect in self._contacts:
-            travel = effect.contact(r, pressing, force_n, travel, **values[effect.name])
+            travel = effect.contact(r, pressing, force_n, travel, **at.values[effect.name])
         return travel
 
-    def by_force(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def by_force(self, at: OperatingPoint) -> np.ndarray:
         """Return the derivative (m,) of each displacement by its own force, m/N.
 
         An effect with a memory, creep for one, passes a force on to the readings after it. Few
@@ -177,40 +161,35 @@ class Chain:
         wrong law won. Of more readings the changes go up and down in turn, so that
         the memory of small steps in time cancels.
         """
-        step = _STEP * max(float(np.abs(force_n).max()), 1e-12)
+        step = _STEP * max(float(np.abs(at.force_n).max()), 1e-12)
         layers = self.readings.layers
-        changed = self._changed(compliance, modulus, force_n, values, step)
+        changed = self._changed(at, step)
         remembers = self._remembers(changed, step)
         apart = min(max(_PREDICTIONS // len(layers), 2), len(layers)) if remembers else 1
-        slope = np.empty(len(force_n))
+        slope = np.empty(len(at.force_n))
         for first in range(apart):
-            change = np.zeros(len(force_n))
+            change = np.zeros(len(at.force_n))
             for turn, rows in enumerate(layers[first::apart]):
                 change[rows] = step if turn % 2 == 0 else -step
             rows = change != 0
             slope[rows] = (changed(change) - changed(-change))[rows] / (2 * change[rows])
         return slope
 
-    def _changed(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-        step_n: float,
-    ) -> Callable[[np.ndarray], np.ndarray]:
+    def _changed(self, at: OperatingPoint, step_n: float) -> Callable[[np.ndarray], np.ndarray]:
         """Return the prediction by changes (m,) of the forces of one step up, down or none.
 
         The elastic travel has no memory: beside responses it is found once for each of the three.
         """
         if self._forces or not self._responses:
-            return lambda change: self.predict(compliance, modulus, force_n + change, values)
-        down, at, up = (
-            self._from_touch(compliance, modulus, force_n + step, values)
+            return lambda change: self.predict(at._replace(force_n=at.force_n + change))
+        down, here, up = (
+            self._from_touch(at._replace(force_n=at.force_n + step))
             for step in (-step_n, 0.0, step_n)
         )
         return lambda change: self._beyond(
-            force_n + change, np.where(change > 0, up, np.where(change < 0, down, at)), values
+            at.force_n + change,
+            np.where(change > 0, up, np.where(change < 0, down, here)),
+            at.values,
         )
 
     def _remembers(self, changed: Callable[[np.ndarray], np.ndarray], step_n: float) -> bool:
@@ -222,49 +201,37 @@ class Chain:
         change[rows] = step_n
         return bool(np.any(np.delete(changed(change) - changed(0 * change), rows)))
 
-    def by_body(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def by_body(self, at: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives (m,) by compliance and local modulus of the reading's press."""
-        up = self.predict((1 + _STEP) * compliance, modulus, force_n, values)
-        down = self.predict((1 - _STEP) * compliance, modulus, force_n, values)
-        by_compliance = (up - down) / (2 * _STEP * compliance[self.readings.press])
+        press = self.readings.press
+        up, down = (
+            self.predict(at._replace(compliance=factor * at.compliance))
+            for factor in (1 + _STEP, 1 - _STEP)
+        )
+        by_compliance = (up - down) / (2 * _STEP * at.compliance[press])
         if not self.nonlinear:
             return by_compliance, np.zeros_like(by_compliance)
-        up = self.predict(compliance, (1 + _STEP) * modulus, force_n, values)
-        down = self.predict(compliance, (1 - _STEP) * modulus, force_n, values)
-        return by_compliance, (up - down) / (2 * _STEP * modulus[self.readings.press])
+        up, down = (
+            self.predict(at._replace(modulus=factor * at.modulus))
+            for factor in (1 + _STEP, 1 - _STEP)
+        )
+        return by_compliance, (up - down) / (2 * _STEP * at.modulus[press])
 
-    def by_log_compliance(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def by_log_compliance(self, at: OperatingPoint) -> np.ndarray:
         """Return the derivative (m,) by ln C of the reading's press, in an even body: E ~ 1/C."""
         up, down = (
-            self.predict(factor * compliance, modulus / factor, force_n, values)
+            self.predict(
+                at._replace(compliance=factor * at.compliance, modulus=at.modulus / factor)
+            )
             for factor in (1 + _STEP, 1 / (1 + _STEP))
         )
         return (up - down) / (2 * np.log1p(_STEP))
 
-    def by_growth(
-        self,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> np.ndarray:
+    def by_growth(self, at: OperatingPoint) -> np.ndarray:
         """Return the derivative (m,) by the growth of the reading's press, m."""
         assert self.growth is not None
         up, down = (
-            replace(self, growth=self.growth + step).predict(compliance, modulus, force_n, values)
-            for step in (_STEP, -_STEP)
+            replace(self, growth=self.growth + step).predict(at) for step in (_STEP, -_STEP)
         )
         return (up - down) / (2 * _STEP)
 
@@ -308,9 +275,9 @@ def judge(
     most = settings.steepest * compliance[chain.readings.press]
     at = force if latent_n is None or not chain.nonlinear else latent_n
     for _ in range(settings.rounds if chain.nonlinear else 1):
-        slope = chain.by_force(compliance, modulus, at, values)
-        slope = np.clip(slope, -most, most)
-        predicted = chain.predict(compliance, modulus, at, values) + slope * (force - at)
+        point = OperatingPoint(compliance, modulus, at, values)
+        slope = np.clip(chain.by_force(point), -most, most)
+        predicted = chain.predict(point) + slope * (force - at)
         residual = displacement_m - predicted
         sigma, latent = latent_force(residual, slope, force, noise)
         moved = float(np.abs(latent - at).max(initial=0.0))

@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.body.response import BodyResponse
 from identify.body.state import BodyState
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.map_uncertainty import MarginalMap
 from identify.measurement.shared_error import decorrelated
 
@@ -75,6 +76,11 @@ class Linearised:
     def chi2(self) -> float:
         """Sum of the squared whitened residuals."""
         return float(self.residual @ self.residual)
+
+    @property
+    def point(self) -> OperatingPoint:
+        """Where the chain is linearised."""
+        return OperatingPoint(self.compliance, self.modulus, self.latent_force_n, self.values)
 
     def whitened(self, change_m: np.ndarray, press: np.ndarray) -> np.ndarray:
         """Whiten changes (m,) or (m, k) of the displacement, as the residual is."""

@@ -25,7 +25,7 @@ from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
-from identify.measurement.chain import Chain, Judged, judge
+from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
@@ -283,15 +283,16 @@ class MeasurementModel:
         judged = judge(chain, c, e, self.displacement_m, self.noise, values)
         residual, sigma = judged.residual_m, judged.sigma_m
         latent = self._latent(judged)
-        by_c, by_e = chain.by_body(c, e, latent, values)
+        point = OperatingPoint(c, e, latent, values)
+        by_c, by_e = chain.by_body(point)
         k = len(self.space.free)
         by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
         by_growth = None
         if body.growth is not None:
-            by_growth = chain.by_growth(c, e, latent, values)
+            by_growth = chain.by_growth(point)
             by_map += self._by_press(by_growth, body.growth_by_map)
         columns = [by_map[:, list(self.space.free)] * self.unknowns.slope(u)[:k]]
-        first, traced = k, TracedChain(chain, c, e, latent, values) if self.effects else None
+        first, traced = k, TracedChain(chain, point) if self.effects else None
         for part in self.effects:
             for p, _ in enumerate(part.parameters):
                 if traced is not None and not changes_body(part.effect):

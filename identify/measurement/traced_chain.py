@@ -1,35 +1,25 @@
 """A measurement chain whose links are kept, so that one changed effect costs its own part only."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from identify.effects.base import Values
-from identify.measurement.chain import Chain
+from identify.measurement.chain import Chain, OperatingPoint
 
 
 class TracedChain:
     """A chain at one body and its forces, the output of each link kept.
 
     Another value of one effect then costs no more than the links from that effect on.
-
-    The parameters beyond the chain are those of `Chain.predict`.
     """
 
-    def __init__(
-        self,
-        chain: Chain,
-        compliance: np.ndarray,
-        modulus: np.ndarray,
-        force_n: np.ndarray,
-        values: Mapping[str, Values],
-    ) -> None:
-        self._chain, self._body, self._values = chain, (compliance, modulus), values
+    def __init__(self, chain: Chain, at: OperatingPoint) -> None:
+        self._chain, self._at = chain, at
+        force_n, values = at.force_n, at.values
         self._forces = [force_n]
         for effect in chain._forces:
             force_n = effect.force(chain.readings, force_n, **values[effect.name])
             self._forces.append(force_n)
-        self._travels = [chain._from_touch(compliance, modulus, force_n, values)]
+        self._travels = [chain._from_touch(at._replace(force_n=force_n))]
         for name, hook in chain._later:
             travel = hook(chain.readings, force_n, self._travels[-1], **values[name])
             self._travels.append(travel)
@@ -41,7 +31,7 @@ class TracedChain:
 
     def with_values(self, name: str, own: Values) -> np.ndarray:
         """Displacement (m,) with other values of one effect."""
-        chain, values = self._chain, {**self._values, name: own}
+        chain, values = self._chain, {**self._at.values, name: own}
         begun = next((i for i, (n, _) in enumerate(chain._later) if n == name), None)
         if begun is not None:
             force_n, travel = self._forces[-1], self._travels[begun]
@@ -50,7 +40,7 @@ class TracedChain:
             force_n = self._forces[-1 if first is None else first]
             for effect in [] if first is None else chain._forces[first:]:
                 force_n = effect.force(chain.readings, force_n, **values[effect.name])
-            travel = chain._from_touch(*self._body, force_n, values)
+            travel = chain._from_touch(self._at._replace(force_n=force_n, values=values))
         for later, hook in chain._later[begun or 0 :]:
             travel = hook(chain.readings, force_n, travel, **values[later])
         return travel

@@ -246,7 +246,7 @@ def _depth_m(scan: Scan) -> float:
 
 def _slope(model: MeasurementModel, at: Linearised) -> np.ndarray:
     """Slope (m,) of travel over force, m/N, at least a part of the straight line's to no force."""
-    slope = model.chain.by_force(at.compliance, at.modulus, at.latent_force_n, at.values)
+    slope = model.chain.by_force(at.point)
     force = np.maximum(np.abs(at.latent_force_n), 1e-9)
     return np.maximum(slope, STEEPEST * np.abs(at.predicted_m) / force)
 

@@ -214,8 +214,7 @@ def predicted_share(before: FitResult, after: FitResult) -> float:
     """
     force = before.at.latent_force_n
     old, new = (
-        fit.model.chain.predict(fit.at.compliance, fit.at.modulus, force, fit.at.values)
-        for fit in (before, after)
+        fit.model.chain.predict(fit.at.point._replace(force_n=force)) for fit in (before, after)
     )
     moved = before.at.whitened(new - old, before.model.readings.press)
     decrease = before.chi2 - float(np.sum((before.at.residual - moved) ** 2))

@@ -133,7 +133,7 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
 def _along_force(fit: FitResult, effect: Effect) -> tuple[np.ndarray, Callable[..., np.ndarray]]:
     """Rows of the way in of the press to which an effect adds most, and what it adds there."""
     at, readings, own = fit.at, fit.model.readings, fit.at.values[effect.name]
-    chain = TracedChain(fit.model.chain, at.compliance, at.modulus, at.latent_force_n, at.values)
+    chain = TracedChain(fit.model.chain, at.point)
     absent = chain.with_values(effect.name, {**own, **effect.null})
     largest = np.maximum(readings.peak_of(absent), 1e-12)
 

@@ -21,7 +21,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
-from identify.measurement.chain import Chain
+from identify.measurement.chain import Chain, OperatingPoint
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.candidates import fit_with
@@ -103,8 +103,9 @@ def _fit(case: ExampleScan, effect: Effect, values: Values | None) -> FitResult:
         readings, [effect] if values else [], coarse.radius_m, coarse.profile,
         mechanics.poisson_ratio,
     )  # fmt: skip
+    own = {effect.name: values or {}}
     travel = chain.predict(
-        body.compliance, body.local_modulus, readings.force_n, {effect.name: values or {}}
+        OperatingPoint(body.compliance, body.local_modulus, readings.force_n, own)
     )
     noisy = readings.force_n + _NOISE.force_n * rng.standard_normal(len(travel))
     model = MeasurementModel(

@@ -120,7 +120,7 @@ def pattern_blocks(
     if shapes and not changes_body(effect):
         chain = replace(model.chain, effects=[*model.chain.effects, effect])
         absent = {**at.values, effect.name: {**null, **shapes[0]}}
-        traced = TracedChain(chain, at.compliance, at.modulus, at.latent_force_n, absent)
+        traced = TracedChain(chain, at.point._replace(values=absent))
 
     def moved_by(shape: Mapping[str, float], amplitude: EffectParameter) -> np.ndarray:
         step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP

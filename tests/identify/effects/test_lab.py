@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.measurement.chain import Chain
+from identify.measurement.chain import Chain, OperatingPoint
 from models.scan_file import read_scan
 from tests.paths import LAB
 
@@ -35,7 +35,7 @@ def found(case: str, name: str, start: tuple[float, ...]):
         values = dict(zip((p.name for p in effect.parameters), scale * u, strict=True))
         chain = Chain(readings, [effect], np.zeros(len(compliance_j)), "flat", 0.49)
         own = {effect.name: values}
-        predicted = chain.predict(compliance_j, compliance_j, readings.force_n, own)
+        predicted = chain.predict(OperatingPoint(compliance_j, compliance_j, readings.force_n, own))
         return (scan.used().displacement_m - predicted) / noise
 
     fit = least_squares(residual, np.array(start) / scale)

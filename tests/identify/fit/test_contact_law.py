@@ -20,6 +20,7 @@ from identify.fit.contact_law import _best, contact_law
 from identify.fit.free_compliance import FreeCompliance, _in_logarithms
 from identify.fit.free_compliance_fit import straightened
 from identify.fit.settings import CONTACT_LAW
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
 
@@ -200,7 +201,7 @@ def soft_tissue(missed: int) -> FreeCompliance:
     modulus = 2.5e4 * np.exp(rng.normal(0, 0.6, PRESSES))
     force = np.linspace(0.02, 0.3, LEVELS) * np.exp(rng.normal(0, 0.5, (PRESSES, 1)))
     chain = own.chain([CATALOGUE[name] for name in law])
-    travel = chain.predict(unit / modulus, modulus, force.ravel(), law)
+    travel = chain.predict(OperatingPoint(unit / modulus, modulus, force.ravel(), law))
     read = force.ravel() + noise.force_n * rng.standard_normal(force.size)
     none = own.readings.press < missed
     read[none] = 0.02 * np.abs(rng.standard_normal(none.sum()))
@@ -254,9 +255,9 @@ def test_a_law_that_differs_from_place_to_place_is_that_of_some_presses_alone():
     b = np.exp(np.random.default_rng(3).normal(0.5, 0.8, PRESSES))
     modulus = 0.6 * (1 - NU**2) / (1.15 * 0.6 * BALL) / own.fit(()).compliance
     travel = np.concatenate([
-        chain.predict(own.unit_compliance / modulus, modulus, r.force_n, {
+        chain.predict(OperatingPoint(own.unit_compliance / modulus, modulus, r.force_n, {
             "strain_stiffening": {"b": float(b[j])}, "touch_threshold": {"threshold_n": 0.015},
-        })[r.press == j]
+        }))[r.press == j]
         for j in range(PRESSES)
     ])  # fmt: skip
     noise = Noise(3e-6, 5e-4)

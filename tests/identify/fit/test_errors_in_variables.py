@@ -7,7 +7,7 @@ from scipy.optimize import minimize_scalar
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.measurement.chain import Chain
+from identify.measurement.chain import Chain, OperatingPoint
 from identify.measurement.errors_in_variables import press_table, whitening
 from identify.measurement.noise import Noise, scan_noise
 from models.errors import InputError
@@ -158,12 +158,12 @@ def test_the_noise_expected_beside_creep_is_that_of_repeated_readings():
               "power_law_creep": {"g": 0.1, "alpha": 0.3}}  # fmt: skip
     for name in names:
         chain = Chain(readings, [CATALOGUE[name]], np.full(25, 0.004), "flat", 0.45)
-        args = compliance, np.full(25, 5e3)
-        slope = chain.by_force(*args, force, values)
+        at = OperatingPoint(compliance, np.full(25, 5e3), force, values)
+        slope = chain.by_force(at)
         rng, drawn = np.random.default_rng(3), []
-        told = chain.predict(*args, force, values)
+        told = chain.predict(at)
         for _ in range(60):
             noise = 5e-3 * rng.standard_normal(len(force))
-            drawn.append(chain.predict(*args, force + noise, values) - told)
+            drawn.append(chain.predict(at._replace(force_n=force + noise)) - told)
         varied = np.mean(np.square(drawn))
         assert np.mean((slope * 5e-3) ** 2) == pytest.approx(varied, rel=0.012)

@@ -13,6 +13,7 @@ from identify.catalogue import CATALOGUE
 from identify.effects import Readings
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
@@ -69,7 +70,7 @@ def scan_of(model: MeasurementModel, seed: int, **effect: dict[str, float]) -> M
     assert model.unit_compliance is not None
     effects = [CATALOGUE[name] for name in effect]
     chain = replace(model.chain, effects=effects)
-    travel = chain.predict(c, model.unit_compliance / c, r.force_n, effect)
+    travel = chain.predict(OperatingPoint(c, model.unit_compliance / c, r.force_n, effect))
     readings = replace(r, force_n=r.force_n + rng.normal(0, NOISE.force_n, len(r.press)))
     travel = travel + rng.normal(0, NOISE.displacement_m, len(travel))
     small = replace(uncertain, of_field=SHARE**2 * uncertain.of_field, own=SHARE**2 * uncertain.own)

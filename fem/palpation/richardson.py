@@ -118,7 +118,12 @@ class RefinedModel:
         response = self.fine.evaluate(modulus[split:], *rest[1])
         return RefinedResponse(*self.extrapolated(coarse, response.compliance), response)
 
+    @property
+    def added_share(self) -> float:
+        """Step of the extrapolation over that from the coarse to the fine mesh."""
+        return 1 / (self._ratio**RATE - 1)
+
     def extrapolated(self, coarse: np.ndarray, fine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the limit of the meshes' compliances (j,), and the added part over the finer's."""
-        added = (fine - coarse) / (self._ratio**RATE - 1)
+        added = self.added_share * (fine - coarse)
         return fine + added, added / fine

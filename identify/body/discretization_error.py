@@ -15,6 +15,7 @@ from fem.linear import POINTWISE
 from fem.palpation import Response, by_contact_radius, remaining_error, shape_gain
 from identify.body.compliance import ModulusField, positive_modulus
 from identify.body.linear_ratio import LinearRatio
+from identify.body.ratio_trend import RatioTrend
 from identify.body.settings import BODY, BodySettings
 from identify.body.state import ChangedMap
 
@@ -71,12 +72,13 @@ class CarriedFine(NamedTuple):
     ----------
     ratio : its compliances over the coarse model's
     unevenness : (j,) of its modulus, see `fem.palpation.Response.unevenness`
-    tip : see `BodyMechanics`
+    tip, trend : see `BodyMechanics`
     """
 
     ratio: LinearRatio
     unevenness: np.ndarray
     tip: TipPressure
+    trend: RatioTrend
 
     def at(
         self,

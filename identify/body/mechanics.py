@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fem import Contacts, PalpationModel
+from fem import Contacts, PalpationModel, RefinedModel
 from fem.reduced import ReducedBases
 from identify.body.coarse_solutions import CoarseSolutions, keep, plain_state, solved_state
 from identify.body.discretization_error import (
@@ -27,6 +27,7 @@ from identify.body.discretization_error import (
     tip_pressure,
 )
 from identify.body.linear_ratio import LinearRatio
+from identify.body.ratio_trend import RatioTrend
 from identify.body.response import BESIDE_GROWTH, BodyResponse
 from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
 from identify.body.state import BodyState, ChangedMap
@@ -51,6 +52,7 @@ class BodyMechanics(CoarseSolutions):
     fine : finer model for the defect correction, or None
     at_poisson_ratio : builds the coarse model with another Poisson's ratio
     ratio : (j,) carries the coarse model's compliance to the finer one's (`corrected`)
+    trend : how that follows the map, None where it is held
     support : what the coarse model makes too much or little of a support that gives way, at this
         estimate; None where it is firm
     model_error : (j,) the finer model's own relative error, as estimated
@@ -63,6 +65,7 @@ class BodyMechanics(CoarseSolutions):
     fine: FineModel | None
     at_poisson_ratio: Callable[[float], PalpationModel]
     ratio: np.ndarray | float = 1.0
+    trend: RatioTrend | None = None
     support: SupportError | None = None
     model_error: np.ndarray | float = 0.0
     tip: TipPressure = ASSUMED
@@ -162,6 +165,8 @@ class BodyMechanics(CoarseSolutions):
         factor = self.ratio * (1 + state.mesh_error_share * self.model_error)
         factor = factor * (1 - state.rigid_tip_share * self.tip.gain)
         factor = factor * np.ones(len(self.coarse.contacts))
+        if self.trend is not None and self.trend.follows(stiffness):
+            factor *= np.exp(self.trend.log_change(stiffness))
         if self.support is not None and any(_base(state)):
             firm = state.changed(base_normal_m_per_pa=0.0, base_tangential_m_per_pa=0.0)
             alone = self._found(stiffness, firm, slack) if slack else self._solved(stiffness, firm)
@@ -220,6 +225,10 @@ class BodyMechanics(CoarseSolutions):
             return own
         return replace(own, support=own._support_error(_base(state), stiffness, plain, slack))
 
+    def counts_support(self, state: BodyState) -> bool:
+        """Return whether the correction counts a base that gives way as in the state."""
+        return self.fine is None or self.support is not None or not any(_base(state))
+
     def _support_error(
         self, base: tuple[float, float], stiffness: GaussianMap, plain: BodyState, slack: float
     ) -> SupportError:
@@ -259,15 +268,20 @@ class BodyMechanics(CoarseSolutions):
                 at = known.at(self.fine, changed, self.coarse, compliance, slack, self.settings)
                 if at is not None:
                     keep(self._fine, key, known, _KEPT_FINE)
-                    return self._with_ratio(at[0] / compliance, at[1], known.tip, True)
+                    same = known.trend.follows(stiffness)
+                    trend = known.trend.around(stiffness) if same else None
+                    return self._with_ratio(at[0] / compliance, at[1], known.tip, trend, True)
         coarse = self._solved(stiffness, plain)
         fine = fine_solution(self.fine, changed, self.coarse, coarse.compliance, self.settings)
         tip = tip_pressure(fine.response, changed)
+        trend = None
         if isinstance(stiffness, GaussianMap):
             ratio = LinearRatio.of(coarse, fine.response, changed)
-            carries = CarriedFine(ratio, fine.response.unevenness, tip)
+            added = self.fine.added_share if isinstance(self.fine, RefinedModel) else 0.0
+            trend = RatioTrend.of(coarse, fine.response, fine.compliance, added, changed)
+            carries = CarriedFine(ratio, fine.response.unevenness, tip, trend)
             keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
-        return self._with_ratio(fine.compliance / coarse.compliance, fine.error, tip)
+        return self._with_ratio(fine.compliance / coarse.compliance, fine.error, tip, trend)
 
     def _corrected_elsewhere(
         self, shift: Shift, stiffness: GaussianMap, plain: BodyState, slack: float
@@ -304,6 +318,7 @@ class BodyMechanics(CoarseSolutions):
         ratio: np.ndarray,
         error: np.ndarray,
         tip: TipPressure,
+        trend: RatioTrend | None = None,
         carried: bool = False,
     ) -> BodyMechanics:
         """Return the mechanics with another correction (j,), its own error (j,) and tip."""
@@ -311,6 +326,7 @@ class BodyMechanics(CoarseSolutions):
         return replace(
             self,
             ratio=kept,
+            trend=trend,
             support=None,
             model_error=error + (kept - ratio) / kept,
             tip=tip,

@@ -55,7 +55,11 @@ class BodyResponse:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
-        return self._scale[:, None] * _gradient(self._near, gradient, self._state)
+        by_map = self._scale[:, None] * _gradient(self._near, gradient, self._state)
+        trend = self._mechanics.trend
+        if trend is not None and trend.follows(self._map):
+            by_map += self.compliance[:, None] * trend.by_map(self._map)
+        return by_map
 
     @cached_property
     def growth(self) -> np.ndarray | None:

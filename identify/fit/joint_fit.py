@@ -173,7 +173,8 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
     if s.confirmed and (rough or not search.is_final):
         search.finish()
         model = search.corrected(model, u) if rough else model
-        result, _ = search.minimum(model, u)
+        # Unseen by the finer model, so not far
+        result, _ = search.minimum(model, u, s.nearer * radius if s.guarded else np.inf)
         u = result.x
     if not s.guarded:
         return _ended(search, model, u, result, False, "did not settle")

@@ -65,7 +65,7 @@ class FitSettings:
     gross_rtol: float = 1e-3
     rounds: int = 8
     gross_rounds: int = 3
-    guarded: bool = False
+    guarded: bool = True
     raised: float = 4.0
     nearer: float = 0.25
     nearer_rounds: int = 5

@@ -179,9 +179,10 @@ def is_beaten(
 def refit_further(
     fit: FitResult, before: FitResult, best: float, settings: SelectionSettings
 ) -> FitResult:
-    """Continue a refit that had not ended, or took the map far from its last correction."""
+    """Continue a refit that had not ended, or went far from the last correction."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > settings.far_map
+    far |= not fit.model.mechanics.counts_support(fit.at.state)
     lags = is_beaten(fit.chi2, before.chi2, best, settings, settings.lagging_share)
     if (fit.success and not far) or lags:
         return fit

@@ -17,7 +17,7 @@ from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, tim
 
 @cache
 def body() -> BodyMechanics:
-    return replace(mechanics(), fine=None, ratio=1.0)
+    return replace(mechanics(), fine=None, ratio=1.0, trend=None)
 
 
 def effect(name):

@@ -30,7 +30,7 @@ TWINS = 200
 @cache
 def body():
     """The coarse mesh alone, which is then the truth as well; it keeps its models elsewhere."""
-    return replace(mechanics(), fine=None, ratio=1.0)
+    return replace(mechanics(), fine=None, ratio=1.0, trend=None)
 
 
 @cache

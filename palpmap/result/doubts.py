@@ -114,7 +114,12 @@ def counting_notes(explained: Explanation) -> list[str]:
 
 
 def outlier_notes(record: ExplainRecord) -> list[str]:
-    """Return a sentence on the outlying presses, if there are any."""
+    """Return a sentence on the outlying presses, if there are any.
+
+    Not where they are among those of which the verdict says that they hold the structure.
+    """
+    if record.suspects_left and set(record.suspects_left) <= set(record.few_presses):
+        return []
     left, first = (
         ", ".join(map(str, ids)) for ids in (record.suspects_left, record.suspect_presses)
     )

@@ -33,7 +33,7 @@ def _spot_table(spots: Sequence[Spot], success: bool, origin_m: np.ndarray) -> T
             ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
             f"{1e3 * s.place_sd_m:.1f}",
             _size(s),
-            f"{s.contrast:.3g} ({s.lower95:.2g} to {s.upper95:.3g})",
+            f"{_contrast(s.contrast)} ({_contrast(s.lower95)} to {_contrast(s.upper95)})",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found else "dim"),
         )
@@ -67,6 +67,15 @@ def _size(spot: Spot) -> str:
     return f"{least:.0f} to {most}" if least else f"at most {most}"
 
 
+def _contrast(ratio: float) -> str:
+    """Return a contrast with two digits.
+
+    >>> [_contrast(ratio) for ratio in (0.352, 6.04, 41.3, 2740.0)]
+    ['0.35', '6', '41', '2700']
+    """
+    return f"{float(f'{ratio:.2g}'):g}"
+
+
 def _listed(presses: Sequence[int], most: int = 8) -> str:
     """Return numbers of presses, the first few of many."""
     more = f" and {len(presses) - most} more" if len(presses) > most else ""
@@ -93,8 +102,8 @@ def _sight_table(field: Field, scan: Scan) -> Table:
     rows = (
         (
             "ordinary press",
-            f"fitted to {percent(field.ordinary_error)} of its compliance, left out "
-            f"of the fit with its fifth of the presses met within {percent(field.left_out_error)}",
+            f"fitted to {percent(field.ordinary_error)} of its compliance; met within "
+            f"{percent(field.left_out_error)} by a map of the other four fifths of the presses",
         ),
         *((("presses weighted down", _listed(errs)),) if errs else ()),
         ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
@@ -15,6 +16,7 @@ from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
 from palpmap.result.finding import Finding
 
 CELLS = 160
+_WIDE = 10.0  # ratio of moduli from which on their colours are logarithmic
 BLIND = SPOTS.seen  # share of the prior's variance taken away, below which a place is blind
 
 
@@ -122,7 +124,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
         if image is not None:
             figure.colorbar(
                 image, ax=list(grid[:, i]), location="bottom", shrink=0.85, pad=0.02,
-                label=column.label,
+                label=column.label, format=number_format(image),
             )  # fmt: skip
     return figure
 
@@ -134,6 +136,11 @@ def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
         reach = max(-low, high, 1e-6)
         return -reach, reach
     return widened(low, high)
+
+
+def number_format(image: AxesImage) -> str | None:
+    """Return the form of a colour bar's numbers: powers of ten are written out."""
+    return "%g" if isinstance(image.norm, LogNorm) else None
 
 
 def widened(low: float, high: float) -> tuple[float, float]:
@@ -204,14 +211,20 @@ def _where(f: Finding, cut: Cut) -> str:
 def show_cut(
     axes: Axes, f: Finding, cut: Cut, values: np.ndarray, colors: str, span: tuple[float, float]
 ) -> AxesImage:
-    """Paint the values on a cut, with the scan's coordinates in mm."""
+    """Paint the values on a cut, with the scan's coordinates in mm.
+
+    Moduli that differ by more than tenfold are on a logarithmic scale: beside a hard lump all else
+    would be of one colour.
+    """
     right, up = cut.axes
+    wide = colors == MODULUS_COLORS and span[1] > _WIDE * span[0] > 0
+    norm = LogNorm(*span) if wide else Normalize(*span)
     low = 1e3 * (f.outline.lower_m + f.origin_m)
     high = 1e3 * (f.outline.upper_m + f.origin_m)
     axes.set_xlabel(f"{'xyz'[right]}, mm")
     axes.set_ylabel(f"{'xyz'[up]}, mm")
     return axes.imshow(
-        values, origin="lower", cmap=colors, vmin=span[0], vmax=span[1],
+        values, origin="lower", cmap=colors, norm=norm,
         extent=(low[right], high[right], low[up], high[up]), interpolation="bilinear",
     )  # fmt: skip
 

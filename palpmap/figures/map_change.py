@@ -14,6 +14,7 @@ from palpmap.figures.map import (
     draw_circles,
     hatch_blind,
     limit_to_body,
+    number_format,
     sample,
     show_cut,
     widened,
@@ -83,7 +84,9 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     if image is not None:
         extend = "both" if below and above else "min" if below else "max" if above else "neither"
         label = "Young's modulus, kPa"
-        figure.colorbar(image, ax=grid, label=label, shrink=0.8, extend=extend)
+        figure.colorbar(
+            image, ax=grid, label=label, shrink=0.8, extend=extend, format=number_format(image)
+        )
     return figure
 
 

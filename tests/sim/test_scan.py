@@ -1,8 +1,5 @@
-"""A third of the default scan: accuracy, noise, speed, and what it hands over."""
+"""A third of the default scan: accuracy, noise, and what it hands over."""
 
-import time
-
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -128,24 +125,8 @@ def test_the_table_passes_the_checks_of_a_file(default, tmp_path):
     assert_allclose(read.force_n, default[2].scan.force_n)
 
 
-def test_a_step_of_the_scan_costs_little_more_than_mujoco_alone(default):
-    # Against a peer in the same run, as machines and their load differ (20 times real time on most)
-    plan = ScanPlan(default[0].points_m[:5], default[0].directions[:5])
-    started = time.process_time()  # after the fixture, which compiles
-    run = run_scan(plan, default[1])
-    processor_s = time.process_time() - started
-    laboratory = build_laboratory()
-    data = mujoco.MjData(laboratory.model)
-    data.qpos[:7] = laboratory.home
-    steps = 20_000
-    started = time.process_time()
-    for _ in range(steps):
-        data.qfrc_applied[:] = data.qfrc_bias
-        mujoco.mj_step(laboratory.model, data)
-    alone_s = (time.process_time() - started) / steps
-    step_s = processor_s * laboratory.model.opt.timestep / run.simulated_s
-    assert step_s < 5 * alone_s  # 3.2 measured
-    assert run.peak_torque < 1
+def test_the_arm_stays_within_its_torques(default):
+    assert 0 < default[2].peak_torque < 1
 
 
 def test_the_series_hold_every_step(default):

@@ -161,13 +161,17 @@ def unseen_effects(record: ExplainRecord) -> str:
     known = [name for name in shifts if errors[name] > 0]
     known.sort(key=lambda name: shifts[name].shift / errors[name], reverse=True)
     effects = list(dict.fromkeys(shifts[name].effect for name in known))[:_NAMED]
-    hidden = record.not_counted
+    untestable = {one.name for one in record.candidates if one.untestable}
+    hidden = [name for name in record.not_counted if name not in untestable]
+    counted = " Effects that cannot be tested are not counted." if untestable else ""
+    neither = "Nor are" if untestable else "Not counted"
     return (
         "No interval counts undetected effects. 'Unseen effect' is the largest shift of a "
         f"parameter by an undetected effect of at most {percent(DETECTION.bias_share)} of the "
         f"signal, the rms of the modelled displacements (most: {listed(effects)}); "
         "`palpmap limits` names the scan that narrows it."
-        + (f" Not counted, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
+        + counted
+        + (f" {neither}, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
     )
 
 

@@ -15,6 +15,7 @@ from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
 from palpmap.result.misfit_words import few_presses_words, listed, rise_note
+from palpmap.result.presses_words import first_readings_sentence
 from palpmap.result.records import ExplainRecord, OtherMapRecord
 from palpmap.study.open_study import Problem
 
@@ -232,6 +233,8 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
         having = [step for step in steps[number:] if name in step.fit.effect_names]
         values = having[-1].fit.at.values[name]
         text = explained.effect(name).evidence(values, problem.model.readings)
+        if "touch" in explained.effect(name).hooks:
+            text = f"{text} {first_readings_sentence(problem.scan)}".strip()
         sure = name in (*explained.added, *explained.unknown)
         says.append(text if sure else f"If it were {name}: {text}")
     return " ".join(says)

@@ -2,8 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from identify.effects import force, percent
 from identify.fit import CONTACT_LAW, FreeComplianceFit
+from models import Scan
 from palpmap.result.records import (
     CountRecord,
     ExplainRecord,
@@ -11,6 +14,8 @@ from palpmap.result.records import (
     PressesFitRecord,
 )
 from palpmap.study.open_study import Problem
+
+_NO_TRAVEL = 0.02  # of the press's largest
 
 
 def presses_record(problem: Problem) -> PressesAloneRecord | None:
@@ -61,6 +66,28 @@ def left_out_sentences(record: CountRecord) -> list[str]:
     why = "time and memory grow with their number"
     says = f"{used} of {used + left} presses, evenly spread, were used: {why}."
     return [says] if left else []
+
+
+def first_readings_sentence(scan: Scan) -> str:
+    """Say which force the first readings have, where they are at no travel; else nothing.
+
+    A force at which travel begins to be counted is to agree with it, whatever the model.
+    """
+    used = scan.used()
+    first = np.unique(used.press_index, return_index=True)[1]
+    most = np.zeros(len(first))
+    np.maximum.at(most, used.press_index, used.displacement_m)
+    at_no = np.abs(used.displacement_m[first]) < _NO_TRAVEL * most
+    if np.mean(at_no) < 0.5:
+        return ""
+    forces = used.force_n[first][at_no]
+    middle = float(np.median(forces))
+    spread = 1.48 * float(np.median(np.abs(forces - middle)))
+    error = 1.25 * spread / np.sqrt(len(forces))  # of a median
+    return (
+        f"The first readings, at no travel, have {force(middle)} (median of {len(forces)} presses, "
+        f"+- {force(error)})."
+    )
 
 
 def presses_sentences(record: ExplainRecord) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from palpmap.result.explain_words import unreliable
 from palpmap.result.misfit_words import few_presses_words, rise_note
+from palpmap.result.presses_words import first_readings_sentence
 
 
 def step(rms_m: float, chi2: float, noise_m: float, *names: str) -> Any:
@@ -58,3 +59,20 @@ def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alo
     said = [unreliable(record) for record in records]
     assert said[0].startswith("Not to be relied on")
     assert said[1].startswith("Found from all other presses")
+
+
+def test_the_first_readings_tell_the_force_from_which_travel_counts():
+    press, travel = np.repeat(np.arange(50), 5), np.tile(np.linspace(0.0, 3e-3, 5), 50)
+    noise = 0.012 * np.random.default_rng(0).standard_normal(250)
+
+    def said(travel_m: np.ndarray) -> str:
+        used = SimpleNamespace(
+            press_index=press, displacement_m=travel_m, force_n=0.085 + 200 * travel + noise
+        )
+        scan: Any = SimpleNamespace(used=lambda: used)
+        return first_readings_sentence(scan)
+
+    assert "median of 50 presses" in said(travel)
+    found = float(said(travel).split("have ")[1].split(" mN")[0])
+    assert abs(found - 85) < 3 * 1.25 * 12 / np.sqrt(50)
+    assert said(travel + 1e-3) == ""

@@ -62,7 +62,7 @@ class NearFields(NamedTuple):
 
     Attributes
     ----------
-    coupling : (3 f, j, m) k of each function
+    coupling : (j, m, 3 f) k of each function
     energy : (j, m, m) a
     load : (j, m) l
     """
@@ -270,8 +270,8 @@ class PalpationModel:
         compliance = np.einsum("dj,dj->j", half, half)
         amplitude = np.zeros((len(compliance), FUNCTIONS))
         for group, near in self.near_fields(body.stiffness, material):
-            k = near.coupling
-            k = factor.forward(k.reshape(len(k), -1)).T.reshape(*k.shape[1:], -1)  # (j, m, d)
+            shape = near.coupling.shape  # (j, m, d): a matrix of columns in memory for the factor
+            k = factor.forward(near.coupling.reshape(-1, shape[2]).T).T.reshape(shape)
             pressed = half[:, group].T
             missing = near.load - (k @ pressed[..., None])[..., 0]
             schur = near.energy - k @ k.swapaxes(1, 2)
@@ -312,7 +312,7 @@ class PalpationModel:
             energy = np.zeros((len(load), m, m))
             for part, table in integrals:
                 part.add(by_function, energy, first, stiffness.free_cells, table)
-            near = NearFields(by_function.transpose(2, 0, 1), energy, load)
+            near = NearFields(by_function, energy, load)
             yield slice(first, first + len(load)), near
 
     def fibre_plane(self, direction: np.ndarray) -> FibrePlane:

@@ -103,8 +103,13 @@ class Response:
         stiffness, material = self._body.stiffness, self._material
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
-        nodal = stiffness.prolong(self._free)
-        close = self._close_energies(nodal, np.ascontiguousarray(nodal))
+        if material.close.steep:
+            nodal = stiffness.prolong(self._free)
+            close = self._close_energies(nodal, np.ascontiguousarray(nodal))
+        else:  # as in the sensitivity, which whoever corrects a map asks for, too
+            first, count = len(stiffness.points_m), material.close.asked.size
+            close = -self.sensitivity[:, first : first + count]
+            close = close.reshape(len(close), *material.close.asked.shape)
         bent = np.abs(close * (material.close.asked - linear))
         return bent.sum(axis=(1, 2)) / self.compliance
 
@@ -226,5 +231,5 @@ class Response:
         force = stiffness.product(self.model.values(floating, self._material), field)
         force -= floating.loads
         for group, near in self.model.near_fields(stiffness, self._material):
-            force[:, group] += np.einsum("djm,jm->dj", near.coupling, self.amplitude[group])
+            force[:, group] += np.einsum("jmd,jm->dj", near.coupling, self.amplitude[group])
         return stiffness.prolong(force)[:, floating.foundation.nodes]

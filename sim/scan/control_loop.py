@@ -181,17 +181,18 @@ def finish_step(loop: Loop, encoders: bool) -> int:
 
 
 @compiled
-def run(loop: Loop) -> int:
+def run(loop: Loop, encoders: bool) -> int:
     """Make steps, the first of them begun, until there is a reason to stop.
 
-    It is 0 where noise or room for rows is used up.
+    It is 0 where noise or room for rows is used up. `encoders` is false: what mechanisms read is
+    nothing that is made here. (A constant would have the parts compiled a second time for it.)
     """
     arm = loop.arm
     while arm.now[0].drawn < BLOCK and loop.rows.used[0] < len(loop.rows.time_s):
         for i in range(len(arm.q)):
             arm.q_read[i] = arm.read[i] = arm.q[i]
-        servo_step(arm, False)
-        why = finish_step(loop, False)
+        servo_step(arm, encoders)
+        why = finish_step(loop, encoders)
         if why:
             return why
     return 0

@@ -349,7 +349,7 @@ class Program:
             if self.recorder.make_room():
                 loop = loop._replace(rows=self.recorder.rows)
             task["law_from_n"], task["law_to_n"] = contact.band_n
-            why = self._step_by_hand(loop, touching) if by_hand else control_loop.run(loop)
+            why = self._step_by_hand(loop, touching) if by_hand else control_loop.run(loop, False)
             if why & FRAME and self.on_frame:
                 self.on_frame(self._frame(PHASES[phase]))
             if not touching:

@@ -21,6 +21,9 @@ class Fault(Exception):
     """Fault of an effect, in one line."""
 
 
+_TOGETHER = 64  # patterns whose products with all others are made at once
+
+
 def described(effect: Effect, case: ExampleScan) -> str:
     """Demand name, summary, formula, source and so on."""
     name = getattr(effect, "name", None)
@@ -238,7 +241,7 @@ def dense(effect: Effect, case: ExampleScan) -> str:
         return "one candidate"
     patterns = np.array([_pattern(effect, case, candidate) for candidate in candidates])
     if len(effect.shapes) == 1:
-        near = np.concatenate([_likeness(b[None], a) for a, b in pairwise(patterns)])
+        near = _likeness(np.array([b.T @ a for a, b in pairwise(patterns)]))
     else:
         near = _best_neighbours(patterns)
     least, gaps = case.settings.near, case.settings.gaps
@@ -317,25 +320,28 @@ def _pattern(effect: Effect, case: ExampleScan, shape: Values) -> np.ndarray:
     return np.linalg.qr(np.column_stack(left))[0]
 
 
-def _likeness(patterns: np.ndarray, one: np.ndarray) -> np.ndarray:
-    """Smallest cosine (g,) between spans (g, m, r) and one (m, r)."""
-    both = patterns.swapaxes(1, 2) @ one
-    if both.shape[1] != 2:
-        return np.linalg.svd(both, compute_uv=False).min(axis=1)
-    half = 0.5 * np.sum(both**2, axis=(1, 2))  # in closed form: a grid has millions of pairs
-    det = both[:, 0, 0] * both[:, 1, 1] - both[:, 0, 1] * both[:, 1, 0]
+def _likeness(both: np.ndarray) -> np.ndarray:
+    """Smallest cosine between spans whose directions have the products `both` (..., r, r)."""
+    if both.shape[-1] != 2:
+        return np.linalg.svd(both, compute_uv=False).min(axis=-1)
+    half = 0.5 * np.sum(both**2, axis=(-2, -1))  # in closed form: a grid has millions of pairs
+    det = both[..., 0, 0] * both[..., 1, 1] - both[..., 0, 1] * both[..., 1, 0]
     return np.sqrt(np.maximum(half - np.sqrt(np.maximum(half**2 - det**2, 0.0)), 0.0))
 
 
 def _best_neighbours(patterns: np.ndarray) -> np.ndarray:
     """Likeness of each pattern (g, m, r) to the one most like it, (g,)."""
-    if patterns.shape[2] == 1:
-        columns = patterns[:, :, 0]
-        alike = np.abs(columns @ columns.T)
-    else:
-        alike = np.array([_likeness(patterns, one) for one in patterns])
-    np.fill_diagonal(alike, 0.0)
-    return alike.max(axis=1)
+    count, _, rank = patterns.shape
+    rows = np.concatenate(patterns.swapaxes(1, 2))
+    best = np.empty(count)
+    for start in range(0, count, _TOGETHER):
+        some = np.arange(start, min(start + _TOGETHER, count))
+        both = rows[rank * some[0] : rank * (some[-1] + 1)] @ rows.T
+        both = both.reshape(len(some), rank, count, rank).swapaxes(1, 2)
+        alike = np.abs(both[..., 0, 0]) if rank == 1 else _likeness(both)
+        alike[some - start, some] = 0.0
+        best[some] = alike.max(axis=1)
+    return best
 
 
 def _say(values: Values) -> str:

@@ -1,5 +1,6 @@
 """Runs of the `palpmap` command that several files of tests look at, each made only once."""
 
+import gc
 import json
 import re
 import shutil
@@ -14,7 +15,9 @@ from zlib import crc32
 import numpy as np
 import pytest
 from filelock import FileLock
-from numba.core import event
+from numba.core.caching import NullCache
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from typer.testing import CliRunner
 
 from fem import PalpationModel, RefinedModel, block_mesh
@@ -86,28 +89,35 @@ def pytest_collection_modifyitems(items):
     items.sort(key=rank)
 
 
-class _OneCompiler(event.Listener):
-    """Carries numba's compiler lock to the other test processes.
-
-    Two processes that need a kernel at the same time would both compile it; so the second one
-    waits, and reads what the first has written.
-    """
-
-    def __init__(self, file: Path) -> None:
-        self.lock = FileLock(file)
-
-    def on_start(self, event) -> None:
-        self.lock.acquire()
-
-    def on_end(self, event) -> None:
-        self.lock.release()
-
-
 def pytest_configure(config) -> None:
-    """Let the processes of one clone, which share its compiled kernels, take turns in compiling."""
-    if hasattr(config, "workerinput"):
-        name = f"palpmap-tests-{crc32(str(config.rootpath).encode())}.lock"
-        event.register("numba:compiler_lock", _OneCompiler(Path(tempfile.gettempdir()) / name))
+    """Let the processes of one clone, which share its compiled kernels, take turns in compiling.
+
+    Two that need a kernel at the same time would both compile it; so the second one waits, and
+    reads what the first has written. There is a lock for each module, as waiting costs time, too:
+    modules do not import each other in a circle, so that no two can wait for each other.
+    """
+    if not hasattr(config, "workerinput"):
+        return
+    clone = crc32(str(config.rootpath).encode())
+    compile_one = Dispatcher.compile
+
+    @cache
+    def lock_of(module: str) -> FileLock:
+        return FileLock(Path(tempfile.gettempdir()) / f"palpmap-tests-{clone}-{module}.lock")
+
+    def in_turns(self, sig):
+        if isinstance(self._cache, NullCache):  # numba's own parts, which each compiles for itself
+            return compile_one(self, sig)
+        with global_compiler_lock, lock_of(self.py_func.__module__):  # threads first, then others
+            return compile_one(self, sig)
+
+    Dispatcher.compile = in_turns
+
+
+def pytest_collection_finish(session) -> None:
+    """Spare the garbage collector what has been imported, which lives as long as the process."""
+    gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
 
 
 @pytest.hookimpl(optionalhook=True)

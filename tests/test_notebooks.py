@@ -11,7 +11,10 @@ from tests.paths import ROOT
 LARGEST_BYTES = 200_000
 
 
-@pytest.mark.parametrize("name", ["fit_and_compare", "find_the_missing_effect"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("fit_and_compare", marks=pytest.mark.slow), "find_the_missing_effect"],
+)
 def test_a_notebook_runs_and_is_stored_with_its_pictures(name, monkeypatch):
     path = ROOT / "examples" / f"{name}.ipynb"
     stored = nbformat.read(path, as_version=4)

@@ -94,7 +94,7 @@ def test_bands_of_other_places_a_smaller_tip_and_more_force_are_calibrated():
     assert share.max() > 0.3  # of a part that is there
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
     rng = np.random.default_rng(seed)
     grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)

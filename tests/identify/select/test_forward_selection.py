@@ -152,9 +152,10 @@ def test_a_late_force_channel_is_named_with_its_lag():
     assert found.final.fit.values["time_lag.lag_s"] == pytest.approx(0.08, abs=0.003)
 
 
-def test_a_late_force_channel_is_explained_by_no_other_name():
+@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_late_force_channel_is_explained_by_no_other_name(whole):
     table = planted(6, late)
-    others = [effect for effect in CATALOGUE if effect.name not in ALIKE]
+    others = [effect for effect in (CATALOGUE if whole else QUICK) if effect.name not in ALIKE]
     found = forward_selection(model(table), TRUE, table, others)
     assert found.verdict == "unexplained"
     assert found.added == ()

@@ -22,7 +22,7 @@ def test_the_energy_of_a_sum_is_that_of_its_parts_and_twice_the_mixed_one(ratio,
     slope = 1e5 * model.points_m[:, 0]
     one, other = model.evaluate(5e3 + slope), model.evaluate(9e3 - slope, (2e-6, 1e-6))
     nodal = [r._body.stiffness.prolong(r._free) for r in (one, other)]
-    free = model.floating.stiffness.restrict(sum(nodal))
+    free = model.floating.stiffness.restrict(nodal[0] + nodal[1])
     both = replace(other, _free=free, amplitude=one.amplitude + other.amplitude)
     first, second, whole = (-r.sensitivity[:, :count] for r in (one, other, both))
     a, b = Strains.of(one), Strains.of(other)

@@ -26,9 +26,9 @@ def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
     Console(file=out, width=80).print(console(_spot_table(spots, True, np.zeros(3))))
     hard, soft, old = (line.split() for line in out.getvalue().splitlines()[-4:-1])
     assert hard[:5] == ["hard", "-38.4,", "39.8,", "-57.4", "0.3"]
-    assert hard[5:] == ["8", "to", "12", "24", "(12", "to", "51.2)", ">", "0.99"]
-    assert soft[5:] == ["at", "most", "12", "0.7", "(0.17", "to", "2.35)", "0.60"]
-    assert old[5:] == ["10", "0.7", "(0.17", "to", "2.35)", "0.60"]  # of a file without interval
+    assert hard[5:] == ["8", "to", "12", "24", "(12", "to", "51)", ">", "0.99"]
+    assert soft[5:] == ["at", "most", "12", "0.7", "(0.17", "to", "2.4)", "0.60"]
+    assert old[5:] == ["10", "0.7", "(0.17", "to", "2.4)", "0.60"]  # of a file without interval
     assert "Probability" in out.getvalue()
     assert "+- mm" in out.getvalue()
 

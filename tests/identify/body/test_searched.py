@@ -51,8 +51,11 @@ def test_a_base_that_gives_way_is_that_of_the_finer_mesh(models):
     own, reference = BodyMechanics.of(coarse, RefinedModel(coarse, fine)), RefinedModel(*finer)
     state = own.state().changed(base_tangential_m_per_pa=4e-6)
     true = reference.evaluate(MAP.modulus(reference.points_m), (0.0, 4e-6)).compliance
-    firm = own.corrected(MAP, own.state()).evaluate(MAP, state).compliance
+    of_firm = own.corrected(MAP, own.state())
+    firm = of_firm.evaluate(MAP, state).compliance
     exact = own.corrected(MAP, state)
+    assert of_firm.counts_support(own.state()) and not of_firm.counts_support(state)
+    assert exact.counts_support(state)
     assert np.abs(firm / true - 1).max() > 0.015
     assert np.abs(exact.evaluate(MAP, state).compliance / true - 1).max() < 0.004
     # Nearby the error follows the base's effect, and so does the derivative

@@ -76,10 +76,11 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
     found = {"size": _size_test(view), **_pattern_tests(view), **_alikeness_tests(view)}
     tests = _decide([replace(found[name], question=q) for name, q in QUESTIONS.items()], settings)
     fires = {t.name for t in tests if t.fires}
+    structured = min(t.p_adjusted for t in tests) < settings.structure
     varies_with, also, confused = _main_direction(view, fires)
     moran, lag = found["neighbours"], found["lag"]
     draft = Comparison(
-        is_noise=not fires,
+        is_noise=not structured,
         varies_with=varies_with,
         statement="",
         also_along=also,
@@ -103,8 +104,8 @@ def compare_residual(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Comp
         levels=residual_levels(w, settings),
         presses=press_residuals(w, view.absorbed, view.bad),
         largest=_largest(w),
-        law=matching_law(view) if fires else None,
-        course=smooth_course(view) if fires else None,
+        law=matching_law(view) if structured else None,
+        course=smooth_course(view) if structured else None,
         frame_m=w.scan.frame_m,
     )
     return replace(draft, statement=sentence(draft, settings))

@@ -67,9 +67,10 @@ class Comparison:
     Attributes
     ----------
     is_noise : bool
-        No test fires at the family-wise level `alpha`.
+        No test has a family-wise p-value below the level asked (`ResidualSettings.structure`).
     varies_with : str or None
-        Main direction of the residual: place, force, time, phase, order, press or reading.
+        Main direction of the residual: place, force, time, phase, order, press or reading; where a
+        test fires at the family-wise level `alpha`.
     statement : str
         The result in one sentence.
     also_along, confused_with : tuple of str
@@ -125,6 +126,11 @@ class Comparison:
     def chi2_per_dof(self) -> float:
         """Chi-square per degree of freedom."""
         return self.chi2 / self.dof
+
+    @property
+    def p_value(self) -> float:
+        """Chance of noise alone to make some test as significant as the most significant (Holm)."""
+        return min(test.p_adjusted for test in self.tests)
 
     @property
     def bad_presses(self) -> tuple[int, ...]:

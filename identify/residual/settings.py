@@ -10,6 +10,8 @@ class ResidualSettings:
     Attributes
     ----------
     alpha : family-wise error of the tests under pure noise
+    structure : family-wise p-value below which the residual is not noise; the selection of effects
+        asks for less than `alpha`
     bins : largest number of bins of force, and of time
     neighbours : nearest presses of each press in Moran's I
     least_presses, least_trend_presses : for a pattern over places, and for a trend in their order
@@ -29,6 +31,7 @@ class ResidualSettings:
     """
 
     alpha: float = 0.01
+    structure: float = 0.01
     bins: int = 8
     neighbours: int = 6
     least_presses: int = 9

@@ -43,8 +43,14 @@ def sentence(c: Comparison, settings: ResidualSettings = RESIDUAL) -> str:
     size = (
         f"rms {length(c.rms_m, signed=False)}, noise alone {length(c.expected_rms_m, signed=False)}"
     )
-    if c.is_noise:
+    if c.is_noise and c.p_value >= c.alpha:
         return f"The residual is noise: {size}, and no pattern along anything that was tested."
+    if c.is_noise:
+        look = f": {_finding(c, settings)}" if c.varies_with else ""
+        return (
+            f"The residual may be noise ({size}), which alone leaves as much structure in one of "
+            f"{round(1 / c.p_value)} scans{look}."
+        )
     if c.varies_with is None:
         times = c.test("size").times_noise
         text = (

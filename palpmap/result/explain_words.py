@@ -65,15 +65,17 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     """
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
+        said = _by_chance(explained) or "The residual is noise."
         if explained.traces:
             return (
-                f"The residual is noise, with a trace of {' or '.join(explained.traces)}: not "
-                "significant, not justified by the information criterion, or within the model "
-                "error."
+                f"{said} A trace of {' or '.join(explained.traces)} is not significant, not "
+                "justified by the information criterion, or within the model error."
             )
-        return "The residual is noise, without a trace of any effect of the catalogue."
+        return f"{said} No effect of the catalogue has left a trace."
     if explained.verdict == "explained":
-        return f"With {sure} in the model, the residual is noise."
+        chance = _by_chance(explained)
+        plain = f"With {sure} in the model, the residual is noise."
+        return f"With {sure} in the model: {chance}" if chance else plain
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
@@ -91,6 +93,12 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     if other and other.answer == "another_map":  # what the residual looks like is the wrong map's
         return maps
     return f"{law_sentence(residual)} {look} {_help(explained)}{maps}".strip()
+
+
+def _by_chance(explained: Explanation) -> str:
+    """Say how rarely noise alone leaves the last residual, where that is rare; else nothing."""
+    last = explained.final.comparison
+    return last.statement if last.is_noise and last.p_value < last.alpha else ""
 
 
 def other_map_sentence(other: OtherMapRecord | None) -> str:

@@ -10,6 +10,7 @@ from identify.measurement.errors_in_variables import whitening
 from identify.measurement.noise import Noise
 from identify.residual.compare import QUESTIONS, compare_residual
 from identify.residual.whitened import Whitened
+from identify.select.settings import SELECTION
 from models.scan import Scan
 
 NOISE = Noise(2e-5, 5e-3)
@@ -141,6 +142,19 @@ def test_noise_alone_is_called_structure_in_at_most_one_scan_of_a_hundred():
     often = np.mean(np.array(p_values) < 0.05, axis=0)
     # Each test by itself: 5 % +- 1.5 %.
     assert np.all(often < 0.05 + 4 * 0.015), dict(zip(QUESTIONS, often, strict=True))
+
+
+def test_a_pattern_of_chance_is_told_and_is_no_missing_cause():
+    """Of 400 scans of noise six go beyond 1 %; a verdict that a cause is missing asks for 0.1 %."""
+    w = scan_of(80, grid=5)
+    compared, selected = compare_residual(w), compare_residual(w, SELECTION.residual)
+    assert not compared.is_noise
+    assert selected.is_noise
+    assert SELECTION.sure < selected.p_value < compared.alpha
+    assert "may be noise" in selected.statement
+    assert "in one of 187 scans: it varies most with the phase" in selected.statement
+    beyond = compare_residual(scan_of(80, PLANTED["hysteresis"][1], grid=5), SELECTION.residual)
+    assert not beyond.is_noise
 
 
 def test_the_measured_force_in_place_of_the_latent_one_fabricates_structure():

@@ -28,7 +28,6 @@ from palpmap.blind.statistics import tally, tournament_record, tournament_screen
 from palpmap.blind.trial import Conditions, Trial, draw_trial, make_trial
 from palpmap.console import Output
 from palpmap.progress import counted
-from palpmap.result.next_scan import REPEAT
 from palpmap.run_folder import RunFolder
 
 FILE = "trials.jsonl"
@@ -272,7 +271,7 @@ def play(game: Game, explain: Explain | None = None, per_side: int | None = None
         explain = explain or explain_trial
         result = explain(folder / "study.toml", folder, game.trial.seed)
         for _ in range(game.further):
-            asked = [p.program for p in result.next_presses if p.program != REPEAT]
+            asked = [p.program for p in result.next_presses]
             if result.verdict != "ambiguous" or not asked:
                 break
             presses = read_program(folder / asked[0])

@@ -34,6 +34,7 @@ from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import seal, unseal
 from palpmap.blind.statistics import tournament_record, tournament_screen
 from palpmap.blind.trial import SMALL, Conditions, Trial, draw_map, draw_trial, make_trial
+from palpmap.result.next_scan import REPEAT
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
 from tests.paths import ROOT
@@ -277,9 +278,10 @@ def test_further_presses_need_a_trial_and_a_program(trial, tmp_path):
 
 @pytest.mark.slow
 def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
+    """New places, or the outlying presses once more where these leave the answer open."""
     game = tournament.Game(0, str(tmp_path / "0"), Trial(3, ("force_bias",), (0.05,), 1), 2)
     (tmp_path / "0").mkdir()
-    (tmp_path / "0" / "next.csv").write_text(PROGRAM)
+    (tmp_path / "0" / REPEAT).write_text(PROGRAM)
     seen = []
 
     def explain(study, out, seed):
@@ -288,7 +290,7 @@ def test_a_game_makes_the_presses_that_an_ambiguous_answer_proposes(tmp_path):
         if presses > 9:
             return result("explained", ["force_bias"])
         group = [["force_bias", "contact_offset"]]
-        return result("ambiguous", (), group, next_presses=[{"program": "next.csv"}])
+        return result("ambiguous", (), group, next_presses=[{"program": REPEAT}])
 
     played = tournament.play(game, explain, 3)
     assert seen == [9, 11]

@@ -7,7 +7,8 @@
 | a compliance-like effect | it is named first, or in an ambiguous group of at most three, or is \
 smaller than the detection limit that was printed |
 | two effects | both are named |
-| a foreign form of an effect | an effect of its family is named first |
+| a foreign form of an effect | an effect of its family is named first; honest is \
+`nothing_missing` below the limits of all of them |
 | an outsider | the verdict is not `explained` |
 """
 
@@ -61,6 +62,11 @@ def _form(result: AnswerRecord, effects: Hidden) -> Judged:
     if false:
         return "wrong", False, f"{name}: it is sure of {_named(result)}, another cause."
     if result.verdict == "nothing_missing":
+        limits = [result.detection_limits[kin] for kin in family if kin in result.detection_limits]
+        if limits and effect.size < min(limits):
+            size = f"{100 * effect.size:.2g} % of the signal"
+            seen = f"{100 * min(limits):.2g} %"
+            return "honest", False, f"{name} has {size}; it says that it sees such from {seen} on."
         return "missed", False, f"It saw nothing of {name}."
     return "honest", False, f"It named no cause of {name}, and says that something is missing."
 

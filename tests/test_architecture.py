@@ -3,10 +3,11 @@
 import ast
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -62,30 +63,31 @@ SOLVING = {"fit_jointly", "PalpationModel", "linearise"}
 """Calls of the engine that folders which only show what was found never make."""
 DECIDING = ("fem", "identify.fit", "identify.select", "identify.design", "identify.optimize")
 """Packages of which those folders take types and constants alone, no function."""
+LOOKED_AT = (ast.Module, ast.Import, ast.ImportFrom, ast.Call, ast.If)
+Nodes = tuple[Any, ...]
 MOST_MODULES = 20
 LONG_FOLDERS = {"identify/catalogue"}
 
 
-def modules(root: Path) -> dict[str, ast.Module]:
-    """Every module of ours by dotted name; a package stands under its own name."""
+@cache
+def modules(root: Path) -> dict[str, Nodes]:
+    """What the rules look at of every module of ours, by dotted name, the module itself first.
+
+    A package stands under its own name.
+    """
     found = {}
     for package in OURS:
         for path in sorted((root / package).rglob("*.py")):
             parts = path.relative_to(root).with_suffix("").parts
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-            found[name] = parsed(path.read_text(encoding="utf-8"))
+            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            found[name] = tuple(node for node in nodes if isinstance(node, LOOKED_AT))
     return found
 
 
-@cache
-def parsed(text: str) -> ast.Module:
-    """Return the syntax tree of a source, parsed once for all tests."""
-    return ast.parse(text)
-
-
-def imports(tree: ast.Module, name: str, known: set[str]) -> Iterator[tuple[str, int]]:
+def imports(nodes: Nodes, name: str, known: Container[str]) -> Iterator[tuple[str, int]]:
     """What a module imports, types only included, as the most precise module name, with line."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield alias.name, node.lineno
@@ -110,9 +112,9 @@ def wrong_order(root: Path) -> list[str]:
     """Imports from a folder that comes later, or of what a folder may never import."""
     found = modules(root)
     breaches = []
-    for name, tree in found.items():
+    for name, nodes in found.items():
         here = folder(name)
-        for target, line in imports(tree, name, set(found)):
+        for target, line in imports(nodes, name, found):
             there = folder(target)
             upwards = here and there and here[0] == there[0] and there[1] > here[1]
             own = here and target.split(".")[0] == here[0]
@@ -137,12 +139,12 @@ def crowded(root: Path) -> list[str]:
 def forbidden_imports(root: Path) -> list[str]:
     found = modules(root)
     breaches = []
-    for name, tree in found.items():
+    for name, nodes in found.items():
         home = name.split(".")[0]
         allowed = ALLOWED.get(home)
         if allowed is None:
             continue
-        for target, line in imports(tree, name, set(found)):
+        for target, line in imports(nodes, name, found):
             top = target.split(".")[0]
             door = name in FEM_DOORS_OF_SIM and top == "fem"
             if top not in {home} | allowed and top not in sys.stdlib_module_names and not door:
@@ -155,13 +157,13 @@ def side_doors(root: Path) -> list[str]:
     found = modules(root)
     folders = set(OURS) | {f"{package}.{f}" for package in ORDER for f in ORDER[package]}
     shown = {
-        name: {alias.asname or alias.name for node in found[name].body
+        name: {alias.asname or alias.name for node in found[name][0].body
                if isinstance(node, ast.ImportFrom) for alias in node.names}
         for name in folders & set(found)
     }  # fmt: skip
     breaches = []
-    for name, tree in found.items():
-        for node in ast.walk(tree):
+    for name, nodes in found.items():
+        for node in nodes:
             targets = []
             if isinstance(node, ast.Import):
                 targets = [alias.name for alias in node.names]
@@ -181,8 +183,8 @@ def side_doors(root: Path) -> list[str]:
 def prints(root: Path) -> list[str]:
     return [
         f"{name}, line {node.lineno}: prints"
-        for name, tree in modules(root).items()
-        for node in ast.walk(tree)
+        for name, nodes in modules(root).items()
+        for node in nodes
         if isinstance(node, ast.Call)
         and (
             ast.unparse(node.func) == "print"
@@ -194,11 +196,11 @@ def prints(root: Path) -> list[str]:
     ]
 
 
-def types_only(tree: ast.Module) -> set[str]:
+def types_only(nodes: Nodes) -> set[str]:
     """Modules that are imported for type checking only."""
     return {
         part.module
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for part in node.body
         if isinstance(part, ast.ImportFrom) and part.module
@@ -209,13 +211,13 @@ def cycle(root: Path) -> list[str]:
     """Modules of one import cycle, or nothing; two of one folder may name each other's types."""
     found = modules(root)
     graph = {
-        name: {target for target, _ in imports(tree, name, set(found)) if target in found}
+        name: {target for target, _ in imports(nodes, name, found) if target in found}
         - {
             target
-            for target in types_only(tree)
+            for target in types_only(nodes)
             if target.rpartition(".")[0] == name.rpartition(".")[0]
         }
-        for name, tree in found.items()
+        for name, nodes in found.items()
     }
     try:
         TopologicalSorter(graph).prepare()
@@ -228,9 +230,9 @@ def decisions(root: Path) -> list[str]:
     """Calls that solve, and verdicts that are changed, in the folders that only show."""
     return [
         f"{name}, line {node.lineno}: {ast.unparse(node.func)}"
-        for name, tree in modules(root).items()
+        for name, nodes in modules(root).items()
         if f"{name}.".startswith(tuple(f"{folder}." for folder in SHOWING))
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Call)
         and (
             ast.unparse(node.func).rpartition(".")[2] in SOLVING
@@ -238,9 +240,9 @@ def decisions(root: Path) -> list[str]:
         )
     ] + [
         f"{name}, line {node.lineno}: {alias.name}"
-        for name, tree in modules(root).items()
+        for name, nodes in modules(root).items()
         if f"{name}.".startswith(tuple(f"{folder}." for folder in SHOWING))
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.ImportFrom)
         and f"{node.module}.".startswith(tuple(f"{package}." for package in DECIDING))
         for alias in node.names

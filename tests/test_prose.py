@@ -65,11 +65,12 @@ def offenders(package: str, root: Path = ROOT) -> tuple[int, list[str], list[str
     total, relative, house = 0, [], []
     for path in sorted((root / package).rglob("*.py")):
         source, name = path.read_text(encoding="utf-8"), path.relative_to(root)
-        for line, text in docstrings(source):
+        own = list(docstrings(source))
+        for line, text in own:
             sentences = first_sentences(text)
             total += len(sentences)
             relative += [f"{name}:{line}: {s}" for s in sentences if RELATIVE.search(s)]
-        for line, text in (*docstrings(source), *comments(source)):
+        for line, text in (*own, *comments(source)):
             for found in HOUSE.finditer(" ".join(text.split())):
                 place = f"{found.string[max(found.start() - 30, 0) : found.end() + 20]}"
                 house.append(f"{name}:{line}: {found[0]!r} in '...{place}...'")

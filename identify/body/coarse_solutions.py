@@ -34,20 +34,25 @@ class CoarseSolutions:
     _solutions: dict[tuple, Response] = field(default_factory=dict, kw_only=True)  # newest last
     _bases: list[ReducedBases] = field(default_factory=list, kw_only=True)  # one, once needed
 
-    def _solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
+    def solved(self, stiffness: GaussianMap, state: BodyState) -> Response:
         """Return the solution on the coarse model, a recent one from memory."""
         key = (stiffness, solved_state(state))
-        response = self._solutions.get(key) or self._solve(self.coarse, stiffness, state)
+        response = self._solutions.get(key) or self.solve(self.coarse, stiffness, state)
         keep(self._solutions, key, response, _KEPT_SOLUTIONS)
         return response
 
-    def _found(
+    def solution(
         self, stiffness: GaussianMap, state: BodyState, slack: float
     ) -> Response | ReducedResponse:
-        """Return the solution on the coarse model, a recent one or that of a reduced basis."""
-        key = (stiffness, solved_state(state))
-        if key in self._solutions or not self._is_reducible(stiffness, state):
-            return self._solved(stiffness, state)
+        """Return the solution on the coarse model, a recent one or that of a reduced basis.
+
+        Parameters
+        ----------
+        slack : factor on `reduced_error`, within which reduced bases will do; 0 for the full model
+        """
+        known = (stiffness, solved_state(state)) in self._solutions
+        if not slack or known or not self._is_reducible(stiffness, state):
+            return self.solved(stiffness, state)
         if not self._bases:
             self._bases.append(ReducedBases(self.coarse))
         tolerance = slack * self.settings.reduced_error
@@ -62,10 +67,10 @@ class CoarseSolutions:
         if near is not None:
             return near
         if bases.full is not self.coarse:
-            response = self._solve(bases.full, stiffness, state)
+            response = self.solve(bases.full, stiffness, state)
             bases.add(response)
             return response
-        response = self._solved(stiffness, state)
+        response = self.solved(stiffness, state)
         bases.add(response, self._solutions.get((stiffness, plain_state(state))))
         return response
 
@@ -73,7 +78,8 @@ class CoarseSolutions:
         """Return True for a state whose law reduced bases know."""
         return isinstance(stiffness, GaussianMap) and not state.fibre_share
 
-    def _solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
+    def solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
+        """Return the solution on any model."""
         modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
         angle, share = state.fibre_angle_rad, state.fibre_share
         direction = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -95,7 +101,7 @@ def keep(last: dict, key: Any, value: Any, most: int) -> None:
 
 def _law(state: BodyState) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Compliance of the support and skin of a state, each None without."""
-    base = (state.base_normal_m_per_pa, state.base_tangential_m_per_pa)
+    base = state.base_m_per_pa
     skin = (state.skin_thickness_m, state.skin_factor)
     if not skin[1] > 0:
         raise InadmissibleError("a skin needs a positive modulus")

@@ -72,7 +72,7 @@ class CarriedFine(NamedTuple):
     ----------
     ratio : its compliances over the coarse model's
     unevenness : (j,) of its modulus, see `fem.palpation.Response.unevenness`
-    tip, trend : see `BodyMechanics`
+    tip, trend : see `identify.body.correction.Correction`
     """
 
     ratio: LinearRatio

@@ -56,7 +56,7 @@ class BodyResponse:
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
         by_map = self._scale[:, None] * _gradient(self._near, gradient, self._state)
-        trend = self._mechanics.trend
+        trend = self._mechanics.correction.trend
         if trend is not None and trend.follows(self._map):
             by_map += self.compliance[:, None] * trend.by_map(self._map)
         return by_map
@@ -106,7 +106,7 @@ class BodyResponse:
         """The full solution, also where the compliances are those of a reduced basis."""
         if isinstance(self._response, Response):
             return self._response
-        return self._mechanics._solved(self._map, self._state)
+        return self._mechanics.solved(self._map, self._state)
 
     @property
     def _near(self) -> Response | ReducedResponse:
@@ -129,6 +129,7 @@ class BodyResponse:
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (j,) and local modulus (j,) to a state nearby."""
         own, points = self._mechanics, self._mechanics.coarse.points_m
+        correction = own.correction
         change = np.zeros_like(self.compliance)
         local = np.zeros_like(change)
         if state.modulus_changes != self._state.modulus_changes:
@@ -143,23 +144,18 @@ class BodyResponse:
             change += self.compliance * self._log_by_shift(state.shift_m)
         if state.mesh_error_share != self._state.mesh_error_share:
             step = state.mesh_error_share - self._state.mesh_error_share
-            change += step * own.model_error * self.compliance
+            change += step * correction.model_error * self.compliance
         if state.rigid_tip_share != self._state.rigid_tip_share:
             step = state.rigid_tip_share - self._state.rigid_tip_share
-            before = 1 - self._state.rigid_tip_share * own.tip.gain
-            change -= step * own.tip.gain / before * self.compliance
+            before = 1 - self._state.rigid_tip_share * correction.tip.gain
+            change -= step * correction.tip.gain / before * self.compliance
         old = self._state
-        by_base = np.array(
-            [
-                state.base_normal_m_per_pa - old.base_normal_m_per_pa,
-                state.base_tangential_m_per_pa - old.base_tangential_m_per_pa,
-            ]
-        )
+        by_base = np.subtract(state.base_m_per_pa, old.base_m_per_pa)
         if by_base.any():
             by_support = self._scale * (self._near.support_sensitivity @ by_base)
             change += by_support
-            if own.support is not None:
-                change += self.compliance * own.support.of(by_support / self.compliance)
+            if correction.support is not None:
+                change += self.compliance * correction.support.of(by_support / self.compliance)
         fibres = _fibres(state) - _fibres(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
@@ -186,7 +182,7 @@ class BodyResponse:
 
     def compliance_on(self, model: PalpationModel) -> np.ndarray:
         """Compliance (j,) of the presses, or the body, of another coarse model."""
-        other = self._mechanics._solve(model, self._map, self._state)
+        other = self._mechanics.solve(model, self._map, self._state)
         return self.compliance * (other.compliance / self._full.compliance)
 
     def compliance_moved(self, mesh: Mesh) -> np.ndarray:

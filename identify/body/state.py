@@ -79,6 +79,11 @@ class BodyState:
         return self.changed(bumps=(), inclusion_shape=GAUSSIAN, factors=())
 
     @property
+    def base_m_per_pa(self) -> tuple[float, float]:
+        """Compliance of the base, across and along."""
+        return self.base_normal_m_per_pa, self.base_tangential_m_per_pa
+
+    @property
     def height_m(self) -> float:
         """Height of the body."""
         return self.box_m[1][2] - self.box_m[0][2]

@@ -93,8 +93,9 @@ def _mechanics(fit: FitResult, design: Design, like: BodyMechanics | None) -> Bo
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
-    error = (mechanics.model_error * now)[apart.argmin(axis=1)]
-    return replace(other, model_error=error / other.evaluate(fit.map, fit.at.state).compliance)
+    error = (mechanics.correction.model_error * now)[apart.argmin(axis=1)]
+    share = error / other.evaluate(fit.map, fit.at.state).compliance
+    return replace(other, correction=replace(other.correction, model_error=share))
 
 
 @dataclass(frozen=True)

@@ -151,7 +151,7 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         else:
             fell = np.inf if fine_chi2 is None else fine_chi2 - now.chi2
             u, model, fine_chi2 = result.x, there, now.chi2
-            rough = model.mechanics.carried and not search.is_final
+            rough = model.mechanics.correction.carried and not search.is_final
             accepted, radius = accepted + 1, 2 * radius
             if s.guarded and near and accepted >= s.rounds and fell < raised:
                 break

@@ -304,7 +304,9 @@ def fit_result(
         residual_m=model.displacement_m - at.predicted_m,
         compliance_m_per_n=body.compliance,
         compliance_jacobian=body.by_map[:, list(model.space.free)],
-        discretization_error=None if mechanics.fine is None else presses / mechanics.ratio - 1,
+        discretization_error=None
+        if mechanics.fine is None
+        else presses / mechanics.correction.ratio - 1,
         history=history,
         chi2=at.chi2,
         chi2_per_dof=at.chi2 / dof,
@@ -312,7 +314,7 @@ def fit_result(
         success=success,
         message=_message(message, at_bound, at.chi2 / dof, dof),
         nfev=nfev,
-        model_error=None if mechanics.fine is None else presses * mechanics.model_error,
+        model_error=None if mechanics.fine is None else presses * mechanics.correction.model_error,
         derivative_m=None if model.is_linear else at.jacobian * at.sigma_m[:, None] / slope,
         solution=Solution(started, u, at, noise_alone, total, settings),
         field=field,
@@ -327,7 +329,7 @@ def _covariance_of_meshes(
     if MODEL_ERROR in model.effect_names:
         return np.zeros_like(noise_alone)  # it is among the unknowns
     press, c = model.readings.press, at.body.compliance
-    off = c * model.mechanics.model_error
+    off = c * model.mechanics.correction.model_error
     shift = at.whitened(at.by_compliance * off[press], press)
     pull = np.zeros((len(c), len(noise_alone)))
     np.add.at(pull, press, at.jacobian * shift[:, None])

@@ -84,7 +84,7 @@ class MeasurementModel:
             "flat" if self.straight else contacts.profile,
             self.mechanics.poisson_ratio,
             contacts.curvature_per_m,
-            self.mechanics.tip.growth,
+            self.mechanics.correction.tip.growth,
         )
 
     def _chain(self, body: BodyResponse) -> Chain:

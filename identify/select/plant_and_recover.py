@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 
 from fem import Contacts, PalpationModel, block_mesh
+from identify.body.correction import Correction
 from identify.body.discretization_error import TipPressure
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values, changes_body
@@ -84,9 +85,8 @@ def _mechanics() -> BodyMechanics:
     # errors of mesh and pressure for effects to scale, by the places of the presses
     far = np.linalg.norm(contacts.points_m - contacts.points_m.mean(axis=0), axis=1)
     far /= far.max()
-    return BodyMechanics(
-        at(state.poisson_ratio), None, at, model_error=0.02 * far, tip=TipPressure(0.1 * far**2)
-    )
+    errors = Correction(model_error=0.02 * far, tip=TipPressure(0.1 * far**2))
+    return BodyMechanics(at(state.poisson_ratio), None, at, errors)
 
 
 def _fit(case: ExampleScan, effect: Effect, values: Values | None) -> FitResult:

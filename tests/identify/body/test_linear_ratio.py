@@ -51,13 +51,13 @@ def test_a_search_near_a_solved_map_solves_the_coarse_model_alone(monkeypatch):
     own = replace(problem.mechanics(), _ratios={}, _linear={}, _solutions={})
     state = own.state().changed(shift_m=(0.0012, -0.0009), poisson_ratio=0.44)
     solved = []
-    solve = type(own)._solve
+    solve = type(own).solve
 
     def counted(self, model, *rest):
         solved.append(model is own.coarse)
         return solve(self, model, *rest)
 
-    monkeypatch.setattr(type(own), "_solve", counted)
+    monkeypatch.setattr(type(own), "solve", counted)
     own.evaluate(problem.TRUE, state)
     assert solved.count(False) == 6  # two ratios, two shifts along each axis
     near = map_nearby(np.full(6, 0.001))

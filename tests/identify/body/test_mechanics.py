@@ -25,7 +25,7 @@ def test_another_poisson_ratio_has_the_finer_models_compliance_too():
     )
     exact = pair.evaluate(problem.TRUE.modulus(pair.points_m)).compliance
     coarse = pair.coarse.evaluate(problem.TRUE.modulus(pair.coarse.points_m)).compliance
-    changed, left = np.abs(own.ratio / (exact / coarse) - 1), np.abs(found / exact - 1)
+    changed, left = np.abs(own.correction.ratio / (exact / coarse) - 1), np.abs(found / exact - 1)
     assert np.abs(exact / known - 1).max() > 0.03  # the ratio matters
     assert np.median(changed) > 1e-3  # and so does what it makes of the mesh's error
     assert np.median(left) < 0.4 * np.median(changed)
@@ -57,7 +57,7 @@ def test_a_soft_inclusion_may_be_softest_between_the_coarse_meshs_points():
     assert stiffness.modulus(own.coarse.points_m).min() == pytest.approx(10.0)
     assert stiffness.modulus(own.fine.points_m).min() < 0  # pyright: ignore[reportOptionalMemberAccess]
     carried = own.corrected(stiffness, own.state())
-    assert np.abs(np.log(carried.ratio)).max() < 0.1
+    assert np.abs(np.log(carried.correction.ratio)).max() < 0.1
     with pytest.raises(InadmissibleError, match="positive everywhere"):
         own.corrected(replace(stiffness, background_pa=4900.0), own.state())
 

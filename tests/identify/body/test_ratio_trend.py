@@ -34,8 +34,8 @@ def test_the_correction_has_the_slope_of_corrections_at_both_sides(mechanics, st
     for number, step in enumerate(STEPS):
         ends = [stiffness.values + sign * step * np.eye(6)[number] for sign in (1, -1)]
         maps = [GaussianMap.from_values(end) for end in ends]
-        up, down = (np.log(mechanics.corrected(m, state).ratio) for m in maps)
-        slope = here.trend.by_map(stiffness)[:, number]
+        up, down = (np.log(mechanics.corrected(m, state).correction.ratio) for m in maps)
+        slope = here.correction.trend.by_map(stiffness)[:, number]
         assert slope == pytest.approx((up - down) / (2 * step), abs=off * np.abs(slope).max())
         up, down = (here.evaluate(m, state).compliance for m in maps)
         slope = response.by_map[:, number]
@@ -47,12 +47,12 @@ def test_of_a_map_with_other_inclusions_the_correction_is_held(mechanics):
     here = mechanics.corrected(HARD, state)
     response = here.evaluate(plain, state)
     coarse = mechanics.evaluate(plain, state).compliance
-    assert response.compliance == pytest.approx(here.ratio * coarse, rel=1e-12)
+    assert response.compliance == pytest.approx(here.correction.ratio * coarse, rel=1e-12)
     assert response.by_map.shape == (4, 1)
 
 
 def test_far_away_the_correction_levels_off(mechanics):
-    trend = mechanics.corrected(HARD, mechanics.state()).trend
+    trend = mechanics.corrected(HARD, mechanics.state()).correction.trend
     far = HARD.changed({"inclusion_1.weight_pa": 1e12, "inclusion_1.radius_m": 0.05})
     assert np.abs(trend.log_change(far)).max() <= 0.03
     assert trend.log_change(HARD).tolist() == [0.0] * 4

@@ -61,7 +61,7 @@ def test_a_base_that_gives_way_is_that_of_the_finer_mesh(models):
     assert np.abs(exact.evaluate(MAP, state).compliance / true - 1).max() < 0.004
     # Nearby the error follows the base's effect, and so does the derivative
     near, beside = (state.changed(base_tangential_m_per_pa=b) for b in (4.6e-6, 4.01e-6))
-    assert own.corrected(MAP, near, slack=1.0).support is exact.support
+    assert own.corrected(MAP, near, slack=1.0).correction.support is exact.correction.support
     carried, finer_there = (
         m.evaluate(MAP, near).compliance for m in (exact, own.corrected(MAP, near))
     )
@@ -165,22 +165,22 @@ def scaled(state, law: dict[str, float], size: float):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_correction_is_carried_only_where_it_is_sure(mechanics, monkeypatch, seed):
     state = mechanics.state()
-    assert not mechanics.corrected(MAP, state, slack=1.0).carried
+    assert not mechanics.corrected(MAP, state, slack=1.0).correction.carried
     solved = counted(monkeypatch, mechanics.fine.fine)
-    near = mechanics.corrected(moved(0.1, seed), state, slack=1.0)
+    near = mechanics.corrected(moved(0.1, seed), state, slack=1.0).correction
     assert near.carried
     assert not solved
-    exact = mechanics.corrected(moved(0.1, seed), state)
+    exact = mechanics.corrected(moved(0.1, seed), state).correction
     assert not exact.carried
     assert len(solved) == 1
     assert near.ratio == pytest.approx(exact.ratio, rel=mechanics.settings.ratio_error, abs=0)
-    assert np.abs(near.ratio - mechanics.corrected(MAP, state).ratio).max() > 3e-5
+    assert np.abs(near.ratio - mechanics.corrected(MAP, state).correction.ratio).max() > 3e-5
     assert near.model_error == pytest.approx(exact.model_error, rel=0.2)
     assert near.tip.gain == pytest.approx(exact.tip.gain, rel=0.2)
     solved.clear()
-    mechanics._fine.clear()
+    mechanics._corrections._fine.clear()
     mechanics.corrected(MAP, state)
-    assert not mechanics.corrected(moved(8.0, seed), state, slack=1.0).carried
+    assert not mechanics.corrected(moved(8.0, seed), state, slack=1.0).correction.carried
     assert len(solved) == 2
 
 

@@ -6,18 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.settings import DETECTION, DetectionSettings
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
-from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
-
-
-@cache
-def body() -> BodyMechanics:
-    return replace(mechanics(), fine=None, ratio=1.0, trend=None)
+from tests.identify.select.loop_problem import TRUE, model, scan, timing
+from tests.identify.select.loop_problem import uncorrected as body
 
 
 def effect(name):
@@ -79,7 +74,7 @@ def test_an_effect_that_is_too_small_to_be_seen_at_its_largest_has_no_limit_but_
     largest = effect("rigid_tip").parameters[0].upper
     assert own.smallest_share is None
     assert own.sizes["share"] == pytest.approx(largest)
-    change = largest * fit().model.mechanics.tip.gain
+    change = largest * fit().model.mechanics.correction.tip.gain
     signal = fit().at.predicted_m
     moved = signal * change[fit().model.readings.press]
     assert own.largest_share == pytest.approx(np.linalg.norm(moved) / np.linalg.norm(signal), 0.05)

@@ -112,9 +112,9 @@ def test_near_fields_of_a_scan_with_the_same_tips_serve_the_next(fit, monkeypatc
 def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):
     own = fit.model.mechanics
     model_at, at = planned(fit, design(fit, "two_radii"))
-    error = model_at.mechanics.model_error
+    error = model_at.mechanics.correction.model_error
     now = fit.at.body.compliance
-    assert_allclose(error * at.body.compliance, own.model_error * now, rtol=1e-9)
+    assert_allclose(error * at.body.compliance, own.correction.model_error * now, rtol=1e-9)
     # Their own estimate for the other tip, from meshes made for it, is of that size
     every = own.coarse.contacts
     radius = design(fit, "two_radii").presses.radius_m
@@ -125,7 +125,7 @@ def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):
     made = BodyMechanics(
         pair[0], RefinedModel(*pair), lambda nu: PalpationModel(pair[0].mesh, nu, contacts)
     ).corrected(fit.map, fit.at.state)
-    ratio = np.linalg.norm(error) / np.linalg.norm(made.model_error)
+    ratio = np.linalg.norm(error) / np.linalg.norm(made.correction.model_error)
     assert 0.5 < ratio < 2
 
 

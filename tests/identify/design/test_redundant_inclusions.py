@@ -18,7 +18,8 @@ FAINT = Inclusion(300.0, 0.044, 0.018, 0.02, 0.008)
 def fitted(truth: GaussianMap, start: GaussianMap, **options) -> FitResult:
     press, _, _, force = timing(4)
     table = scan(true_compliance(truth.modulus)[press] * force, force, 4)
-    own = model(table, replace(mechanics(), fine=None, trend=None))  # held, that of another map
+    held = replace(mechanics().correction, trend=None)  # that of another map
+    own = model(table, replace(mechanics(), fine=None, correction=held))
     nodes = own.mechanics.coarse.mesh.nodes
     box = np.array([nodes.min(axis=0), nodes.max(axis=0)])
     return fit_jointly(replace(own, space=parameter_space(start, box)), start, **options)

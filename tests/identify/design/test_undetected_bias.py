@@ -9,7 +9,7 @@ from identify.design.detection_limits import Limit, detection_limits
 from identify.design.settings import DETECTION
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.fit.joint_fit import fit_jointly
-from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
+from tests.identify.select.loop_problem import TRUE, model, scan, timing, uncorrected
 
 SHARE = DETECTION.bias_share
 
@@ -38,7 +38,7 @@ def test_the_largest_shift_is_that_of_the_limit_or_of_three_percent_if_that_is_l
 @pytest.mark.parametrize("name", ["tool_compliance", "contact_offset"])
 def test_an_effect_too_small_to_be_seen_moves_the_map_as_foretold(name):
     press, _, _, force = timing(0)
-    body = replace(mechanics(), fine=None, ratio=1.0, trend=None)
+    body = uncorrected()
     table = scan(body.evaluate(TRUE, body.state()).compliance[press] * force, force, 0)
     fit = fit_jointly(model(table, body), TRUE)
     (own,) = detection_limits(fit, [effect for effect in CATALOGUE if effect.name == name])

@@ -57,7 +57,7 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
     assert found.value == pytest.approx(E, rel=0.006)
     assert found.lower95 < E < found.upper95
     assert fit.chi2_per_dof < 1.6
-    growth = fit.model.mechanics.tip.growth
+    growth = fit.model.mechanics.correction.tip.growth
     assert (growth < -1.05).all()  # the layer makes larger contacts stiffer
     lines = fit_map(experiment, rough=True)
     assert lines.chi2_per_dof > 10 * fit.chi2_per_dof

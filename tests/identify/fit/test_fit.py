@@ -159,7 +159,8 @@ def test_the_finer_models_own_error_widens_the_intervals(corrected, direct):
 def test_an_error_shared_by_all_presses_shifts_the_background(twin):
     stiffness = GaussianMap(7300.0)
     model = model_of(twin, make_scan(compliance(twin, stiffness), seed=None), NOISE, stiffness)
-    erring = replace(model, mechanics=replace(model.mechanics, model_error=np.full(49, 0.01)))
+    known = replace(model.mechanics.correction, model_error=np.full(49, 0.01))
+    erring = replace(model, mechanics=replace(model.mechanics, correction=known))
     own = fit_jointly(erring, stiffness, rounds=0).solution
     added = own.covariance - own.noise_covariance
     # Compliances 1 % too large are a background 1 % too soft; the own errors average out.

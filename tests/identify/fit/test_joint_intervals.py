@@ -70,16 +70,20 @@ def test_a_map_whose_own_error_outweighs_the_noise_has_no_valley(fit):
     assert rough.parameters == rough.intervals(curved=False)
 
 
+def with_correction(model, **changes):
+    correction = replace(model.mechanics.correction, **changes)
+    return replace(model, mechanics=replace(model.mechanics, correction=correction))
+
+
 def with_meshes_error(fit, error):
-    return replace(fit.model, mechanics=replace(fit.model.mechanics, model_error=error))
+    return with_correction(fit.model, model_error=error)
 
 
 def test_what_the_meshes_are_off_by_together_widens_by_what_it_moves_the_estimate(fit):
     error = 2e-4 * np.random.default_rng(1).standard_normal(25)
     erring = with_meshes_error(fit, error)
     estimate = fit_jointly(erring, fit.map, rounds=0)
-    body = erring.mechanics
-    corrected = replace(erring, mechanics=replace(body, ratio=body.ratio * (1 + error)))
+    corrected = with_correction(erring, ratio=erring.mechanics.correction.ratio * (1 + error))
     # a step of Gauss and Newton at the estimate: the fit's own end is known no better
     change = corrected.linearise(estimate.u).residual - estimate.at.residual
     moved = estimate.solution.noise_covariance @ estimate.at.jacobian.T @ change

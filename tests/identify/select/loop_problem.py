@@ -5,6 +5,7 @@ from a coarser one with its own; effects are planted here by formulas of their o
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -55,6 +56,13 @@ def mechanics() -> BodyMechanics:
         coarse, RefinedModel(coarse, fine), lambda nu: PalpationModel(coarse.mesh, nu, contacts())
     )
     return own.corrected(TRUE, own.state())
+
+
+@cache
+def uncorrected() -> BodyMechanics:
+    """The coarse mesh alone, which is then the truth as well; it keeps its models elsewhere."""
+    own = mechanics()
+    return replace(own, fine=None, correction=replace(own.correction, ratio=1.0, trend=None))
 
 
 def timing(seed: int) -> tuple[np.ndarray, ...]:

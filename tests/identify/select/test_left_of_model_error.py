@@ -25,7 +25,9 @@ def explained(small: float, gradient: float = 0.0, drift_n: float = 0.0):
     press, time, _, force = timing(0)
     own = mechanics()
     x = np.linspace(-0.5, 0.5, 5)[np.arange(25) % 5]  # of the presses' places, side to side
-    compliance = own.evaluate(TRUE, own.state()).compliance * (1 + ERROR * own.model_error)
+    compliance = own.evaluate(TRUE, own.state()).compliance * (
+        1 + ERROR * own.correction.model_error
+    )
     table = scan((compliance * np.exp(-gradient * x))[press] * force, force, 0)
     table = replace(table, force_n=table.force_n + drift_n * time / time[-1])
     return forward_selection(

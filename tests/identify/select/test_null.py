@@ -21,16 +21,11 @@ from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import NullSearch
 from identify.select.score_test import EffectPattern, beyond, fitted_basis, score_effect
 from identify.select.settings import DiagnosisSettings
-from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
+from tests.identify.select.loop_problem import TRUE, model, scan, timing
+from tests.identify.select.loop_problem import uncorrected as body
 
 SEEDS = 500
 TWINS = 200
-
-
-@cache
-def body():
-    """The coarse mesh alone, which is then the truth as well; it keeps its models elsewhere."""
-    return replace(mechanics(), fine=None, ratio=1.0, trend=None)
 
 
 @cache
@@ -144,7 +139,7 @@ def test_p_values_of_all_forms_are_uniform_at_the_true_map():
 
 def map_coverage(seeds, offset_m: float = 0.0):
     """How often the 95 % intervals of the map alone hold the truth, of the noise alone, by name."""
-    exact = replace(body(), model_error=0.0)
+    exact = replace(body(), correction=replace(body().correction, model_error=0.0))
     inside: dict[str, list[bool]] = {name: [] for name in TRUE.names}
     for seed in seeds:
         table = null_scan(seed)

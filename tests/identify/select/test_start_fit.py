@@ -56,8 +56,10 @@ def test_a_tip_that_is_held_takes_its_part_of_the_compliance():
     free = own.state()
     half, whole = (free.changed(rigid_tip_share=share) for share in (0.5, 1.0))
     plain, held = own.evaluate(TRUE, free), own.evaluate(TRUE, half)
-    assert 1e-3 < np.max(own.tip.gain) < 0.1
-    assert_allclose(held.compliance, plain.compliance * (1 - 0.5 * own.tip.gain), rtol=1e-12)
+    assert 1e-3 < np.max(own.correction.tip.gain) < 0.1
+    assert_allclose(
+        held.compliance, plain.compliance * (1 - 0.5 * own.correction.tip.gain), rtol=1e-12
+    )
     for start, end in ((plain, half), (held, whole), (held, free)):
         change, local = start.change(end)
         assert_allclose(start.compliance + change, own.evaluate(TRUE, end).compliance, rtol=1e-12)

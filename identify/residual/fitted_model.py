@@ -59,7 +59,17 @@ def fitted_model(
         readings, experiment.scan.used().displacement_m, fit.noise.of_readings,
         mechanics, space, parts, unit_compliance=unit_compliance(body.coarse, fit),
     )  # fmt: skip
-    return model.corrected(model.start(fit.map))
+    return carried_as(fit, model, model.start(fit.map))
+
+
+def carried_as(fit: FitResult, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
+    """Carry a model to the finer one, at scaled coordinates u (k,), as the fit's model was.
+
+    The fit of a free map without a finer model keeps the contact of a ball on a half-space.
+    """
+    if isinstance(fit.map, FreeMap) and model.mechanics.fine is None:
+        return model
+    return model.corrected(u)
 
 
 def unit_compliance(model: PalpationModel, fit: FitResult) -> np.ndarray | None:

@@ -36,7 +36,7 @@ from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import lag_error_m
-from identify.residual.fitted_model import fitted_model, unit_compliance
+from identify.residual.fitted_model import carried_as, fitted_model, unit_compliance
 from identify.residual.law_error import law_error
 from identify.residual.own_errors import OwnErrors, map_error, own_errors, shared_places
 from models import Catalogue, Scan
@@ -141,7 +141,7 @@ def predict(
     there = seen.linearise(u)
     used, depth_m = scan.used(), _depth_m(experiment.scan.used())
     body = experiment.body.under(used, depth_m)
-    model = replace(
+    other = replace(
         seen,
         readings=Readings.of(scan),
         displacement_m=used.displacement_m,
@@ -149,7 +149,8 @@ def predict(
         mechanics=BodyMechanics.of(body.coarse, body.fine),
         press_error=0.0,
         unit_compliance=unit_compliance(body.coarse, fit),
-    ).corrected(u)
+    )
+    model = carried_as(fit, other, u)
     error = fit.field.hyper.error if fit.field is not None else map_error(seen, there)
     own = own_errors(seen, there, u, error)
     shared = shared_places(experiment.scan.used(), used)

@@ -20,6 +20,7 @@ from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperimen
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.residual import Prediction, predict
+from identify.residual.fitted_model import fitted_model as model_of_fit
 from models import Scan
 
 SIZE_M = (0.06, 0.06, 0.03)
@@ -115,6 +116,35 @@ def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
     assert 0.2 < found.chi2 / found.presses < 2.2  # one standard deviation is 0.35
     near = found.scan.near_largest_force
     assert found.parts_m["map and effects"][near].mean() > found.parts_m["noise"][near].mean()
+
+
+def test_a_ball_over_something_hard_is_predicted_by_the_contact_of_the_fit():
+    """On one mesh alone: the contact grows in the prediction as in the fit, not otherwise."""
+    rng, grid = np.random.default_rng(6), Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
+    hard_below = FreeMap(grid, LEVEL + 2.0 * (grid.points_m[:, 2] < 0.022))
+    ball = replace(contacts(3, 0.004), profile="hertz")
+    body = PalpationModel(block_mesh(SIZE_M, (5, 5, 3)), 0.45, ball)
+    scan = scan_of(body, hard_below, rng).replace(probe_radius_m=np.full(9 * len(FORCES_N), 0.008))
+    start = FreeMap(grid, np.full(len(grid), LEVEL + 0.5))
+
+    def of(scan: Scan, stiffness: FreeMap) -> MeasurementModel:
+        space = ParameterSpace(stiffness, (), ())
+        parts = Readings.of(scan), scan.displacement_m, NOISE, BodyMechanics.of(body), space
+        unit = 1e4 * body.evaluate(1e4).compliance
+        return MeasurementModel(*parts, (), unit_compliance=unit)
+
+    true = of(scan, hard_below).corrected(np.empty(0))
+    assert np.median(true.mechanics.tip.growth) < -1.1  # a half-space has -1
+    travel = true.linearise(np.empty(0)).predicted_m
+    scan = scan.replace(displacement_m=travel + rng.normal(0, 2e-5, len(travel)))
+    hyper = Hyper(0.012, 1.0, 0.0, ("length_m", "spread"))
+    fit = FreeMapFit(of(scan, start), hyper, (0.01, 0.06)).run()
+    experiment = PlacedExperiment(scan, BodyModel(*3 * [body], ""), NOISE, MapGuess(1))
+    anew = model_of_fit(experiment, fit, CATALOGUE)
+    own = replace(fit.model, map_uncertainty=None).linearise(fit.u).predicted_m
+    assert fit.success
+    off = anew.linearise(np.empty(0)).predicted_m / own - 1
+    assert np.abs(off).max() < 1e-6  # 2.5e-2 with the growth of the contact at the map
 
 
 def test_errors_of_another_body_exceed_the_bands():

@@ -162,7 +162,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
-        if _hides_lead(now, ladder[-1], settings):
+        if _hides_lead(now, ladder[-1], settings) or replaces_map(now.fit, fit):
             ladder[:], path.accepted, path.dropped = before
             return
 
@@ -177,6 +177,17 @@ def _hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:
     if law is None or after.comparison.law is not None or after.comparison.is_noise:
         return False
     return before.fit.chi2 - after.fit.chi2 < settings.of_lead * law.share * excess
+
+
+def replaces_map(before: FitResult, after: FitResult) -> bool:
+    """Whether an effect beside a free map has taken the place of the compliances.
+
+    The map gives way until its prior is cheap, and meets the presses worse: with a stiffening of
+    free shape a liver's misfit rose by 2 %, and the error of an ordinary press from 7 to 120 %.
+    """
+    if before.field is None or after.field is None or after.chi2 < before.chi2:
+        return False
+    return after.field.ordinary_error > before.field.ordinary_error
 
 
 def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.catalogue import CATALOGUE
 from identify.effects import Readings
+from identify.fit import FitResult
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.chain import OperatingPoint
@@ -19,6 +21,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
 from identify.select.explanation import ended_by_presses, few_presses, within_laws
+from identify.select.forward_selection import replaces_map
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
 from models import Scan
@@ -192,3 +195,15 @@ def test_nothing_is_sought_beside_the_law_of_some_presses():
         field=1, model=SimpleNamespace(readings=SimpleNamespace(press=[0], presses=1))
     )
     assert "structure in many" in ended_by_presses(fit, fit, partial, SELECTION)
+
+
+def test_an_effect_that_takes_the_place_of_the_compliances_is_no_gain():
+    def fit(chi2: float, error: float | None) -> FitResult:
+        field = None if error is None else SimpleNamespace(ordinary_error=error)
+        return cast(FitResult, SimpleNamespace(chi2=chi2, field=field))
+
+    before = fit(24981.0, 0.066)
+    assert replaces_map(before, fit(25526.0, 1.2))
+    assert not replaces_map(before, fit(24980.0, 1.2))  # it explains
+    assert not replaces_map(before, fit(25526.0, 0.01))  # the map follows the presses closer
+    assert not replaces_map(fit(24981.0, None), fit(25526.0, None))

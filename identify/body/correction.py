@@ -91,6 +91,17 @@ class Corrections:
         support = self._support(models, fine, firm, state.base_m_per_pa, stiffness, plain, slack)
         return replace(firm, support=support)
 
+    def estimated(
+        self, fine: FineModel, there: ChangedMap, coarse: np.ndarray
+    ) -> np.ndarray | None:
+        """Finer model's compliance (j,) m/N, linear around its nearest solution, or None.
+
+        `coarse` (j,) are the coarse model's compliances there.
+        """
+        found = [known.estimated(fine, there, coarse) for known in self._fine.values()]
+        carried, error = min(found, key=lambda one: one[1], default=(coarse, np.inf))
+        return carried if np.isfinite(error) and carried.min() > 0 else None
+
     def _firm(
         self,
         models: OtherModels,

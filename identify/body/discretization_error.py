@@ -105,6 +105,16 @@ class CarriedFine(NamedTuple):
             return compliance, remaining_error(added, self.unevenness)
         return own, _mesh_error(fine, coarse, own / coarse_compliance, settings)
 
+    def estimated(
+        self, fine: FineModel, there: ChangedMap, coarse_compliance: np.ndarray
+    ) -> tuple[np.ndarray, float]:
+        """Finer model's compliance (j,) m/N as far as it is linear, and the scale of its error."""
+        log_ratio, error = self.ratio.estimated(there, coarse_compliance)
+        own = coarse_compliance * np.exp(log_ratio)
+        if isinstance(fine, RefinedModel):
+            own = fine.extrapolated(coarse_compliance, own)[0]
+        return own, error
+
 
 class SupportError(NamedTuple):
     """Error of the coarse model that a support's giving way brings, beside that of a firm one.

@@ -63,9 +63,16 @@ class LinearRatio:
         compliance : (j,) of the coarse model for this map
         tolerance : relative, of a compliance
         """
+        log_ratio, error = self.estimated(there, compliance)
+        return log_ratio if error <= tolerance else None
+
+    def estimated(self, there: ChangedMap, compliance: np.ndarray) -> tuple[np.ndarray, float]:
+        """Logarithm (j,) of the ratio for a map, and the scale of its largest error.
+
+        That is infinite where a linear compliance is not positive. Parameters as of `log_at`.
+        """
         coarse, other = self._coarse.compliance_at(there), self._other.compliance_at(there)
         if not (coarse.min() > 0 and other.min() > 0):
-            return None
+            return np.zeros_like(compliance), np.inf
         log_ratio = np.log(other / coarse)
-        error = np.abs((compliance / coarse - 1) * log_ratio)
-        return log_ratio if error.max() <= tolerance else None
+        return log_ratio, float(np.abs((compliance / coarse - 1) * log_ratio).max())

@@ -167,6 +167,23 @@ class BodyMechanics(OtherModels):
         correction = self._corrections.at(self, self.fine, stiffness, state, slack)
         return replace(self, correction=correction)
 
+    def correction_off(
+        self, stiffness: GaussianMap, state: BodyState, coarse: np.ndarray
+    ) -> np.ndarray | None:
+        """How far the correction may be off at a map, as ln C (j,); None where nothing tells.
+
+        The difference between two courses of the correction that are both right to first order:
+        the one at hand, and the one carried from the nearest solution of the finer model. `coarse`
+        (j,) are the coarse model's compliances there.
+        """
+        if self.fine is None or any(state.shift_m):
+            return None
+        plain = self.plain(state)
+        carried = self._corrections.estimated(self.fine, ChangedMap(stiffness, plain), coarse)
+        if carried is None:
+            return None
+        return np.log(carried / coarse) - np.log(self.correction.factor(stiffness, plain))
+
     def counts_support(self, state: BodyState) -> bool:
         """Return whether the correction counts a base that gives way as in the state."""
         counted = self.fine is None or self.correction.support is not None

@@ -114,6 +114,11 @@ class BodyResponse:
         stale = isinstance(self._response, ReducedResponse) and self._response.is_stale
         return self._full if stale else self._response
 
+    @property
+    def correction_off(self) -> np.ndarray | None:
+        """How far the correction may be off here, see `BodyMechanics.correction_off`."""
+        return self._mechanics.correction_off(self._map, self._state, self._response.compliance)
+
     def by_field(self) -> np.ndarray:
         """Return the derivative (j, g) of ln C by a free map, by its logarithm at its g points."""
         assert isinstance(self._map, FreeMap)

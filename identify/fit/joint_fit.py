@@ -125,6 +125,8 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         result, _ = search.finished(model, result)
         return _ended(search, model, result.x, result, result.success)
     for number in range(1, s.rounds + s.nearer_rounds * s.guarded + 1):
+        if number > s.rounds and search.spent > s.most_spent:
+            break  # in a rough valley
         try:
             there = search.corrected(model, result.x)
         except (InadmissibleError, SolverError):  # a map that the finer mesh does not resolve

@@ -92,6 +92,15 @@ class FitSettings:
         return chi2_per_dof > self.gross_misfit**2
 
     @property
+    def most_spent(self) -> int:
+        """Evaluations after which no further round begins beyond `rounds`.
+
+        In a valley that is rough as no model is right, each would take as many as all before; a
+        record is worth twice the evaluations of a trial.
+        """
+        return (1 + self.confirmed) * self.rounds * self.max_evaluations
+
+    @property
     def following(self) -> FitSettings:
         """The settings by which starts are compared, before any correction at their ends."""
         return replace(self, ftol=0.1, rtol=1e-2, enough=1.0, confirmed=False, slack=100.0)

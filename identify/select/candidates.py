@@ -13,7 +13,7 @@ from identify.fit.settings import TRIAL
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
 from identify.select.diagnosis import Diagnosis
-from identify.select.score_test import Score, holm_significant
+from identify.select.score_test import Score, fitted_basis, holm_significant
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
 
@@ -182,12 +182,31 @@ def refit_further(
     """Continue a refit that had not ended, or went far from the last correction."""
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > settings.far_map
-    far |= not fit.model.mechanics.counts_support(fit.at.state)
-    lags = is_beaten(fit.chi2, before.chi2, best, settings, settings.lagging_share)
-    if (fit.success and not far) or lags:
+    counted = fit.model.mechanics.counts_support(fit.at.state)
+    ended = fit.success and counted and not (far and not _out_of_reach(fit, best, settings))
+    if ended or is_beaten(fit.chi2, before.chi2, best, settings, settings.lagging_share):
         return fit
     most = 2 * settings.refit_evaluations
     return refit(fit.model, fit.map, settings, max_evaluations=most) or fit
+
+
+def _out_of_reach(fit: FitResult, best: float, settings: SelectionSettings) -> bool:
+    """Whether no other correction can bring a fit that converged near the best chi-square.
+
+    A correction that is off by x moves chi-square by 2 r'x + x'x, where the fitted parameters take
+    up their part of x. The residual's own part of chi-square beyond the noise is what can lie
+    along x; the noise adds three standard deviations.
+    """
+    off = fit.at.body.correction_off
+    if off is None:
+        return False
+    model, at = fit.model, fit.at
+    moved = model.moved_by_body(at, off * at.body.compliance, np.zeros_like(off))
+    moved = at.whitened(moved, model.readings.press)
+    fitted = fitted_basis(at)
+    length = settings.correction_doubt * np.linalg.norm(moved - fitted @ (fitted.T @ moved))
+    structure = np.sqrt(max(fit.chi2 - fit.dof, 0.0)) + 3.0
+    return bool(fit.chi2 - best > settings.margin + length * (2 * structure + length))
 
 
 def is_implausible(fit: FitResult, name: str) -> bool:

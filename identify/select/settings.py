@@ -99,6 +99,8 @@ class SelectionSettings:
         was fitted wrongly finds back
     far_map : scaled coordinate of the map (a logarithm, or a body size) beyond which the finer
         model corrects otherwise and the refit is continued
+    correction_doubt : factor on the difference between two courses of the finer model's correction
+        by which it may be off, where a refit from the better one is to be spared
     behind_chi2, behind_share : chi-square, and share of the best improvement, by which a candidate
         is beaten. A true effect has come from behind by 130 once the finer model corrected its map
     lagging_share : of the best improvement: no candidate has caught up with more in a continued
@@ -142,6 +144,7 @@ class SelectionSettings:
     eased_weight: float = 0.35
     eased_radius: float = 1.3
     far_map: float = 0.3
+    correction_doubt: float = 3.0
     behind_chi2: float = 200.0
     behind_share: float = 0.5
     lagging_share: float = 0.2

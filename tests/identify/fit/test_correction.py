@@ -1,11 +1,14 @@
 """A joint fit is carried to the finer model's minimum from wherever its correction was made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fem import SolverError
 from identify.fit.joint_fit import fit_jointly, found_again
 from identify.fit.search import Search
+from identify.fit.settings import SEARCH
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
 
@@ -66,3 +69,21 @@ def test_a_valley_that_a_mesh_cannot_resolve_ends_an_interval_and_not_the_run(mo
     plain, curved = found.intervals(curved=False), found.intervals(curved=True)
     for name in TRUE.names:
         assert curved[name].lower95 <= plain[name].value <= curved[name].upper95
+
+
+def test_a_rough_valley_takes_no_more_than_its_evaluations(monkeypatch, own):
+    corrected, made = Search.corrected, []
+
+    def restless(self, model, u):
+        """A correction that never agrees with the one before."""
+        made.append(self.spent)
+        other = corrected(self, model, u)
+        scale = 1.3 if len(made) % 2 else 1 / 1.3
+        own = other.mechanics.correction
+        mechanics = replace(other.mechanics, correction=replace(own, ratio=scale * own.ratio))
+        return replace(other, mechanics=mechanics)
+
+    monkeypatch.setattr(Search, "corrected", restless)
+    fit_jointly(own, TRUE, max_evaluations=2)
+    begun = [spent for spent in made if spent > replace(SEARCH, max_evaluations=2).most_spent]
+    assert len(begun) <= 2  # the correction of the record, and that of a round begun before

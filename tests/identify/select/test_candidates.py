@@ -2,15 +2,25 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fem import PalpationModel, RefinedModel, block_mesh
+from identify.body.correction import Corrections
+from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.select import candidates as candidates
-from identify.select.candidates import compare_candidates, fit_with, predicted_share, shortlist
+from identify.select.candidates import (
+    compare_candidates,
+    fit_with,
+    predicted_share,
+    refit_further,
+    shortlist,
+)
 from identify.select.score_test import fitted_basis, score_effect
+from identify.select.settings import SELECTION
 from identify.select.step import step_of
 from tests.identify.select.loop_problem import (  # fmt: skip
     NOISE,
@@ -19,6 +29,7 @@ from tests.identify.select.loop_problem import (  # fmt: skip
     SIZE,
     TRUE,
     contacts,
+    mechanics,
     model,
     scan,
     timing,
@@ -121,3 +132,44 @@ def test_a_rival_that_is_far_behind_is_not_refitted_to_the_end(monkeypatch):
     assert (best.name, beaten.name) == ("contact_offset", "inclusion_edge")
     assert beaten.chi2 > best.chi2 + 200
     assert refits.count("inclusion_edge") == 1
+
+
+@pytest.mark.parametrize(
+    "moved",
+    [
+        {"inclusion_1.weight_pa": 20e3},
+        {"inclusion_1.x_m": 0.031},
+        {"inclusion_1.radius_m": 0.006, "inclusion_1.weight_pa": 25e3},
+    ],
+)
+def test_the_doubt_of_a_carried_correction_covers_its_error(moved):
+    own = mechanics()
+    state, there = own.state(), TRUE.changed(moved)
+    coarse = own.evaluate(there, state).compliance / own.evaluate(there, state)._scale
+    off = own.correction_off(there, state, coarse)
+    exact = replace(own, _corrections=Corrections()).corrected(there, state)
+    error = np.log(exact.evaluate(there, state).compliance / own.evaluate(there, state).compliance)
+    assert off is not None
+    assert np.linalg.norm(error) < SELECTION.correction_doubt * np.linalg.norm(off)
+    assert np.linalg.norm(off) < 10 * np.linalg.norm(error)
+
+
+def test_a_fit_that_no_correction_brings_near_the_best_is_not_refitted(monkeypatch, saturated):
+    fit = fit_with(saturated.fit, CATALOGUE["force_bias"], saturated.diagnosis["force_bias"])
+    assert fit is not None
+    assert fit.success
+    tried, settings = [], replace(SELECTION, far_map=0.0)
+    monkeypatch.setattr(candidates, "refit", lambda model, *_, **__: tried.append(model))
+
+    def further(behind: float) -> int:
+        tried.clear()
+        assert refit_further(fit, saturated.fit, fit.chi2 - behind, settings) is fit
+        return len(tried)
+
+    assert further(5.0) == 1
+    assert further(150.0) == 0
+    doubt = 0.03 * (-1.0) ** np.arange(25)  # as a correction may be off that was made elsewhere
+    monkeypatch.setattr(BodyMechanics, "correction_off", lambda *_: doubt)
+    assert further(150.0) == 1
+    monkeypatch.setattr(BodyMechanics, "correction_off", lambda *_: None)
+    assert further(150.0) == 1

@@ -134,7 +134,7 @@ def test_a_ball_over_something_hard_is_predicted_by_the_contact_of_the_fit():
         return MeasurementModel(*parts, (), unit_compliance=unit)
 
     true = of(scan, hard_below).corrected(np.empty(0))
-    assert np.median(true.mechanics.tip.growth) < -1.1  # a half-space has -1
+    assert np.median(true.mechanics.correction.tip.growth) < -1.1  # a half-space has -1
     travel = true.linearise(np.empty(0)).predicted_m
     scan = scan.replace(displacement_m=travel + rng.normal(0, 2e-5, len(travel)))
     hyper = Hyper(0.012, 1.0, 0.0, ("length_m", "spread"))

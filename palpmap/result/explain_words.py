@@ -65,7 +65,7 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     """
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
-        said = _by_chance(explained) or "The residual is noise."
+        said = by_chance(explained) or "The residual is noise."
         if explained.traces:
             return (
                 f"{said} A trace of {' or '.join(explained.traces)} is not significant, not "
@@ -73,7 +73,7 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
             )
         return f"{said} No effect of the catalogue has left a trace."
     if explained.verdict == "explained":
-        chance = _by_chance(explained)
+        chance = by_chance(explained)
         plain = f"With {sure} in the model, the residual is noise."
         return f"With {sure} in the model: {chance}" if chance else plain
     if explained.verdict == "ambiguous":
@@ -95,7 +95,7 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     return f"{law_sentence(residual)} {look} {_help(explained)}{maps}".strip()
 
 
-def _by_chance(explained: Explanation) -> str:
+def by_chance(explained: Explanation) -> str:
     """Say how rarely noise alone leaves the last residual, where that is rare; else nothing."""
     last = explained.final.comparison
     return last.statement if last.is_noise and last.p_value < last.alpha else ""

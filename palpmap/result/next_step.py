@@ -6,6 +6,7 @@ from pathlib import Path
 from identify.select import Explanation
 from models import scan_findings
 from palpmap.console import to_type
+from palpmap.result.explain_words import by_chance
 from palpmap.result.finding import Finding
 from palpmap.result.own_effect import OWN_EFFECT
 from palpmap.result.records import ExplainRecord
@@ -58,6 +59,8 @@ def next_steps(
         cures = [f"{e.title}: {e.cure}" for e in effects if e.name in explained.added]
         steps += [*cures, f"The study with what was found: {run / 'study.toml'}"]
     elif explained.verdict == "nothing_missing":
+        if by_chance(explained):
+            steps.append("Make the scan once more: a pattern that stays has a cause.")
         limits = to_type("limits", source)
         steps.append(f"`{limits}` says how large an effect must be for this scan to show it.")
     return (f"Next: {steps[0]}", *steps[1:]) if steps else ()

@@ -18,6 +18,7 @@ from identify.design.assessment import assess
 from identify.design.detection_limits import Limit
 from identify.design.geometry_confounders import GeometryConfounder
 from identify.design.undetected_bias import UndetectedBias
+from identify.residual import sentence
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.explanation import Explanation
@@ -317,6 +318,26 @@ def test_presses_that_change_nothing_are_not_asked_for_first(told, tmp_path):
     assert steps(None, "explained").startswith("Next: Repeat presses 3")
     assert "Repeat" not in steps(None, "unexplained")
     assert steps(wrong, "explained").startswith("Next: Set kind")
+
+
+def test_a_pattern_that_chance_may_have_left_is_told_and_looked_for_again(told, tmp_path):
+    last = told.explained.final
+    firing = replace(last.comparison.tests[0], p_adjusted=0.004, fires=True)
+    comparison = replace(
+        last.comparison, is_noise=True, varies_with=None, tests=(firing,), alpha=0.01
+    )
+    comparison = replace(comparison, statement=sentence(comparison))
+    rare = replace(
+        told.explained, verdict="nothing_missing", accepted=(),
+        ladder=(replace(last, comparison=comparison),),
+    )  # fmt: skip
+    record = told.record.changed(next_presses=())
+    assert "in one of 250 scans" in verdict_detail(rare)
+    assert "Make the scan once more" in next_steps(record, rare, told.problem, tmp_path)[0]
+    usual = replace(comparison, tests=(replace(firing, p_adjusted=0.4, fires=False),))
+    rare = replace(rare, ladder=(replace(last, comparison=usual),))
+    assert "in one of" not in verdict_detail(rare)
+    assert "once more" not in " ".join(next_steps(record, rare, told.problem, tmp_path))
 
 
 def test_what_no_presses_separate_is_ruled_out_by_the_cure_of_each_cause(told, tmp_path):

@@ -37,6 +37,7 @@ class FreeLoop(Effect):
     )  # fmt: skip
     needs = ("unloading",)
     contains = ("hysteresis",)
+    any_shape = True
     examples = (
         WorkedExample(
             "Up to 2 mm at 0.3 N and back to 0.18 N, 60 % of it, where the loop is 5 % of 2 mm "

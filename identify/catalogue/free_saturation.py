@@ -37,6 +37,7 @@ class FreeSaturation(Effect):
     )  # fmt: skip
     needs = ("several forces",)
     contains = ("force_saturation",)
+    any_shape = True
     examples = (
         WorkedExample(
             "Rises of 1/30, 1/15, 1/15 and 1/30 make S = 0.2 f / Fref: 0.2 N read are "

@@ -39,6 +39,7 @@ class FreeStiffening(Effect):
     )  # fmt: skip
     needs = ("several forces",)
     contains = ("strain_stiffening",)
+    any_shape = True
     examples = (
         WorkedExample(
             "a = 5 mm; rises of 1/6, 1/3, 1/3 and 1/6 make S = x over a depth of a: the law is "

@@ -114,6 +114,8 @@ class Effect:
     counted_from : "touch" or "plane" for an effect that shows only in travel counted from each
         press's own touch, or only from the planned surface; empty for both
     contains : names of effects that are special cases of this one
+    any_shape : its law is any smooth curve within a press; beside the course of an unknown cause it
+        may be another part of that, and is not offered by name
     examples : at least one, away from the null
 
     Examples
@@ -140,6 +142,7 @@ class Effect:
     needs: ClassVar[tuple[Need, ...]] = ()
     counted_from: ClassVar[Literal["", "touch", "plane"]] = ""
     contains: ClassVar[tuple[str, ...]] = ()
+    any_shape: ClassVar[bool] = False
     examples: ClassVar[tuple[WorkedExample, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: object) -> None:

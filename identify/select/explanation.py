@@ -65,8 +65,12 @@ class Explanation:
         """
         if not self.told_apart:
             return ()
-        groups = tuple(a.group for a in self.accepted if not (a.decided or a.is_unknown))
-        groups += tuple((name, SUSPECT_PRESSES) for name in self.resting_on_outliers)
+        hidden = self.parts_of_unknown
+        groups = tuple(
+            a.group for a in self.accepted if not (a.decided or a.is_unknown or a.name in hidden)
+        )
+        resting = (name for name in self.resting_on_outliers if name not in hidden)
+        groups += tuple((name, SUSPECT_PRESSES) for name in resting)
         if self.verdict == "unexplained":
             return groups
         decided = {a.name for a in self.accepted if a.decided}
@@ -82,7 +86,7 @@ class Explanation:
         Beside a structured residual, which may be its cause, an effect is offered only if the
         contact law of the presses supports it.
         """
-        unsure = (*self.resting_on_outliers, *self.doubted)
+        unsure = (*self.resting_on_outliers, *self.doubted, *self.parts_of_unknown)
         return tuple(
             a.name for a in self.accepted
             if a.decided and not a.is_unknown and a.name not in unsure
@@ -93,6 +97,15 @@ class Explanation:
     def unknown(self) -> tuple[str, ...]:
         """Courses of the last model that stand in for causes outside the catalogue."""
         return tuple(a.name for a in self.accepted if a.is_unknown)
+
+    @property
+    def parts_of_unknown(self) -> tuple[str, ...]:
+        """Effects of any shape beside the course of an unknown cause: they may be parts of it.
+
+        A tip that stuck was a saturation or a loop of free shape in two of twenty trials.
+        """
+        names = (a.name for a in self.accepted if self.unknown and not a.is_unknown)
+        return tuple(name for name in names if self.effect(name).any_shape)
 
     @property
     def told_apart(self) -> bool:

@@ -57,7 +57,7 @@ def _in_group(
     others = tuple(other for other in group if other != name)
     if name in explained.added:
         return "supported", others
-    if not explained.told_apart:
+    if not explained.told_apart or name in explained.parts_of_unknown:
         return "helps", ()
     if others:
         return "indistinguishable", others

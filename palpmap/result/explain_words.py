@@ -206,7 +206,8 @@ def _unknown(explained: Explanation) -> str:
     ]  # fmt: skip
     it = "it" if len(says) == 1 else "them"
     if explained.told_apart:
-        beside = f" and {listed(explained.added)}" if explained.added else ""
+        also = (*explained.added, *explained.parts_of_unknown)
+        beside = f" and {listed(also)}" if also else ""
         says.append(f"With {it}{beside} in the model, the residual is noise; the map counts {it}.")
     else:
         share = percent(explained.explained_share)

@@ -69,6 +69,23 @@ def test_an_answer_holds_on_fewer_readings_whatever_other_course_does_as_well_th
     assert confirmed(answer, model(others), others, some, print) is not None
 
 
+def test_a_curve_of_any_shape_beside_the_course_is_not_offered_by_name(found, monkeypatch):
+    assert found.added == ("hysteresis",)
+    monkeypatch.setattr(type(found.effect("hysteresis")), "any_shape", True)
+    assert (found.added, found.ambiguous) == ((), ())
+    assert found.parts_of_unknown == ("hysteresis",)
+    assert effect_verdict(found.effect("hysteresis"), found).verdict == "helps"
+    resting = replace(found, resting_on_outliers=("hysteresis",))
+    assert resting.ambiguous == ()
+    known = replace(found, accepted=tuple(a for a in found.accepted if not a.is_unknown))
+    assert known.parts_of_unknown == ()
+
+
+def test_free_curves_are_marked():
+    marked = {effect.name for effect in CATALOGUE if effect.any_shape}
+    assert marked == {"free_loop", "free_saturation", "free_stiffening"}
+
+
 def test_the_course_is_drawn_along_the_session(found):
     (curve,) = (c for c in form_curves(found.final.fit) if c.effect == "unknown_session_share")
     assert (curve.along, curve.unit) == ("time of the session", "1")

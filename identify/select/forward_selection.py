@@ -155,6 +155,9 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         fit, path.accepted, lost, exchanged = _refitted(
             candidates[0], path.accepted, policy, say, settings
         )
+        if replaces_map(now.fit, fit):
+            path.accepted, path.dropped = before[1:]
+            return
         path.dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model
@@ -162,7 +165,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
-        if _hides_lead(now, ladder[-1], settings) or replaces_map(now.fit, fit):
+        if _hides_lead(now, ladder[-1], settings):
             ladder[:], path.accepted, path.dropped = before
             return
 

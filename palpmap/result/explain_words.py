@@ -206,9 +206,8 @@ def _unknown(explained: Explanation) -> str:
     ]  # fmt: skip
     it = "it" if len(says) == 1 else "them"
     if explained.told_apart:
-        also = (*explained.added, *explained.parts_of_unknown)
-        beside = f" and {listed(also)}" if also else ""
-        says.append(f"With {it}{beside} in the model, the residual is noise; the map counts {it}.")
+        all_of_it = listed([it, *explained.added, *explained.parts_of_unknown])
+        says.append(f"With {all_of_it} in the model, the residual is noise; the map counts {it}.")
     else:
         share = percent(explained.explained_share)
         says.append(

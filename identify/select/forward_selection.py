@@ -39,7 +39,7 @@ from identify.select.explanation import Explanation, ended_by_presses, verdict_o
 from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import reconsider, with_exchanged
 from identify.select.settings import SELECTION, SelectionSettings
-from identify.select.step import Step, step_of, whitened_fit
+from identify.select.step import Step, hides_lead, replaces_map, step_of, whitened_fit
 from models import Scan
 
 FirstStep = Callable[[Step, Callable[[str], None]], tuple[FitResult, list[AcceptedEffect]] | None]
@@ -165,32 +165,9 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
-        if _hides_lead(now, ladder[-1], settings):
+        if hides_lead(now, ladder[-1], settings):
             ladder[:], path.accepted, path.dropped = before
             return
-
-
-def _hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:
-    """Whether a step takes away a simple law of the residual, and not what follows that law.
-
-    The law is the lead to the cause: as if the force lagged, say. The cause takes what follows it;
-    imitations take a tenth each until nothing of the lead is left.
-    """
-    law, excess = before.comparison.law, before.fit.chi2 - before.fit.dof
-    if law is None or after.comparison.law is not None or after.comparison.is_noise:
-        return False
-    return before.fit.chi2 - after.fit.chi2 < settings.of_lead * law.share * excess
-
-
-def replaces_map(before: FitResult, after: FitResult) -> bool:
-    """Whether an effect beside a free map has taken the place of the compliances.
-
-    The map gives way until its prior is cheap, and meets the presses worse: with a stiffening of
-    free shape a liver's misfit rose by 2 %, and the error of an ordinary press from 7 to 120 %.
-    """
-    if before.field is None or after.field is None or after.chi2 < before.chi2:
-        return False
-    return after.field.ordinary_error > before.field.ordinary_error
 
 
 def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> _Path:

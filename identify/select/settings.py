@@ -63,7 +63,8 @@ class StartSettings:
 START = StartSettings()
 
 
-BESIDE_EFFECTS = ResidualSettings(structure=1e-3)
+SURE = 1e-3  # family-wise p-value of a missing cause, with a name or without
+BESIDE_EFFECTS = ResidualSettings(structure=SURE)
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ class SelectionSettings:
     close: float = 5.0
     whole_bound: float = 0.95
     together: float = 0.99
-    sure: float = 1e-3
+    sure: float = SURE
     shortlist: int = 3
     hopeless: float = 0.1
     same_family: float = 0.4

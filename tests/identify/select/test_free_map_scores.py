@@ -21,9 +21,9 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
 from identify.select.explanation import ended_by_presses, few_presses, within_laws
-from identify.select.forward_selection import replaces_map
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
+from identify.select.step import replaces_map
 from models import Scan
 
 SIZE_M, NOISE = (0.06, 0.06, 0.03), Noise(2e-5, 2e-3)

@@ -23,7 +23,7 @@ from identify.optimize.gauss_newton import covariance
 from identify.select.explanation import ended_by_presses, few_presses, within_laws
 from identify.select.score_test import effect_patterns, unavailable
 from identify.select.settings import SELECTION
-from identify.select.step import replaces_map
+from identify.select.step import Step, hides_lead, replaces_map
 from models import Scan
 
 SIZE_M, NOISE = (0.06, 0.06, 0.03), Noise(2e-5, 2e-3)
@@ -207,3 +207,15 @@ def test_an_effect_that_takes_the_place_of_the_compliances_is_no_gain():
     assert not replaces_map(before, fit(24980.0, 1.2))  # it explains
     assert not replaces_map(before, fit(25526.0, 0.01))  # the map follows the presses closer
     assert not replaces_map(fit(24981.0, None), fit(25526.0, None))
+
+
+def test_a_step_that_takes_the_lead_away_and_not_what_follows_it_is_known():
+    def step(chi2: float, law: object) -> Step:
+        comparison = SimpleNamespace(law=law, is_noise=False)
+        fit = SimpleNamespace(chi2=chi2, dof=1000)
+        return cast(Step, SimpleNamespace(fit=fit, comparison=comparison))
+
+    before = step(2000.0, SimpleNamespace(share=0.9))
+    assert hides_lead(before, step(1800.0, None), SELECTION)
+    assert not hides_lead(before, step(1500.0, None), SELECTION)  # it takes half of what follows
+    assert not hides_lead(before, step(1800.0, before.comparison.law), SELECTION)

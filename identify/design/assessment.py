@@ -13,7 +13,6 @@ from identify.design.geometry_confounders import GeometryConfounder, geometry_co
 from identify.design.next_presses import Proposal, next_presses
 from identify.design.other_map import OtherMap
 from identify.design.predicted_limits import designs_on_body
-from identify.design.redundant_inclusions import redundant_inclusions
 from identify.design.scan_variants import Presses, presses_of, variations
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
@@ -40,7 +39,7 @@ class Assessment:
     forms : the last model and those that the scan does not separate from it
     curves : the effects of the last model, drawn
     confounders : lengths of the study whose error would look like an effect that is offered
-    redundant_inclusions : numbers, from one, of inclusions without evidence in the readings
+    unseen_inclusions : numbers, from one, of inclusions without evidence in the readings
     limits : detection limits of the first step
     undetected_biases : largest shift of each parameter of the last step by an undetected effect
     not_counted : effects whose shift of the parameters the scan cannot bound
@@ -57,7 +56,7 @@ class Assessment:
     forms: tuple[Form, ...]
     curves: tuple[FormCurve, ...]
     confounders: tuple[GeometryConfounder, ...]
-    redundant_inclusions: tuple[int, ...]
+    unseen_inclusions: tuple[int, ...]
     limits: tuple[Limit, ...]
     undetected_biases: Mapping[str, UndetectedBias]
     not_counted: tuple[str, ...]
@@ -103,7 +102,7 @@ def assess(
         forms=forms,
         curves=form_curves(last),
         confounders=tuple(c for c in geometry_confounders(explained) if c.effect in offered),
-        redundant_inclusions=redundant_inclusions(last) if known else (),
+        unseen_inclusions=last.unseen_inclusions if known else (),
         limits=limits,
         undetected_biases=undetected_biases(unseen),
         not_counted=_not_counted(explained, unseen, catalogue),

@@ -47,18 +47,16 @@ DETECTION = DetectionSettings()
 
 @dataclass(frozen=True)
 class ConfounderSettings:
-    """Settings of `geometry_confounders` and `redundant_inclusions`.
+    """Settings of `geometry_confounders`.
 
     Attributes
     ----------
     largest_change : relative change of a length; a larger one is no slip of the study
     as_good : share of the decrease of chi-square by the effect
-    sure_sigmas : standard errors of the weight of an inclusion that is certain
     """
 
     largest_change: float = 0.3
     as_good: float = 0.9
-    sure_sigmas: float = 5.0
 
 
 CONFOUNDERS = ConfounderSettings()

@@ -15,7 +15,9 @@ from identify.fit.posterior import Posterior
 from identify.fit.profile_intervals import straight, valley_intervals
 from identify.fit.search import FitIteration
 from identify.fit.settings import FitSettings
+from identify.fit.unseen_inclusions import unseen_inclusions
 from identify.map.gaussian_map import GaussianMap
+from identify.map.parameters import any_inclusion
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
@@ -243,13 +245,20 @@ class FitResult:
             live.settings,
         )
 
+    @cached_property
+    def unseen_inclusions(self) -> tuple[int, ...]:
+        """Numbers, from one, of the inclusions without all of which the fit is as good."""
+        live = self._live
+        return unseen_inclusions(live.model, live.u, live.at)
+
     def intervals(self, curved: bool) -> dict[str, Estimate]:
         """Return all parameters with 95 % intervals, `curved` or from the covariance alone.
 
         A gross misfit has no valley worth following, nor has a map whose own error outweighs the
-        noise: the intervals are then the covariance's.
+        noise: the intervals are then the covariance's. An inclusion that is not seen may be
+        anywhere: its intervals are all that the search allows.
         """
-        live = self._live
+        live, unseen = self._live, tuple(f"inclusion_{n}." for n in self.unseen_inclusions)
         ends = live.curved_ends if curved and not self.is_gross else live.straight_ends
         low, high = live.model.bounds
         ends = np.clip(ends, low[:, None], high[:, None])
@@ -259,6 +268,8 @@ class FitResult:
         found = {n: Estimate(v, 0.0, units[n], v, v, free=False) for n, v in self.values.items()}
         for p, (one, other) in zip(live.model.unknowns.unknowns, ends.tolist(), strict=True):
             between = sorted((p.to_value(one), p.to_value(other)))
+            if p.name.startswith(unseen):
+                between = any_inclusion(p)
             std = self.std[p.name]
             found[p.name] = Estimate(self.values[p.name], std, p.unit, *between, free=True)
         if self.field is not None:

@@ -53,6 +53,7 @@ class FitSettings:
     interval_evaluations : of each refit along the valley
     interval_tries : step lengths along the valley, until chi-square rises as it should
     interval_corrections : towards the finer model in a refit, as the map moves far along the valley
+    sure_sigmas : standard errors of the weight of an inclusion that is certainly there
     straight_step, longest_step : standard deviation in scaled coordinates below which a model
         counts as linear, and above which a step is cut, in the estimate of the curvature bias
     """
@@ -84,6 +85,7 @@ class FitSettings:
     interval_evaluations: int = 10
     interval_tries: int = 5
     interval_corrections: int = 0
+    sure_sigmas: float = 5.0
     straight_step: float = 0.02
     longest_step: float = 0.5
 

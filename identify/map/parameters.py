@@ -23,6 +23,7 @@ from identify.map.gaussian_map import GaussianMap
 from models import InputError
 
 _AT_BOUND = 1e-9  # distance from a bound, in scaled coordinates, that counts as none
+_HARDEST, _SOFTEST = 100.0, -0.95  # weight of an inclusion over the background
 
 
 @dataclass(frozen=True)
@@ -178,13 +179,21 @@ def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...
         weight = inclusion.weight_pa
         name = f"inclusion_{i}"
         hard = weight > 0
-        upper = max(100 * background, 2 * weight)
-        lower, upper = (weight / 1e3, upper) if hard else (min(-0.95 * background, weight), 0.0)
+        upper = max(_HARDEST * background, 2 * weight)
+        lower, upper = (weight / 1e3, upper) if hard else (min(_SOFTEST * background, weight), 0.0)
         described.append(_of_map(f"{name}.weight_pa", lower, upper, background, log=hard))
         for axis, letter in enumerate("xyz"):
             described.append(_of_map(f"{name}.{letter}_m", low[axis], high[axis], longest))
         described.append(_of_map(f"{name}.radius_m", shortest / 15, longest, longest, log=True))
     return tuple(described)
+
+
+def any_inclusion(parameter: Parameter) -> tuple[float, float]:
+    """Return the range of an inclusion's parameter; of its weight, for hard and soft ones alike."""
+    p = parameter
+    if not p.name.endswith(".weight_pa"):
+        return p.lower, p.upper
+    return min(p.lower, _SOFTEST * p.typical), max(p.upper, _HARDEST * p.typical)
 
 
 def _of_map(name: str, lower: float, upper: float, typical: float, log: bool = False) -> Parameter:

@@ -61,7 +61,7 @@ def explain_record(
         without_suspects=None if without is None else without_record(without),
         explained_share=explained.explained_share,
         presses_alone=presses_record(problem),
-        unseen_inclusions=assessment.redundant_inclusions,
+        unseen_inclusions=assessment.unseen_inclusions,
         stated_lengths=assessment.confounders,
         finer_cells=finer_cells(problem.study.body) if assessment.finer_mesh else None,
         other_map=assessment.other_map and OtherMapRecord(**vars(assessment.other_map)),

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from identify.design.redundant_inclusions import redundant_inclusions
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap, Inclusion
@@ -27,16 +27,27 @@ def fitted(truth: GaussianMap, start: GaussianMap, **options) -> FitResult:
 
 def test_of_a_homogeneous_body_no_inclusion_is_seen():
     start = GaussianMap(TRUE.background_pa, (FAINT,))
-    assert redundant_inclusions(fitted(GaussianMap(5000.0), start)) == (1,)
+    fit = fitted(GaussianMap(5000.0), start)
+    assert fit.unseen_inclusions == (1,)
+    low, high = fit.model.mechanics.coarse.mesh.box_m
+    for axis, letter in enumerate("xyz"):  # nothing is known of it
+        place = fit.parameters[f"inclusion_1.{letter}_m"]
+        assert (place.lower95, place.upper95) == pytest.approx((low[axis], high[axis]))
+    weight = fit.parameters["inclusion_1.weight_pa"]
+    assert weight.lower95 < -4000.0
+    assert weight.upper95 > 4e5
+    assert fit.parameters["background_pa"].upper95 < 6000.0
 
 
 def test_of_two_that_stand_for_one_only_one_is_named():
     (real,) = TRUE.inclusions
     fit = fitted(TRUE, GaussianMap(TRUE.background_pa, (real, NEAR)), max_evaluations=12)
-    (named,) = redundant_inclusions(fit)
+    (named,) = fit.unseen_inclusions
     kept = fit.map.inclusions[2 - named]
     assert np.hypot(kept.x_m - real.x_m, kept.y_m - real.y_m) < 0.003
 
 
 def test_the_one_that_is_there_is_kept():
-    assert redundant_inclusions(fitted(TRUE, TRUE)) == ()
+    fit = fitted(TRUE, TRUE)
+    assert fit.unseen_inclusions == ()
+    assert fit.parameters["inclusion_1.weight_pa"].lower95 > 0

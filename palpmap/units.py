@@ -81,8 +81,8 @@ def with_error(value: float, std: float, unit: str) -> str:
 def interval(low: float, high: float, unit: str) -> str:
     """Return a 95 % interval, with the digits of its standard error.
 
-    >>> interval(4960.0, 5080.0, "Pa"), interval(0.0, 0.0, "m")
-    ('4.960 to 5.080 kPa', '0 to 0 mm')
+    >>> interval(4960.0, 5080.0, "Pa"), interval(-1e-18, 0.02, "m")
+    ('4.960 to 5.080 kPa', '0 to 20 mm')
     """
     std = (high - low) / _WIDTH_95
     return _with_unit(f"{_digits(low, unit, std)} to {_digits(high, unit, std)}", unit)
@@ -149,7 +149,7 @@ def _digits(value: float, unit: str, std: float = 0.0) -> str:
         error = scale(unit)[0] * std
         power = int(np.floor(np.log10(error)))
         places = (error < 3.55 * 10.0**power) - power  # two digits of a small one, else one
-        return f"{shown:.{min(max(places, 0), _MOST_PLACES)}f}"
+        return f"{shown:z.{min(max(places, 0), _MOST_PLACES)}f}"
     if unit == "m":
         return f"{shown:.2f}" if abs(shown) >= 1 else f"{shown:.3g}"
     text = f"{shown:.4g}"

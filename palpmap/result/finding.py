@@ -122,18 +122,25 @@ class Finding:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Reasons to distrust the map even where the residual is noise, in sentences."""
+        absent = [
+            name.removesuffix(".weight_pa")
+            for name, p in self.parameters.items()
+            if name.endswith(".weight_pa") and p.lower95 <= 0 <= p.upper95
+        ]
+        kept = len(self.fit.map.inclusions) - len(absent) if absent else 0
+        uncertain = (
+            f"{plain_name(name).capitalize()} may not be there: its weight may be zero, and its "
+            f"place and radius mean something only if it is. Set inclusions = {kept} under [map], "
+            "or scan closer."
+            for name in absent
+        )
         held = (
             f"Not found: {plain_name(name)} stands at the bound of the search."
             for name in self.fit.at_bound
-        )
-        absent = (
-            f"{plain_name(name).removesuffix(' weight').capitalize()} may not be there: its weight "
-            "may be zero, and its place and radius hold only if it is not."
-            for name, p in self.parameters.items()
-            if name.endswith(".weight_pa") and p.lower95 <= 0 <= p.upper95
+            if name.partition(".")[0] not in absent
         )
         ended = () if self.fit.success else ("The search did not converge.",)
-        return (*held, *absent, *ended)
+        return (*held, *uncertain, *ended)
 
     @cached_property
     def true(self) -> Mapping[str, float]:

@@ -253,9 +253,11 @@ def test_an_inclusion_whose_weight_may_be_zero_may_not_be_there(tmp_path):
     assert not any("may not be there" in doubt for doubt in load_finding(run).doubts)
     name = "inclusion_1.weight_pa"
     wide = replace(fit.parameters[name], lower95=-1.0)
-    write_fit(replace(fit, estimates={**fit.parameters, name: wide}), run / "fit.json")
+    lost = replace(fit, estimates={**fit.parameters, name: wide}, at_bound=("inclusion_1.z_m",))
+    write_fit(lost, run / "fit.json")
     (doubt,) = load_finding(run).doubts
     assert doubt.startswith("Inclusion 1 may not be there: its weight may be zero")
+    assert doubt.endswith("Set inclusions = 0 under [map], or scan closer.")
 
 
 def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):

@@ -96,7 +96,7 @@ def draw_convergence(f: Finding) -> Figure | None:
     noise = 1e6 * f.comparison.expected_rms_m
     error.axhline(noise, color=GREY, ls="--", lw=1.2)
     error.text(steps[-1], noise, "noise alone ", ha="right", va="bottom", color=GREY, fontsize=9)
-    plain_log_ticks(error)
+    plain_log_ticks(error.yaxis)
     error.set_title("Error of the displacement (rms), µm")
     for axes in np.atleast_1d(grid):
         axes.set_xlabel("iteration")

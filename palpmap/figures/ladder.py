@@ -75,7 +75,7 @@ def draw_ladder(explained: Explanation) -> Figure:
     )  # fmt: skip
     axes.set_xticks(at, _labels(steps))
     axes.tick_params(axis="x", labelsize=11, length=0)
-    plain_log_ticks(axes)
+    plain_log_ticks(axes.yaxis)
     axes.set_ylabel("measured less modelled displacement, µm")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=3, borderaxespad=0.0)
     return figure

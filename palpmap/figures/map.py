@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,12 @@ from matplotlib.image import AxesImage
 from identify.body import ChangedMap
 from identify.fit import SPOTS, FitResult
 from identify.map import FreeMap, GaussianMap, Inclusion
-from palpmap.figures.style import DIFFERENCE_COLORS, MODULUS_COLORS, new_figure
+from palpmap.figures.style import (
+    DIFFERENCE_COLORS,
+    MODULUS_COLORS,
+    new_figure,
+    plain_log_ticks,
+)
 from palpmap.result.finding import Finding
 
 CELLS = 160
@@ -122,9 +128,9 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
             if i:
                 axes.set_ylabel("")
         if image is not None:
-            figure.colorbar(
+            color_bar(
                 image, ax=list(grid[:, i]), location="bottom", shrink=0.85, pad=0.02,
-                label=column.label, format=number_format(image),
+                label=column.label,
             )  # fmt: skip
     return figure
 
@@ -138,9 +144,13 @@ def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
     return widened(low, high)
 
 
-def number_format(image: AxesImage) -> str | None:
-    """Return the form of a colour bar's numbers: powers of ten are written out."""
-    return "%g" if isinstance(image.norm, LogNorm) else None
+def color_bar(image: AxesImage, **options: Any) -> None:
+    """Draw the colour bar of an image, with plain numbers on a logarithmic one."""
+    figure = image.axes.figure
+    assert figure is not None
+    bar = figure.colorbar(image, **options)
+    if isinstance(image.norm, LogNorm):
+        plain_log_ticks(bar.long_axis)
 
 
 def widened(low: float, high: float) -> tuple[float, float]:

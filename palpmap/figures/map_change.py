@@ -9,12 +9,12 @@ from identify.map import GaussianMap
 from identify.select import Explanation, Step
 from palpmap.figures.curves import draw_readings
 from palpmap.figures.map import (
+    color_bar,
     cut_size,
     cuts,
     draw_circles,
     hatch_blind,
     limit_to_body,
-    number_format,
     sample,
     show_cut,
     widened,
@@ -84,9 +84,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     if image is not None:
         extend = "both" if below and above else "min" if below else "max" if above else "neither"
         label = "Young's modulus, kPa"
-        figure.colorbar(
-            image, ax=grid, label=label, shrink=0.8, extend=extend, format=number_format(image)
-        )
+        color_bar(image, ax=grid, label=label, shrink=0.8, extend=extend)
     return figure
 
 

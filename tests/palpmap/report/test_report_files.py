@@ -310,6 +310,18 @@ def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     assert headings == ["Parameter", "Found", "95 % interval"]
 
 
+def test_the_colours_of_a_map_of_hard_and_soft_have_plain_numbers(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", truth=False))
+    hole = finding.fit.map.changed({"inclusion_1.weight_pa": -0.95 * finding.fit.map.background_pa})
+    figure = draw_map(replace(finding, fit=replace(finding.fit, map=hole)))
+    settle(figure)
+    (bar,) = (axes for axes in figure.axes if "modulus" in axes.get_xlabel())
+    texts = [label.get_text() for label in bar.get_xticklabels(which="both")]
+    numbers = [float(text) for text in texts if text]
+    assert len(numbers) >= 3
+    assert max(numbers) > 8 * min(numbers)
+
+
 def test_an_effect_that_was_fitted_too_is_told_and_leaves_the_maps_picture_alone(tmp_path):
     finding = load_finding(make_run(tmp_path / "run", truth=False))
     fit = finding.fit

@@ -29,7 +29,7 @@ from sim.planted.body_in_loop import (
 )
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import STIFFENED, levelling, sphere_travel
-from sim.planted.foreign_forms import of_locking, of_toe
+from sim.planted.foreign_forms import of_locking, of_square, of_toe
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.response import half_space_nearness, softened_nearby
 
@@ -198,6 +198,7 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "free_stiffening": partial(_bent, partial(levelling, knee=STIFFENED), "share"),
     "form_toe_stiffening": partial(_bent, of_toe, "toe"),
     "form_locking_stiffening": partial(_bent, of_locking, "locking"),
+    "form_square_stiffening": partial(_bent, of_square, "square"),
     "spherical_tip": lambda s, v: Law(_sphere(s, v)),
     "tool_compliance": lambda s, v: Law(lambda press, f, u: u + v["compliance_m_per_n"] * f),
     "outside_slipped_presses": _slipped,
@@ -228,10 +229,17 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     ),
     "hysteresis": lambda s, v: Loop(lambda x: 4 * v["share"] * x * (1 - x)),
     "form_fat_loop": lambda s, v: Loop(lambda x: v["share"] * x * math.sqrt(1 - x)),
+    "form_late_loop": lambda s, v: Loop(lambda x: v["share"] * x * (1 - x) ** 2),
     "preconditioning": lambda s, v: Softening(_softens(v), s.presses_before),
     "preconditioning_nearby": _softens_nearby,
     "form_slow_preconditioning": lambda s, v: Softening(
         lambda k: v["share"] * (1 - 1 / math.sqrt(1 + k / 4)), s.presses_before
+    ),
+    "form_ending_preconditioning": lambda s, v: Softening(
+        lambda k: v["share"] * min(k / 12, 1), s.presses_before
+    ),
+    "form_two_rate_preconditioning": lambda s, v: Softening(
+        lambda k: v["share"] * (1 - (math.exp(-k / 3) + math.exp(-k / 20)) / 2), s.presses_before
     ),
     "outside_sticky_tip": lambda s, v: Sticky(
         v["pull_n"], lambda press: float(s.bench.program.force_n[press]) / 5

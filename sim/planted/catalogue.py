@@ -6,7 +6,8 @@ from models import Catalogue
 from sim.planted import body, contact, instrument, jumps, response
 from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect
-from sim.planted.foreign_forms import FOREIGN_FORMS
+from sim.planted.foreign_forms import FORMS_OF_THE_BODY
+from sim.planted.foreign_readings import FORMS_OF_THE_INSTRUMENT
 
 HIDDEN: Catalogue[HiddenEffect] = Catalogue(
     (
@@ -66,7 +67,8 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         outside.outside_stick_slip,
         outside.outside_coarse_encoder,
         outside.outside_sticky_tip,
-        *FOREIGN_FORMS,
+        *FORMS_OF_THE_BODY,
+        *FORMS_OF_THE_INSTRUMENT,
     )
 )
 

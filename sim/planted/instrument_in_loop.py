@@ -115,6 +115,27 @@ class LowPass:
 
 
 @dataclass
+class Averaging:
+    """Mean over a window, in the sensor's converter."""
+
+    window_s: float
+    time_s: float | None = None
+    force_n: float = 0.0
+    summed: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.before = Late(self.window_s)
+
+    def read(self, time_s: float, force_n: float) -> float:
+        """Return the mean force of the window that ends now."""
+        if self.time_s is not None:
+            self.summed += (time_s - self.time_s) * (self.force_n + force_n) / 2
+        self.time_s, self.force_n = time_s, force_n
+        before = self.before.read(time_s, self.summed)
+        return (self.summed - before) / self.window_s if self.window_s else force_n
+
+
+@dataclass
 class GuideFriction:
     """A guide between sensor and tip: its friction opposes the way, and turns over a part of it."""
 

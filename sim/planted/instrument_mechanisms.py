@@ -10,9 +10,10 @@ from functools import partial
 import numpy as np
 
 from sim.planted.contact import levelling
-from sim.planted.foreign_forms import calming, softened
+from sim.planted.foreign_readings import calming, resting, softened
 from sim.planted.instrument import changing_tone, two_tones
 from sim.planted.instrument_in_loop import (
+    Averaging,
     Backlash,
     CoarseEncoder,
     GuideFriction,
@@ -150,8 +151,22 @@ def _loaded(scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: f / (1 + v["loss"] * (f / most) ** 2)
 
 
+def _full_range(scene: PlantScene, v: Values) -> Reading:
+    share = v["loss"] / _largest_n(scene)
+    return lambda t, f: f / math.cbrt(1 + abs(share * f) ** 3)
+
+
 def _filtered(name: str, scene: PlantScene, v: Values) -> Mechanism:
     return on_sensor(name, scene, LowPass(v["delay_s"]).read, "press")
+
+
+def _twice_filtered(name: str, scene: PlantScene, v: Values) -> Mechanism:
+    first, second = (LowPass(v["delay_s"] / 2) for _ in range(2))
+    return on_sensor(name, scene, lambda t, f: second.read(t, first.read(t, f)), "press")
+
+
+def _averaged(name: str, scene: PlantScene, v: Values) -> Mechanism:
+    return on_sensor(name, scene, Averaging(2 * v["delay_s"]).read, "press")
 
 
 _COURSES: Mapping[str, Callable[[float], float]] = {
@@ -163,6 +178,10 @@ _COURSES: Mapping[str, Callable[[float], float]] = {
 
 def _force_course(course: Callable[[float], float], scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: f + v["zero_n"] * course(t / v["session_s"])
+
+
+def _gain_course(course: Callable[[float], float], scene: PlantScene, v: Values) -> Reading:
+    return lambda t, f: f * (1 + v["gain"] * course(t / v["session_s"]))
 
 
 def _surface_course(course: Callable[[float], float], scene: PlantScene, v: Values) -> Course:
@@ -179,6 +198,9 @@ READINGS: Mapping[str, Callable[[PlantScene, Values], Reading]] = {
     "free_saturation": _levelling,
     "form_yielding_sensor": _yielding,
     "form_loaded_amplifier": _loaded,
+    "form_full_range_sensor": _full_range,
+    "form_fading_gain": partial(_gain_course, lambda t: -math.expm1(-3 * max(t, 0))),
+    "form_returning_gain": partial(_gain_course, _COURSES["returning"]),
     **{f"form_{n}_force_drift": partial(_force_course, course) for n, course in _COURSES.items()},
 }
 """Force (N) that a sensor, tared once a scan, reads at a time (s) under a true force (N)."""
@@ -194,6 +216,7 @@ SINKING: Mapping[str, Callable[[PlantScene, Values], Course]] = {
     "breathing_drifting": partial(_heaving, changing_tone),
     "form_calming_breathing": partial(_heaving, calming),
     "form_pointed_breathing": _pointed,
+    "form_resting_breathing": partial(_heaving, resting),
     "displacement_jump": lambda s, v: (
         lambda t, press: v["height_m"] * (s.presses_before + press >= v["press"])
     ),
@@ -208,6 +231,8 @@ OTHERS: Mapping[str, Callable[[str, PlantScene, Values], Mechanism]] = {
     "force_bias": _bias,
     "time_lag": _late,
     "form_filtered_force": _filtered,
+    "form_twice_filtered_force": _twice_filtered,
+    "form_averaged_force": _averaged,
     "form_guide_friction": _guide,
     "guide_friction": _guide,
     "force_jump": _force_jump,

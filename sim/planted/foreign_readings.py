@@ -181,12 +181,12 @@ def form_filtered_force(bench, force_n, travel_m, values):
 
 
 def resting(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-    """Upper half of a tone of amplitude 1; the lower half is a rest."""
+    """Upper half of a tone of amplitude 1, less its mean; the lower half is a rest."""
     angle = 2 * np.pi * values["frequency_hz"] * time_s + values["phase_rad"]
-    return np.maximum(np.sin(angle), 0)
+    return np.maximum(np.sin(angle), 0) - 1 / np.pi
 
 
-@on_sensor("form", "travel + a max(sin(2 pi f t + phase), 0)", "amplitude_m", 2e-4, kin=MOTION,
+@on_sensor("form", "travel + a (max(sin(2 pi f t + phase), 0) - 1/pi)", "amplitude_m", 2e-4, kin=MOTION,
            draw=lambda bench, rng: {"frequency_hz": float(rng.uniform(0.21, 0.29)),
                                     "phase_rad": float(rng.uniform(0, 6.28))})  # fmt: skip
 def form_resting_breathing(bench, force_n, travel_m, values):

@@ -186,7 +186,8 @@ def resting(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
     return np.maximum(np.sin(angle), 0) - 1 / np.pi
 
 
-@on_sensor("form", "travel + a (max(sin(2 pi f t + phase), 0) - 1/pi)", "amplitude_m", 2e-4, kin=MOTION,
+@on_sensor("form", "travel + a (max(sin, 0)(2 pi f t + phase) - 1/pi)", "amplitude_m",
+           2e-4, kin=MOTION,
            draw=lambda bench, rng: {"frequency_hz": float(rng.uniform(0.21, 0.29)),
                                     "phase_rad": float(rng.uniform(0, 6.28))})  # fmt: skip
 def form_resting_breathing(bench, force_n, travel_m, values):

@@ -106,11 +106,15 @@ class LowPass:
     tau_s: float
     time_s: float = 0.0
     force_n: float = 0.0
+    unfiltered_n: float = 0.0
 
     def read(self, time_s: float, force_n: float) -> float:
-        """Return the filtered force."""
-        gained = -math.expm1(-(time_s - self.time_s) / self.tau_s) if self.tau_s else 1.0
-        self.time_s, self.force_n = time_s, self.force_n + gained * (force_n - self.force_n)
+        """Return the filtered force; between two readings the force is their mean."""
+        if not self.tau_s:
+            return force_n
+        gained = -math.expm1(-(time_s - self.time_s) / self.tau_s)
+        between_n, self.unfiltered_n = (self.unfiltered_n + force_n) / 2, force_n
+        self.time_s, self.force_n = time_s, self.force_n + gained * (between_n - self.force_n)
         return self.force_n
 
 

@@ -14,6 +14,7 @@ from identify.design.next_presses import Proposal, next_presses
 from identify.design.other_map import OtherMap
 from identify.design.predicted_limits import designs_on_body
 from identify.design.scan_variants import Presses, presses_of, variations
+from identify.design.settings import PLAN
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
@@ -192,5 +193,7 @@ def _next_presses(
     )
     readings = explained.final.fit.model.readings
     timed = in_time and readings.time_s is not None
-    designs = designs_on_body(candidates[0][1], variations(presses_of(readings), timed))
+    presses = presses_of(readings)
+    few = np.linspace(0, len(presses) - 1, min(PLAN.most, len(presses))).round().astype(int)
+    designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed))
     return next_presses(candidates, designs, say)

@@ -6,9 +6,10 @@ the second candidate have been refitted to present and planned readings together
 
     D = |P (r_A - r_B)|^2,   P projecting out candidate B's derivatives on both scans,
 
-in units of chi-square, less the part of the present scan. Of the two orders of a pair the smaller D
-counts. A refit follows the bent valley of the map's weight and depth, with a smaller residual than
-this straight step: D may be promised up to twice too large.
+in units of chi-square, less the part of the present scan. Beside a free map the unknowns are ln C
+of each planned press and the effects, with their covariance by the present scan. Of the two orders
+of a pair the smaller D counts. A refit follows the bent valley of the map's weight and depth, with
+a smaller residual than this straight step: D may be promised up to twice too large.
 
 A design with a larger D than needed is reduced to the presses with the largest parts of
 |P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
@@ -19,12 +20,17 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
+from scipy.linalg import cholesky, lstsq, solve_triangular
 
+from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
-from identify.design.scan_variants import Design
+from identify.design.scan_variants import Design, Presses, presses_of
 from identify.design.settings import PLAN, PlanSettings
 from identify.fit.result import FitResult
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
+from identify.residual.own_errors import Places, shared_places
 
 Pair = tuple[str, str]
 
@@ -122,26 +128,57 @@ def _separation(design: Design, worth: Mapping[Pair, float], settings: PlanSetti
     return Proposal(design, worth[pair], pair, separated, alike)
 
 
+@dataclass(frozen=True)
+class _Ordered:
+    """Planned readings by the first of a pair, about those of the second.
+
+    Attributes
+    ----------
+    pair : the effects' names
+    known, target : (k, k) and (k,) what the present scan says of the second one's k unknowns,
+        as whitened rows
+    derivatives, apart : (m, k) and (m,) whitened rows of the planned readings
+    """
+
+    pair: Pair
+    known: np.ndarray
+    target: np.ndarray
+    derivatives: np.ndarray
+    apart: np.ndarray
+
+    def remaining(self, rows: np.ndarray) -> np.ndarray:
+        """Return the whitened difference that the unknowns leave, of the present and some rows."""
+        return _left(
+            np.vstack([self.known, self.derivatives[rows]]),
+            np.concatenate([self.target, self.apart[rows]]),
+        )
+
+
 class _Planned:
-    """Present and planned readings, predicted by every candidate."""
+    """Planned readings, predicted by every candidate after the present ones."""
 
     def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
-        views = {name: planned(fit, design, further=True) for name, fit in candidates}
-        now = {name: fit.at for name, fit in candidates}
+        views: dict[str, tuple[MeasurementModel, Linearised]] = {}
+        like: BodyMechanics | None = None
+        for name, fit in candidates:
+            views[name] = planned(fit, design, further=True, like=like)
+            like = views[name][0].mechanics
+        fits = dict(candidates)
         self.press = next(iter(views.values()))[0].readings.press
-        made = candidates[0][1].model.readings.press
-        self.present = len(made)
-        self.ordered: list[tuple[Pair, np.ndarray, np.ndarray]] = []
-        for truth, model in permutations(now, 2):
-            here, there = now[model], views[model][1]
-            apart = np.concatenate(
-                [
-                    here.whitened(now[truth].predicted_m - here.predicted_m, made),
-                    there.whitened(views[truth][1].predicted_m - there.predicted_m, self.press),
-                ]
-            )
-            derivatives = np.vstack([here.jacobian, there.jacobian])
-            self.ordered.append(((truth, model), derivatives, apart))
+        self.ordered: list[_Ordered] = []
+        for truth, name in permutations(fits, 2):
+            fit, (model, there) = fits[name], views[name]
+            apart = views[truth][1].predicted_m - there.predicted_m
+            if fit.field is None:
+                known = _known_of_map(fit, fits[truth])
+                derivatives = there.jacobian
+            else:
+                known = _known_of_free_map(fit, design.presses, there)
+                by_press = np.zeros((len(self.press), len(design.presses)))
+                by_press[np.arange(len(self.press)), self.press] = model.by_log_compliance(there)
+                derivatives = np.hstack([there.whitened(by_press, self.press), there.jacobian])
+            white = there.whitened(apart, self.press)
+            self.ordered.append(_Ordered((truth, name), *known, derivatives, white))
 
     def worth(self, presses: np.ndarray) -> dict[Pair, float]:
         """Return D of every pair, the lesser of its two orders, if only these presses are made."""
@@ -153,25 +190,50 @@ class _Planned:
 
     def worth_in_order(self, presses: np.ndarray) -> dict[Pair, float]:
         """Return D of every (truth, model) if only these presses are made."""
-        rows = np.concatenate([np.ones(self.present, bool), np.isin(self.press, presses)])
-        found: dict[Pair, float] = {}
-        for pair, g, apart in self.ordered:
-            before = _left(g[: self.present], apart[: self.present])
-            both = _left(g[rows], apart[rows])
-            found[pair] = max(float(both @ both - before @ before), 0.0)
-        return found
+        rows = np.isin(self.press, presses)
+        return {o.pair: float(np.sum(o.remaining(rows) ** 2)) for o in self.ordered}
 
     def most_telling_first(self, pair: Pair) -> np.ndarray:
         """Return the planned presses (j,), by their part of a pair's discrimination."""
-        parts = np.zeros(self.press[-1] + 1)
-        for ordered, g, apart in self.ordered:
-            if set(ordered) == set(pair):
-                parts += np.bincount(self.press, _left(g, apart)[self.present :] ** 2)
+        parts, rows = np.zeros(self.press[-1] + 1), np.ones(len(self.press), bool)
+        for ordered in self.ordered:
+            if set(ordered.pair) == set(pair):
+                planned_rows = ordered.remaining(rows)[len(ordered.target) :]
+                parts += np.bincount(self.press, planned_rows**2)
         return np.argsort(-parts, kind="stable")
+
+
+def _known_of_map(fit: FitResult, truth: FitResult) -> tuple[np.ndarray, np.ndarray]:
+    """Return the present scan's rows on the unknowns of a fit, were another one's readings true."""
+    apart = truth.at.predicted_m - fit.at.predicted_m
+    white = fit.at.whitened(apart, fit.model.readings.press)
+    q, root = np.linalg.qr(fit.at.jacobian)
+    return root, q.T @ white
+
+
+def _known_of_free_map(
+    fit: FitResult, presses: Presses, there: Linearised
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same for ln C of the planned presses and the effects, beside a free map.
+
+    Both candidates' maps follow the present readings, which say nothing against either.
+    """
+    assert fit.field is not None
+    assert fit.field.posterior is not None
+    error, made = fit.field.hyper.error, presses_of(fit.model.readings)
+    shared = shared_places(*(Places(p.point_m, p.direction, p.radius_m) for p in (made, presses)))
+    covariance = fit.field.posterior.predicted_covariance(there.body.by_field(), shared)
+    own = np.where(shared.any(axis=1), 0.0, error**2)
+    each = np.arange(len(own))
+    covariance[each, each] += own + 1e-9 * covariance[each, each]
+    root = cholesky(covariance, lower=True)
+    return solve_triangular(root, np.eye(len(root)), lower=True), np.zeros(len(root))
 
 
 def _left(g: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Return the part of r (m,) beyond the columns of g (m, k)."""
     scale = np.linalg.norm(g, axis=0)
     g = g / np.where(scale > 0, scale, 1.0)
-    return r - g @ np.linalg.lstsq(g, r, rcond=1e-10)[0]
+    fitted = lstsq(g, r, cond=1e-10, lapack_driver="gelsy")
+    assert fitted is not None
+    return r - g @ fitted[0]

@@ -22,8 +22,11 @@ from identify.design.scan_variants import (
 from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
+from identify.map import FreeMap
 from identify.measurement.linearised import Linearised
+from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
+from identify.residual.fitted_model import unit_compliance
 
 
 def planned(
@@ -33,7 +36,8 @@ def planned(
 
     Parameters
     ----------
-    further : made after the present one, not in its place
+    further : made after the present one, not in its place. The model is that beside one map, as the
+        present scan tells more of it than its prior (`next_presses`)
     like : of another scan with its tips, whose near fields serve
     """
     present = fit.model.readings
@@ -45,11 +49,26 @@ def planned(
         readings=readings,
         displacement_m=np.zeros(len(readings)),
         mechanics=mechanics,
+        unit_compliance=unit_compliance(mechanics.coarse, fit),
+        map_uncertainty=None,
     )
-    model = replace(model, displacement_m=model.linearise(fit.u).predicted_m)
-    # Anew: with noise in both columns the best estimate of the force follows the displacement
     at = model.linearise(fit.u)
+    model = replace(model, displacement_m=at.predicted_m)
+    if fit.field is not None and not further:
+        model = replace(model, map_uncertainty=_uncertainty(fit, at))
+    # Anew: with noise in both columns the best estimate of the force follows the displacement
+    at = model.around(at.body, fit.u)
     return model, replace(at, residual=np.zeros(len(readings)))
+
+
+def _uncertainty(fit: FitResult, at: Linearised) -> MapUncertainty:
+    """Return the prior of a free map in the compliances of a scan in place of the present one."""
+    assert isinstance(fit.map, FreeMap)
+    assert fit.field is not None
+    by_field, error = at.body.by_field(), fit.field.hyper.error
+    of_field = fit.field.hyper.prior(fit.map.grid).product(by_field) @ by_field.T
+    each = np.ones(len(by_field))
+    return MapUncertainty(of_field, error**2 * each, 0 * each, each)
 
 
 def designs_on_body(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:
@@ -89,7 +108,10 @@ def _mechanics(fit: FitResult, design: Design, like: BodyMechanics | None) -> Bo
     )
     if same:
         return mechanics
-    other = (like or mechanics).under(_contacts(fit, presses)).corrected(fit.map, fit.at.state)
+    other = (like or mechanics).under(_contacts(fit, presses))
+    if isinstance(fit.map, FreeMap) and mechanics.fine is None:
+        return other  # not corrected in the fit either
+    other = other.corrected(fit.map, fit.at.state)
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)

@@ -77,6 +77,7 @@ class PlanSettings:
     forces : peak forces of a scan with two, in units of the present ones
     slower : factor on holds and ramps of longer ones
     repeated : presses that are repeated at the end
+    most : presses of a further scan; after a longer one, that many of its places, evenly
     """
 
     needed: float = 25.0
@@ -88,6 +89,7 @@ class PlanSettings:
     forces: tuple[float, float] = (0.5, 1.5)
     slower: float = 4.0
     repeated: int = 9
+    most: int = 150
 
 
 PLAN = PlanSettings()

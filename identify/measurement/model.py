@@ -51,7 +51,6 @@ class MeasurementModel:
     space : the map's free parameters
     press_error : relative error of the map in each press's compliance, counted beside the noise if
         larger; the readings of a press share it
-    press_doubt : (j,) further variance of ln C of presses with errors of their own
     effects : effects beside the map, in the order of the chain
     unit_compliance : (j,) of the homogeneous body of 1 Pa: the modulus under a tip is then that of
         the homogeneous body of the press's compliance, which is what the tip feels; else the map's
@@ -68,7 +67,6 @@ class MeasurementModel:
     space: ParameterSpace
     effects: tuple[EffectInModel, ...] = ()
     press_error: float = 0.0
-    press_doubt: np.ndarray | float = 0.0
     unit_compliance: np.ndarray | None = None
     map_uncertainty: MapUncertainty | None = None
     straight: bool = False
@@ -198,7 +196,7 @@ class MeasurementModel:
         """Return the residual of `evaluate` alone, where that is cheaper without derivatives."""
         if self.is_linear:
             return self.table.residuals(self.body(u, slack).compliance, self.noise)[0].ravel()
-        if self.map_uncertainty is not None or self.press_error or np.any(self.press_doubt):
+        if self.map_uncertainty is not None or self.press_error:
             return self.linearise(u, slack).residual  # the map's own error acts by derivatives
         body = self.body(u, slack)
         c, e = body.compliance, body.local_modulus
@@ -302,8 +300,7 @@ class MeasurementModel:
                 columns.append(column[:, None])
             first += len(part.parameters)
         press = self.readings.press
-        off = np.sqrt(self.press_error**2 + self.press_doubt) * np.ones(len(c))
-        map_error = off[press] * (by_c * c[press] - by_e * e[press])
+        map_error = self.press_error * (by_c * c[press] - by_e * e[press])
         shared = self._shared(sigma, map_error)
         return Linearised(
             predicted_m=self.displacement_m - residual,

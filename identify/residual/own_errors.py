@@ -9,7 +9,6 @@ import numpy as np
 from identify.fit.free_map.field_data import PressSums
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-from models import Scan
 
 SAME_PLACE, SAME_DIRECTION = 0.2, 0.97  # tip radii; cosine: a press at the same place
 ROUNDS, LONGEST = 4, 0.5  # of the search for each press's own ln C, and its longest step
@@ -56,12 +55,20 @@ def own_errors(
     return OwnErrors(change, sums.errors(change)[1], sums)
 
 
-def shared_places(fitted: Scan, predicted: Scan) -> np.ndarray:
+class Places(NamedTuple):
+    """Contact points and unit directions (j, 3) of presses, and radii (j,) of their tips, in m."""
+
+    point_m: np.ndarray
+    direction: np.ndarray
+    radius_m: np.ndarray
+
+
+def shared_places(fitted: Places, predicted: Places) -> np.ndarray:
     """Return the matrix (n, j) of ones where a predicted press stands where a fitted one stood."""
-    apart = np.linalg.norm(predicted.contact_points[:, None] - fitted.contact_points[None], axis=2)
-    turned = predicted.contact_directions @ fitted.contact_directions.T
-    same = (apart < SAME_PLACE * predicted.contact_radii[:, None]) & (turned > SAME_DIRECTION)
-    same &= np.isclose(predicted.contact_radii[:, None], fitted.contact_radii, rtol=1e-3)
+    apart = np.linalg.norm(predicted.point_m[:, None] - fitted.point_m[None], axis=2)
+    turned = predicted.direction @ fitted.direction.T
+    same = (apart < SAME_PLACE * predicted.radius_m[:, None]) & (turned > SAME_DIRECTION)
+    same &= np.isclose(predicted.radius_m[:, None], fitted.radius_m, rtol=1e-3)
     nearest = np.where(same, apart, np.inf).argmin(axis=1)
     found = np.zeros_like(apart)
     each = np.arange(len(apart))

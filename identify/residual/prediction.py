@@ -38,7 +38,7 @@ from identify.measurement.noise import Noise
 from identify.measurement.shared_error import lag_error_m
 from identify.residual.fitted_model import carried_as, fitted_model, unit_compliance
 from identify.residual.law_error import law_error
-from identify.residual.own_errors import OwnErrors, map_error, own_errors, shared_places
+from identify.residual.own_errors import OwnErrors, Places, map_error, own_errors, shared_places
 from models import Catalogue, Scan
 
 LEVEL = 0.01  # of the test
@@ -153,7 +153,10 @@ def predict(
     model = carried_as(fit, other, u)
     error = fit.field.hyper.error if fit.field is not None else map_error(seen, there)
     own = own_errors(seen, there, u, error)
-    shared = shared_places(experiment.scan.used(), used)
+    fitted = experiment.scan.used()
+    shared = shared_places(*(
+        Places(s.contact_points, s.contact_directions, s.contact_radii) for s in (fitted, used)
+    ))  # fmt: skip
     at = model.linearise(u)
     at = model.around(at.body, u, np.exp(shared @ own.change))
     doubt = _doubt(fit, there, own, error, model, at, u, shared)

@@ -89,3 +89,12 @@ def test_limits_say_how_deep_a_scan_sees(tmp_path):
     said = " ".join(found.summary().split())
     assert f"Depth of sight: {1e3 * found.record.sight_m:.2f} mm under the middle press" in said
     assert "E0, w, z" not in said
+
+
+@pytest.mark.slow
+def test_limits_plan_scans_of_other_tips_and_lengths(tmp_path):
+    """A scan with other tips, or a longer one, has other presses than the map was found by."""
+    found = pm.limits(pm.read_study(study(tmp_path, 'kind = "free"')), plan=True)
+    better = found.record.model_dump()["limits"]
+    assert any(limit["better_scan"] for limit in better)
+    assert sum(limit["in_mixed_scan"] is not None for limit in better) > 15

@@ -1,0 +1,116 @@
+"""Proposed presses beside a free map: they know its prior, and what the present scan says of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import Contacts, PalpationModel, block_mesh
+from identify.body.mechanics import BodyMechanics
+from identify.catalogue.catalogue import CATALOGUE
+from identify.design.next_presses import _Planned
+from identify.design.predicted_limits import planned
+from identify.design.scan_variants import Design, Presses, readings_of, variations
+from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map_fit import FreeMapFit
+from identify.fit.result import FitResult
+from identify.map import FreeMap, GaussianMap, Grid, MaternField
+from identify.map.initial_guess import REFERENCE_PA
+from identify.map.parameters import ParameterSpace
+from identify.measurement.chain import OperatingPoint
+from identify.measurement.model import MeasurementModel
+from tests.identify.select.loop_problem import NOISE, NU, SIZE, points
+
+OFFSET_M = -4e-5
+LENGTHS_M, LEVEL = (0.009, 0.06), np.log(8e3)
+HYPER = Hyper(0.02, 0.3, 0.02)
+CANDIDATES = {"contact_offset": {"offset_m": -2e-5}, "touch_threshold": {"threshold_n": 4e-3}}
+
+
+def pressed(presses: Presses) -> MeasurementModel:
+    """Readings of an uneven body, their travel too short by the same; without noise."""
+    readings = readings_of(presses, timed=False)
+    contacts = Contacts(presses.point_m, presses.direction, presses.radius_m)
+    coarse = PalpationModel(block_mesh(SIZE, (5, 5, 3)), NU, contacts)
+    grid = Grid.over(np.array([[0, 0, 0], SIZE]), 0.006)
+    true = LEVEL + MaternField(grid, 0.02, 0.3).draws(np.random.default_rng(3), 1)[0]
+    c = coarse.evaluate(FreeMap(grid, true).modulus(coarse.points_m)).compliance
+    unit = REFERENCE_PA * coarse.evaluate(REFERENCE_PA).compliance
+    model = MeasurementModel(
+        readings, np.zeros(len(readings)), NOISE, BodyMechanics.of(coarse),
+        ParameterSpace(FreeMap(grid, np.full(len(grid), LEVEL)), (), ()), unit_compliance=unit,
+    )  # fmt: skip
+    chain = replace(model.chain, effects=[CATALOGUE["contact_offset"]])
+    at = OperatingPoint(c, unit / c, readings.force_n, {"contact_offset": {"offset_m": OFFSET_M}})
+    return replace(model, displacement_m=chain.predict(at))
+
+
+def fits(presses: Presses) -> list[tuple[str, FitResult]]:
+    model = pressed(presses)
+    state = model.mechanics.state()
+    return [
+        (name, FreeMapFit(model.with_effect(CATALOGUE[name], at, state), HYPER, LENGTHS_M).run())
+        for name, at in CANDIDATES.items()
+    ]
+
+
+def chi2(candidates: list[tuple[str, FitResult]]) -> list[float]:
+    """Chi-square of each candidate beside every map of its prior."""
+    posteriors = [fit.field and fit.field.posterior for _, fit in candidates]
+    return [posterior.chi2 for posterior in posteriors if posterior]
+
+
+@pytest.fixture(scope="module")
+def present() -> Presses:
+    each, down = np.ones(25), np.tile([0.0, 0.0, -1.0], (25, 1))
+    return Presses(points(), down, 0.004 * each, 0.3 * each, each, 2 * each, each, each)
+
+
+@pytest.fixture(scope="module")
+def candidates(present):
+    return fits(present)
+
+
+@pytest.fixture(scope="module")
+def designs(present) -> dict[str, Design]:
+    return {design.name: design for design in variations(present, timed=False)}
+
+
+def test_designs_of_any_presses_are_planned_at_the_map_of_the_fit(candidates, designs):
+    fit = candidates[0][1]
+    two = designs["two_radii"]
+    fewer = replace(two, presses=two.presses.taken(np.arange(0, 25, 3)))
+    for further in (True, False):
+        model, at = planned(fit, fewer, further=further)
+        c = model.mechanics.evaluate(fit.map, fit.at.state).compliance
+        assert at.compliance == pytest.approx(c, rel=1e-9)
+        # The modulus under a tip is that of the homogeneous body of the press's compliance
+        homogeneous = model.mechanics.evaluate(GaussianMap(REFERENCE_PA), fit.at.state).compliance
+        assert at.modulus == pytest.approx(REFERENCE_PA * homogeneous / c, rel=1e-9)
+        assert model.displacement_m == pytest.approx(at.predicted_m)
+        assert (model.map_uncertainty is None) == further
+
+
+def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candidates, designs):
+    design, fit = designs["two_forces"], dict(candidates)
+    for (truth, name), known in _Planned(candidates, design).worth_in_order(np.arange(25)).items():
+        (_, there), (model, at) = (planned(fit[n], design) for n in (truth, name))
+        apart = at.whitened(there.predicted_m - at.predicted_m, model.readings.press)
+        fitted = at.jacobian @ np.linalg.lstsq(at.jacobian, apart, rcond=None)[0]
+        assert known > 1.2 * np.sum((apart - fitted) ** 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two_forces", "two_radii"])
+def test_presses_that_are_made_bring_what_was_promised(candidates, designs, present, name):
+    """All presses are made, without noise, and both candidates are refitted to all of them.
+
+    A refit finds a prior anew as well, and follows the bend of the laws; the promise is straight.
+    """
+    further = designs[name].presses
+    promised = _Planned(candidates, designs[name]).worth_in_order(np.arange(25))
+    both = zip(vars(present).values(), vars(further).values(), strict=True)
+    made = Presses(*(np.concatenate(pair) for pair in both))
+    (right, wrong), (right_now, wrong_now) = map(chi2, (candidates, fits(made)))
+    gained = (wrong_now - right_now) - (wrong - right)
+    assert 0.45 < gained / promised["contact_offset", "touch_threshold"] < 1.3

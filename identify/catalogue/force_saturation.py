@@ -60,7 +60,7 @@ class ForceSaturation(Effect):
         self, readings: Readings, force_n: np.ndarray, *, loss: float, sharpness: float
     ) -> np.ndarray:
         """Add the lost force."""
-        level = np.abs(force_n) / max(readings.largest_force_n, 1e-9)
+        level = np.abs(force_n) / max(readings.scales.force_n, 1e-9)
         return force_n * (1 + loss * level**sharpness)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
@@ -76,7 +76,7 @@ class ForceSaturation(Effect):
         """Say the loss of the sensor at the largest force and at half of it."""
         loss, n = values["loss"], values["sharpness"]
         share, half = loss / (1 + loss), loss * 0.5**n / (1 + loss * 0.5**n)
-        most = force(readings.largest_force_n)
+        most = force(readings.scales.force_n)
         return (
             f"The sensor reads {percent(share)} too little at {most} and "
             f"{percent(half)} too little at half of that: travel runs ahead of the force as it "

@@ -59,14 +59,14 @@ class FreeSaturation(Effect):
         rise_4: float,
     ) -> np.ndarray:
         """Add the lost force."""
-        whole = max(readings.largest_force_n, 1e-9)
+        whole = max(readings.scales.force_n, 1e-9)
         return whole * bent(force_n / whole, (rise_1, rise_2, rise_3, rise_4), stiffer=False)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say the loss of the sensor at the largest force and at half of it."""
         rises = [values[p.name] for p in self.parameters]
         full, half = (bent(np.array([level]), rises, stiffer=False)[0] for level in (1.0, 0.5))
-        most = force(readings.largest_force_n)
+        most = force(readings.scales.force_n)
         return (
             f"The sensor reads {percent(1 - 1 / full)} too little at {most} and "
             f"{percent(1 - 0.5 / half)} too little at half of that: travel runs ahead of the force "

@@ -63,7 +63,7 @@ class FreeStiffening(Effect):
         rise_4: float,
     ) -> np.ndarray:
         """Bend the travel by its share of the scan's largest depth over radius."""
-        whole = readings.deepest * pressing.radius_m
+        whole = readings.scales.depth * pressing.radius_m
         return whole * bent(travel_m / whole, (rise_1, rise_2, rise_3, rise_4), stiffer=True)
 
     def evidence(self, values: Values, readings: Readings) -> str:

@@ -60,21 +60,17 @@ class SurfaceTilt(Effect):
         slope_y: float,
     ) -> np.ndarray:
         """Add the plane."""
-        x, y, _ = (readings.point_m - _middle(readings)).T
+        x, y, _ = (readings.point_m - readings.scales.middle_m).T
         return travel_m + offset_m + slope_x * x + slope_y * y
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say the slope of the tilt and its effect at the far ends."""
         slope = math.hypot(values["slope_x"], values["slope_y"])
         towards = math.degrees(math.atan2(values["slope_y"], values["slope_x"])) % 360
-        x, y, _ = (readings.point_m - _middle(readings)).T
+        x, y, _ = (readings.point_m - readings.scales.middle_m).T
         plane = values["offset_m"] + values["slope_x"] * x + values["slope_y"] * y
         return (
             f"Displacements are off by {length(float(plane.min()))} on one side of the scan and by "
             f"{length(float(plane.max()))} on the other: the surface is tilted by "
             f"{math.degrees(math.atan(slope)):.2g} degrees, towards {towards:.0f} degrees from x."
         )
-
-
-def _middle(readings: Readings) -> np.ndarray:
-    return (readings.point_m.min(axis=0) + readings.point_m.max(axis=0)) / 2

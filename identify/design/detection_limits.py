@@ -35,7 +35,8 @@ class Limit:
     Attributes
     ----------
     name : of the effect
-    smallest_share : size of 5 standard errors, rms over that of the signal; None if never seen
+    smallest_share : size of 5 standard errors, rms over that of the signal, in the direction of
+        several amplitudes that is seen least for its size; None if never seen
     largest_share : largest possible size of an effect that is not seen even then; else None
     shape : values of its shape parameters for this limit, such as a skin's thickness
     bend : the limit over that by the pattern at the null, from which the effect's own law differs

@@ -24,8 +24,9 @@ from scipy.linalg import cholesky, lstsq, solve_triangular
 
 from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
-from identify.design.scan_variants import Design, Presses, presses_of
+from identify.design.scan_variants import Design, Presses, presses_of, readings_of
 from identify.design.settings import PLAN, PlanSettings
+from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
@@ -158,12 +159,12 @@ class _Planned:
     """Planned readings, predicted by every candidate after the present ones."""
 
     def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
+        fits = {name: _stated_for_both(fit, design) for name, fit in candidates}
         views: dict[str, tuple[MeasurementModel, Linearised]] = {}
         like: BodyMechanics | None = None
-        for name, fit in candidates:
+        for name, fit in fits.items():
             views[name] = planned(fit, design, further=True, like=like)
             like = views[name][0].mechanics
-        fits = dict(candidates)
         self.press = next(iter(views.values()))[0].readings.press
         self.ordered: list[_Ordered] = []
         for truth, name in permutations(fits, 2):
@@ -201,6 +202,24 @@ class _Planned:
                 planned_rows = ordered.remaining(rows)[len(ordered.target) :]
                 parts += np.bincount(self.press, planned_rows**2)
         return np.argsort(-parts, kind="stable")
+
+
+def _stated_for_both(fit: FitResult, design: Design) -> FitResult:
+    """Return a fit whose laws are stated by the scales of the present and the planned scan.
+
+    A smooth course in time, or a curve up to the largest force, has its knots elsewhere in a refit
+    to both scans: such laws are refitted here as well.
+    """
+    present = fit.model.readings
+    further = readings_of(design.presses, present.time_s is not None, present)
+    further = replace(further, deepest=present.deepest)
+    readings = replace(present, stated=present.scales.joined(further.own_scales))
+    model = replace(fit.model, readings=readings)
+    stated = model.around(fit.at.body, fit.u)
+    same = np.allclose(stated.predicted_m, fit.at.predicted_m, rtol=1e-6, atol=1e-12)
+    if same or fit.field is not None:  # whose refit would take minutes
+        return fit
+    return fit_jointly(model.started(fit.u), fit.map)
 
 
 def _known_of_map(fit: FitResult, truth: FitResult) -> tuple[np.ndarray, np.ndarray]:

@@ -43,6 +43,12 @@ def planned(
     present = fit.model.readings
     timed = present.time_s is not None
     readings = readings_of(design.presses, timed, present if further else None)
+    readings = replace(
+        readings,
+        travel_from=present.travel_from,
+        deepest=present.deepest,
+        stated=present.scales if further or fit.model.effects else None,
+    )
     mechanics = _mechanics(fit, design, like)
     model = replace(
         fit.model,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from identify.design.settings import DetectionSettings
-from identify.effects.base import Effect, advice
+from identify.effects.base import Effect, EffectParameter, advice
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.select.score_test import beyond, patterns_or_reason
@@ -58,16 +59,17 @@ def seen_patterns(
         return pattern
     left, _, visible = beyond(pattern, fitted)
     candidates, unmoved = [], False
+    bounded = {p.name: p for p in effect.bounded(model.readings, at.state)}
+    sides = _sides([bounded[p.name] for p in effect.amplitudes])
     for g in range(len(left)):
-        # The direction of the amplitudes with the shortest pattern
-        _, singular, right = np.linalg.svd(left[g], full_matrices=False)
-        if singular[0] == 0:
+        if not left[g].any():
             continue
-        least = float(np.linalg.norm(pattern.columns[g] @ right[-1]))
-        if least <= _UNMOVED * float(np.linalg.norm(pattern.columns[g])):
+        direction = weakest_direction(left[g], (pattern.columns[g].T * at.sigma_m).T, sides)
+        least = float(np.linalg.norm(pattern.columns[g] @ direction))
+        if least <= _UNMOVED * float(np.linalg.norm(pattern.columns[g] * np.abs(direction))):
             unmoved = True
             continue
-        weakest = right[-1] / max(singular[-1], 1e-300)
+        weakest = direction / max(float(np.linalg.norm(left[g] @ direction)), 1e-300)
         column = pattern.columns[g] @ weakest
         share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal_m(at)
         if visible[g] < settings.visible or not np.isfinite(weakest).all():
@@ -91,6 +93,58 @@ def seen_patterns(
         chosen = list(by_shape.values())
     chosen = [s for s in chosen if np.isfinite(s.share)]
     return chosen or "the stiffness map absorbs it entirely"
+
+
+def weakest_direction(left: np.ndarray, whole: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """Possible direction of the amplitudes of which the least is seen for its size.
+
+    The least ratio |left d| / |whole d| in the cone of possible directions d. On each face of the
+    cone it is that of the last generalised singular vector, where this one lies in the cone.
+
+    Parameters
+    ----------
+    left : (m, a) pattern of each amplitude beyond the fitted parameters
+    whole : (m, a) change of the readings by each
+    sides : (a,) the side to which an amplitude may go, 1 or -1; 0 for both
+
+    Returns
+    -------
+    the direction (a,), of any length; one that moves no reading, where there is such a one
+
+    Examples
+    --------
+    >>> left = np.array([[1.0, -0.9], [0.0, 0.1]])
+    >>> free = weakest_direction(left, np.eye(2), np.array([0, 0]))
+    >>> (free / free[1]).round(2)
+    array([0.9, 1. ])
+    >>> one_side = weakest_direction(np.abs(left), np.eye(2), np.array([1, 1]))
+    >>> (one_side / one_side[1]).round(2)
+    array([0., 1.])
+    """
+    seen, moved = (np.linalg.qr(columns)[1] for columns in (left, whole))
+    found, least = np.zeros(len(sides)), np.inf
+    for face in product((True, False), repeat=len(sides)):
+        taken = np.array(face)
+        if not taken.any() or (~taken & (sides == 0)).any():
+            continue
+        _, sizes, directions = np.linalg.svd(moved[:, taken], full_matrices=False)
+        moves = sizes > _UNMOVED * max(float(sizes[0]), 1e-300)
+        unit = directions[moves].T / sizes[moves]
+        _, ratios, turned = np.linalg.svd(seen[:, taken] @ unit, full_matrices=False)
+        options = [(0.0, direction) for direction in directions[~moves]]
+        if moves.any():
+            options.append((float(ratios[-1]), unit @ turned[-1]))
+        for ratio, direction in options:
+            one = np.zeros(len(sides))
+            one[taken] = direction if (direction * sides[taken]).sum() >= 0 else -direction
+            if ratio < least and (one * sides >= 0).all():
+                found, least = one, ratio
+    return found
+
+
+def _sides(amplitudes: Sequence[EffectParameter]) -> np.ndarray:
+    """Return the side of its null to which each amplitude may go, (a,): 1, -1, or 0 for both."""
+    return np.array([int(p.lower == p.null) - int(p.upper == p.null) for p in amplitudes])
 
 
 def signal_m(at: Linearised) -> float:

@@ -44,5 +44,5 @@ def step_in_time(readings: Readings, at_s: float) -> np.ndarray:
 
     It takes a tenth of the time of a press, so that its instant can be sought.
     """
-    width = _STEP * max(float(readings.elapsed_s.max()) / max(readings.presses, 1), 1e-9)
+    width = _STEP * max(readings.scales.pace_s, 1e-9)
     return expit((readings.elapsed_s - at_s) / width)

@@ -14,6 +14,41 @@ from models import Scan
 _MOST_PER_PRESS = 50  # ids for each press of the scan
 
 
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Scales of a scan, by which laws of its readings are stated.
+
+    A law that was found on one scan keeps them on another: a sensor that loses a tenth at 0.3 N
+    loses it there, whatever force the other scan goes to.
+
+    Attributes
+    ----------
+    force_n : largest peak force
+    depth : largest travel over the tip's radius
+    time_s, pace_s, press_s : length of the scan, mean time from one press to the next, and longest
+        time from a touch to a reading of its press; 0 for a scan without time
+    middle_m : (3,) middle of the contact points' box
+    across : (2, 3) the widest directions of the points, over their largest distance from the middle
+        along an axis
+    """
+
+    force_n: float
+    depth: float
+    time_s: float
+    pace_s: float
+    press_s: float
+    middle_m: np.ndarray
+    across: np.ndarray
+
+    def joined(self, other: Scales) -> Scales:
+        """Return the scales of two scans that are joined, about the middle of this one."""
+        sizes = {
+            name: max(getattr(self, name), getattr(other, name))
+            for name in ("force_n", "depth", "time_s", "pace_s", "press_s")
+        }
+        return replace(self, **sizes)
+
+
 @dataclass(frozen=True)
 class Readings:
     """The m used rows of a scan of j presses; read-only arrays.
@@ -31,6 +66,7 @@ class Readings:
     start_s : start of the scan's clock, if not the time of its first reading
     travel_from : "touch" or "plane", see `models.Scan`; empty where that is not known
     deepest : largest travel over the tip's radius in the scan
+    stated : scales by which laws are stated, where they are those of another scan
     """
 
     press: np.ndarray
@@ -44,6 +80,7 @@ class Readings:
     start_s: float | None = None
     travel_from: Literal["", "touch", "plane"] = ""
     deepest: float = 1.0
+    stated: Scales | None = None
 
     @classmethod
     def of(cls, scan: Scan) -> Readings:
@@ -79,6 +116,30 @@ class Readings:
             force_n=self.force_n[rows],
             radius_m=self.radius_m[rows],
             start_s=None if self.time_s is None else self.clock_start_s,
+            stated=self.scales,
+        )
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Scales by which laws are stated: `stated`, or these readings' own."""
+        return self.stated or self.own_scales
+
+    @property
+    def own_scales(self) -> Scales:
+        """Scales of these readings."""
+        centres = self.point_m[self.first]
+        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
+        widest = np.linalg.svd(centres - centres.mean(axis=0), full_matrices=False)[2][:2]
+        timed = self.time_s is not None
+        length_s = float(self.elapsed_s.max()) if timed else 0.0
+        return Scales(
+            force_n=self.largest_force_n,
+            depth=self.deepest,
+            time_s=length_s,
+            pace_s=length_s / self.presses,
+            press_s=float(self.since_touch_s.max()) if timed else 0.0,
+            middle_m=middle,
+            across=widest / max(float(np.abs(centres - middle).max()), 1e-300),
         )
 
     @property
@@ -112,11 +173,9 @@ class Readings:
     def in_plane(self) -> np.ndarray:
         """Contact points (m, 2) along the two widest directions of their presses.
 
-        From the presses' mean, over the largest distance from it along an axis.
+        From the presses' middle, over the largest distance from it along an axis; of `scales`.
         """
-        points = self.point_m - self.point_m[self.first].mean(axis=0)
-        widest = np.linalg.svd(points, full_matrices=False)[2][:2]
-        return points @ widest.T / np.abs(points).max()
+        return (self.point_m - self.scales.middle_m) @ self.scales.across.T
 
     @cached_property
     def layers(self) -> tuple[np.ndarray, ...]:
@@ -193,6 +252,11 @@ class Readings:
             back = f[0] / slope if slope > 0 else step
             touch[j] = t[0] - np.clip(back, 0.0, step)
         return touch
+
+    @cached_property
+    def since_touch_s(self) -> np.ndarray:
+        """Time from the touch of its press to each reading, (m,) s."""
+        return np.maximum(self.timed_s - self.touch_time_s[self.press], 0.0)
 
     def lacks(self, needs: Iterable[str]) -> str | None:
         """Return the unfulfilled needs in words, or None."""

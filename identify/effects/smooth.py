@@ -26,14 +26,19 @@ def knot_names(prefix: str) -> list[tuple[str, str]]:
 
 def smooth_in_time(readings: Readings, values: Sequence[float]) -> np.ndarray:
     """Natural cubic spline (m,) at the readings: 0 at the scan's start, `values` at the knots."""
-    time = readings.elapsed_s
-    return natural_spline(time / max(float(time.max()), 1e-9), (0.0, *values))
+    return natural_spline(readings.elapsed_s / max(readings.scales.time_s, 1e-9), (0.0, *values))
 
 
 def natural_spline(
     share: np.ndarray, values: Sequence[float] | np.ndarray, knots: tuple[float, ...] = EVEN
 ) -> np.ndarray:
-    """Natural cubic spline (m,) at shares (m,) of a way, by its values at rising knots."""
+    """Natural cubic spline (m,) at shares (m,) of a way, by its values at rising knots.
+
+    It goes on as a straight line beyond the last one.
+
+    >>> natural_spline(np.array([1.0, 2.0]), (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)).round(9)
+    array([1., 2.])
+    """
     pieces = _pieces(knots) @ np.asarray(values, float)
     return _evaluated(np.ascontiguousarray(share), np.array(knots), pieces)
 
@@ -45,11 +50,13 @@ def _evaluated(share, knots, pieces):  # scipy's own takes ten times as long for
         piece = 0
         while piece < len(knots) - 2 and share[i] >= knots[piece + 1]:
             piece += 1
-        beyond = share[i] - knots[piece]
-        value = 0.0
+        past = max(share[i] - knots[-1], 0.0)
+        beyond = share[i] - past - knots[piece]
+        value, slope = 0.0, 0.0
         for power in range(4):
+            slope = slope * beyond + value
             value = value * beyond + pieces[power, piece]
-        values[i] = value
+        values[i] = value + slope * past
     return values
 
 

@@ -41,18 +41,14 @@ def _session(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) ->
     return smooth_in_time(readings, sizes)
 
 
-def _since_touch(readings: Readings) -> np.ndarray:
-    return np.maximum(readings.timed_s - readings.touch_time_s[readings.press], 0.0)
-
-
 def _within(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
-    since = _since_touch(readings)
-    share = np.sqrt(since / max(float(since.max()), 1e-9))  # creep begins fast
+    # Creep begins fast
+    share = np.sqrt(readings.since_touch_s / max(readings.scales.press_s, 1e-9))
     return natural_spline(share, (0.0, *sizes))
 
 
 def _force(readings: Readings, force_n: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
-    share = np.clip(force_n / max(readings.largest_force_n, 1e-12), 0.0, 1.0)
+    share = np.clip(force_n / max(readings.scales.force_n, 1e-12), 0.0, 1.0)
     return natural_spline(share, (0.0, *sizes))
 
 
@@ -78,7 +74,7 @@ _ARGUMENTS = {
         "the time within a press, alike in all presses",
         ("time",),
         ("time since touch", "s"),
-        _since_touch,
+        lambda readings: readings.since_touch_s,
     ),
     "force": _Argument(
         _force,

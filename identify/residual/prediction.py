@@ -143,7 +143,7 @@ def predict(
     body = experiment.body.under(used, depth_m)
     other = replace(
         seen,
-        readings=Readings.of(scan),
+        readings=replace(Readings.of(scan), stated=seen.readings.scales),
         displacement_m=used.displacement_m,
         noise=noise.of_readings,
         mechanics=BodyMechanics.of(body.coarse, body.fine),

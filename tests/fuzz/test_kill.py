@@ -30,6 +30,7 @@ def killed(write, seconds: float) -> None:
     os.waitpid(child, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["scan", "study"])
 def test_fifty_kills_leave_no_lost_or_half_written_file(kind, tmp_path):
     rng = np.random.default_rng(9)

@@ -24,6 +24,7 @@ from models.scan_quality import (
 )
 from models.scan_readings import bad_readings
 from palpmap.__main__ import app
+from tests.long import long
 from tests.paths import LAB, TESTS
 
 RUN = CliRunner()
@@ -91,7 +92,7 @@ def visible(bad: Scan, clean: Scan, quiet: Scan, row: int, column: str) -> bool:
     return bool(abs(getattr(bad, column)[row] - true[row]) > level * noise)
 
 
-@pytest.mark.parametrize(("least", "most_hidden"), [(SEEN_SHARE, 0), (0.0, 6)])
+@pytest.mark.parametrize(("least", "most_hidden"), [(SEEN_SHARE, 0), *long((0.0, 6))])
 def test_single_bad_readings_are_named_by_row(least, most_hidden):
     rng = np.random.default_rng(1)
     found, seen = [], []

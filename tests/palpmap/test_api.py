@@ -161,6 +161,7 @@ def test_the_virtual_robot_follows_a_program():
     np.testing.assert_allclose(elsewhere.contact_points[:, 2], 0.0, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_scripted_scan_becomes_an_experiment():
     body = pm.Block((0.08, 0.08, 0.04), poisson_ratio=0.45, cell_size_m=0.01)
     tip, program = pm.FlatTip(0.005), pm.grid_program(body.size_m, per_side=2, force_n=0.2)

@@ -56,6 +56,7 @@ def test_a_path_through_the_air_is_clear_and_one_into_the_table_meets_it(arm):
         arm.follow([[2.0, 0.0, 0.1]])
 
 
+@pytest.mark.slow
 def test_a_sweep_keeps_its_force_and_feels_the_map():
     arm = robot()
     path, normals = arm.surface(np.column_stack([np.linspace(0.12, 0.16, 5), np.full(5, 0.04)]))

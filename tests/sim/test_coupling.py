@@ -17,6 +17,7 @@ from sim.motion.tip import Tip
 from sim.robot.force_control import rounded_line
 from sim.robot.laboratory import build_laboratory
 from sim.scan.whole_scan import run_scan
+from tests.long import long
 
 SIZE = (0.096, 0.096, 0.048)
 POINTS = np.array([[0.030, 0.041, 0.048], [0.052, 0.060, 0.048]])
@@ -52,7 +53,7 @@ class Stiffening:
 
 @pytest.mark.parametrize(
     ("stiffness", "force"),
-    [(50, 0.25), (400, 0.25), (5000, 0.25), (20_000, 3), (20_000, 12), (100_000, 3)],
+    [(50, 0.25), (100_000, 3), *long((400, 0.25), (5000, 0.25), (20_000, 3), (20_000, 12))],
 )
 def test_presses_settle_from_50_to_100_000_newton_a_metre(local_stiffness, stiffness, force):
     body = body_of(stiffness / local_stiffness)

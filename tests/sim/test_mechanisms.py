@@ -19,6 +19,7 @@ from sim.robot.mechanism import Mechanisms
 from sim.scan.plant_on_robot import mechanisms_of
 from sim.scan.result import PHASES
 from sim.scan.whole_scan import run_scan
+from tests.long import long
 
 COARSE = (5, 5, 3)
 SIZE = (0.096, 0.096, 0.048)
@@ -195,7 +196,7 @@ def test_a_tip_that_sticks_and_slips_jumps_at_each_step(scene):
     assert np.median(np.abs(behind - 2e-4 * within)[settled]) < 1e-5
 
 
-@pytest.mark.parametrize("name", ["guide_friction", "backlash"])
+@pytest.mark.parametrize("name", ["backlash", *long("guide_friction")])
 def test_what_turns_with_the_way_is_as_its_formula_before_and_after_the_turn(scene, name):
     effect = HIDDEN[name]
     size = 0.7 * effect.typical  # of more friction the robot, which has no noise here, tells itself

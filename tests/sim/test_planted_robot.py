@@ -230,6 +230,7 @@ def test_the_error_of_a_mesh_has_the_size_that_was_asked_on_the_mesh_where_it_ac
     assert abs(np.diff(travel) / travel[:, :1]).mean() == pytest.approx(0.05, rel=0.1)
 
 
+@pytest.mark.slow
 def test_truth_and_recording_of_a_scan_have_the_planted_body(tmp_path):
     words = ["scan", "--presses-per-side", "2", "--force", "0.2", "--json"]
     plant = ["--plant", "extra_inclusion:5", "--plant", "stiffness_gradient:5"]

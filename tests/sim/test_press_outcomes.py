@@ -189,6 +189,7 @@ def test_a_clock_that_jumps_is_told():
     assert "the written times go on by" in run.outcomes[words(run).index("aborted")].reason
 
 
+@pytest.mark.slow
 def test_a_body_that_sank_away_is_not_found_and_one_that_rose_is_pressed():
     def pose(by_m):
         return Mechanisms((Mechanism("moved", body_pose=lambda t, press: np.array([0, 0, by_m])),))

@@ -7,6 +7,7 @@ from models.errors import InputError
 from sim.robot.laboratory import build_laboratory
 from sim.scan.first_touch import _creeping_start, depth_at_zero_force, first_touch
 from sim.scan.touch_laws import Ball
+from tests.long import long
 from tests.sim.scripted_motion import TipPose, run_script
 
 SLANT = (0.0, 0.287, -0.958)
@@ -106,7 +107,7 @@ def test_first_touch_is_right_for_any_law_where_a_straight_line_is_far_off(cours
     assert 0.3 < np.sqrt(np.mean((off / stated) ** 2)) < 2
 
 
-@pytest.mark.parametrize("steps", [15, -15])
+@pytest.mark.parametrize("steps", [15, *long(-15)])
 def test_first_touch_is_right_where_the_channels_are_not_of_one_instant(steps):
     rng, found = np.random.default_rng(7), []
     for _ in range(12):

@@ -12,6 +12,7 @@ from sim.planted.body_in_loop import Creep as CreepInLoop
 from sim.planted.body_in_loop import LawOnBody
 from sim.robot.mechanism import Mechanism, Mechanisms
 from sim.scan import run_scan
+from tests.long import long
 
 PLANE = 8000 / (1 - 0.45**2)
 SIZE = (0.096, 0.096, 0.048)
@@ -121,10 +122,12 @@ class Curved:
 @pytest.mark.parametrize(
     ("force", "depth_m", "law"),
     [
-        (0.27, 7.2e-3, lambda f: f),
-        (0.09, 2.5e-3, lambda f: np.log1p(0.15 * f) / np.log1p(0.15)),
-        (0.20, 3.0e-3, lambda f: 0.9 * f + 0.1 * np.cbrt(f) ** 2),
         (0.27, 7.2e-3, lambda f: 0.9 * f + 0.1 * np.cbrt(f) ** 2),
+        *long(
+            (0.27, 7.2e-3, lambda f: f),
+            (0.09, 2.5e-3, lambda f: np.log1p(0.15 * f) / np.log1p(0.15)),
+            (0.20, 3.0e-3, lambda f: 0.9 * f + 0.1 * np.cbrt(f) ** 2),
+        ),
     ],
 )
 def test_a_curvature_that_the_noise_hides_is_in_the_stated_error_of_the_touch(force, depth_m, law):
@@ -137,6 +140,7 @@ def test_a_curvature_that_the_noise_hides_is_in_the_stated_error_of_the_touch(fo
     assert stated.max() < 6e-5
 
 
+@pytest.mark.slow
 def test_the_touch_of_a_body_that_creeps_is_not_late_by_the_noise_that_the_control_follows():
     points = np.tile(POINT, (8, 1)) + np.array([[0.002 * k, 0, 0] for k in range(8)])
     plan = ScanPlan(points, np.tile(DOWN, (8, 1)), 0.27)

@@ -12,6 +12,7 @@ def hard(name: str, radius: float) -> Press:
     return next(p for p in presses() if p.name == name and p.radius == radius)
 
 
+@pytest.mark.slow
 def test_hard_presses_are_right_to_one_percent_and_the_estimate_knows():
     chosen = [hard("over an inclusion", 0.002), hard("edge and inclusion", 0.005)]
     found, error = by_model(chosen, 0.3)

@@ -40,6 +40,7 @@ def layer(nu: float, cells: tuple[int, int, int]) -> TipSurface:
     return tip_surface(mesh, nu, even, np.array([0.06, 0.06, 0.01]), DOWN, 0.011)
 
 
+@pytest.mark.slow
 def test_on_a_layer_flat_tip_and_sphere_are_the_exact_ones():
     nu = 0.4
     surface = layer(nu, (7, 3, 4))

@@ -47,6 +47,7 @@ def test_the_error_is_within_its_estimate_and_far_maps_are_refused(change):
     assert errors[0] < 1e-5 < errors[2]
 
 
+@pytest.mark.slow
 def test_a_search_near_a_solved_map_solves_the_coarse_model_alone(monkeypatch):
     own = replace(problem.mechanics(), _ratios={}, _linear={}, _solutions={})
     state = own.state().changed(shift_m=(0.0012, -0.0009), poisson_ratio=0.44)

@@ -44,6 +44,7 @@ def counted(monkeypatch, model: PalpationModel) -> list[int]:
     return solved
 
 
+@pytest.mark.slow
 def test_a_base_that_gives_way_is_that_of_the_finer_mesh(models):
     contacts = models[0].contacts
     meshes = [(4, 4, 2), (6, 6, 3), (8, 8, 4), (12, 12, 6)]

@@ -79,6 +79,7 @@ def test_the_models_last_used_are_kept_and_no_more():
     assert elsewhere.coarse_at((0.002, 0.0)) is not second
 
 
+@pytest.mark.slow
 def test_a_shifted_body_has_the_compliances_of_one_that_was_moved_as_a_whole():
     own = problem.mechanics()
     state = own.state().changed(shift_m=SHIFT)

@@ -62,6 +62,7 @@ def found(effect: Effect, wider_m: float = 0.0, higher_m: float = 0.0, shift_m: 
     }
 
 
+@pytest.mark.slow
 def test_a_tip_that_is_wider_than_stated_is_named_beside_the_gradient():
     assert found(StiffnessGradient(), wider_m=3e-4)["tip_radius"] == pytest.approx(3e-4, rel=0.2)
 

@@ -42,6 +42,7 @@ def left_by_a_whole_fit(**changes) -> float:
     return float(np.linalg.norm(found.at.residual - fit().at.residual))
 
 
+@pytest.mark.slow
 def test_an_edge_that_takes_the_map_far_is_seen_from_the_size_that_a_whole_fit_leaves():
     shape = body().state().inclusion_shape
 

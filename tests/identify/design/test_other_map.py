@@ -83,6 +83,7 @@ def asked(rough: float = 0.0, wave_m: float = 0.0, inclusions: int = 1, found_no
     return other_map(explained, start, free)
 
 
+@pytest.mark.slow
 def test_a_body_of_another_form_is_told():
     found = asked()
     assert found is not None
@@ -106,6 +107,7 @@ def test_a_search_without_end_leaves_the_question_open():
     assert found.chi2_per_dof < 1.2  # the presses alone: they exclude no map
 
 
+@pytest.mark.slow
 def test_no_map_bends_a_curve():
     found = asked(wave_m=4e-4, inclusions=0)
     assert found is not None

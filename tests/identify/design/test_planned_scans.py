@@ -89,6 +89,7 @@ def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
     assert designs_on_body(fit, [beside]) == ()
 
 
+@pytest.mark.slow
 def test_near_fields_of_a_scan_with_the_same_tips_serve_the_next(fit, monkeypatch):
     two, there = design(fit, "two_radii"), (1e-3, 0.0)
     order = np.random.default_rng(0).permutation(len(two.presses))
@@ -109,6 +110,7 @@ def test_near_fields_of_a_scan_with_the_same_tips_serve_the_next(fit, monkeypatc
     assert_allclose(moved, known[order], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_what_the_meshes_are_off_by_is_off_under_another_tip_as_well(fit):
     own = fit.model.mechanics
     model_at, at = planned(fit, design(fit, "two_radii"))

@@ -43,6 +43,7 @@ def pressed_by_balls() -> Scan:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_two_balls_agree_on_the_modulus_within_its_interval():
     scan = pressed_by_balls()
     contacts, note = contacts_of(scan, sphere=True)

@@ -132,6 +132,7 @@ def test_the_law_of_some_presses_is_fitted_to_all_of_them(late_ball):
     assert sum(text.startswith("fitting all presses") for text in said) <= 3 * some.refitted
 
 
+@pytest.mark.slow
 def test_a_ball_whose_touch_is_declared_late_by_a_length_is_found():
     law = contact_law(ball(1, offset_m=4e-4), CATALOGUE)
     assert law.plain.chi2_per_dof > CONTACT_LAW.bent
@@ -159,6 +160,7 @@ def test_straight_lines_call_for_no_law():
     assert own.fit(()).chi2_per_dof == pytest.approx(1, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_few_bad_presses_name_nothing():
     def slip(d, f):
         f = f.copy()

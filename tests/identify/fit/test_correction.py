@@ -53,6 +53,7 @@ def test_a_map_that_the_finer_mesh_cannot_resolve_is_approached_by_shorter_steps
     assert again.chi2 == pytest.approx(found.chi2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_hard_grain_is_left_for_an_inclusion_of_ordinary_size(own, found):
     grain = {"inclusion_1.weight_pa": own.space.parameters[1].upper, "inclusion_1.radius_m": 2.5e-3}
     stuck = fit_jointly(own, TRUE.changed(grain), rounds=0, max_evaluations=1)

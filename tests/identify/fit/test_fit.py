@@ -220,6 +220,7 @@ def test_both_optimisers_end_at_the_same_map(twin, twin_fit):
     assert np.abs((fit.map.values - twin_fit.map.values) / std).max() < 0.05
 
 
+@pytest.mark.slow
 def test_the_intervals_hold_the_truth_as_often_as_they_say():
     twin = palpation_model((5, 5, 3), 1, 5, near_field=False)
     exact = compliance(twin, TRUTH)

@@ -265,6 +265,7 @@ def test_a_homogeneous_body_has_no_spot(body, grid):
     assert fit.parameters["mean_pa"].upper95 > np.exp(LEVEL + 0.3)
 
 
+@pytest.mark.slow
 def test_a_search_that_did_not_end_has_no_spots(body, grid):
     rng = np.random.default_rng(11)
     bump = 1.5 * np.exp(-np.sum((grid.points_m - (0.03, 0.03, 0.025)) ** 2, axis=1) / 0.008**2)
@@ -321,6 +322,7 @@ def test_false_spots_on_bodies_without_any(body, grid):
     assert false <= 2
 
 
+@pytest.mark.slow
 def test_layers_are_alike_at_one_height_with_the_covariance_of_their_own():
     grid = Grid((0.0, 0.0, 0.0), (0.01, 0.01, 0.01), (4, 3, 3))
     prior = MaternField(grid, 0.02, 0.3, 1.0, 0.5, 0.01)

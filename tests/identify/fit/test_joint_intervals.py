@@ -9,6 +9,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.profile_intervals import NORMAL_95
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
+from tests.long import long
 
 OFFSET_M = 1.5e-4
 
@@ -34,7 +35,7 @@ def ends(estimates):
     return {name: (entry.lower95, entry.upper95) for name, entry in estimates.items()}
 
 
-@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("side", [0, *long(1)])
 @pytest.mark.parametrize("name", ["inclusion_1.weight_pa", "inclusion_1.z_m"])
 def test_chi_square_rises_by_3_84_at_the_ends(fit, found, name, side):
     """The likelihood's own profile, by another way: the parameter is taken out of the free ones."""

@@ -19,6 +19,7 @@ from identify.map.parameters import parameter_space
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from models.scan import Scan
+from tests.long import long
 
 SIZE = (0.06, 0.06, 0.03)
 NOISE = Noise(4e-5, 1e-2)
@@ -80,7 +81,7 @@ def ends(values, weight):
     return np.interp([0.025, 0.975], np.cumsum(weight), values)
 
 
-@pytest.mark.parametrize("tool_m_per_n", [1.2e-3, 0.0])  # 0 is a bound: half of a bell
+@pytest.mark.parametrize("tool_m_per_n", [0.0, *long(1.2e-3)])  # 0 is a bound: half of a bell
 def test_draws_follow_the_likelihood_on_a_grid(model, tool_m_per_n):
     fit, unit, scan = fitted(model, tool_m_per_n)
     background, tool, weight = by_grid(unit, scan, 8e-3)
@@ -101,6 +102,7 @@ def test_draws_follow_the_likelihood_on_a_grid(model, tool_m_per_n):
         assert p.r_hat < 1.02
 
 
+@pytest.mark.slow
 def test_the_error_of_the_finer_mesh_widens_the_draws_and_leaves_their_middle(model):
     fit, _, _ = fitted(model, 1.2e-3)
     solution = fit.solution

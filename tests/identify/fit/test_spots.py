@@ -133,6 +133,7 @@ def test_a_layer_or_one_wrong_press_is_no_spot(by_field, grid):
     assert not any(spot.found for spot in spots(by_field, grid, wrong, doubt=wrong**2))
 
 
+@pytest.mark.slow
 def test_odds_under_the_null_are_as_stated(by_field, grid):
     """Even bodies, rough ones and calmer ones, 40 each: odds of 19 to 1 in at most one of 20."""
     rng, false = np.random.default_rng(100), []

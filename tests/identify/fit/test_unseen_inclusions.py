@@ -39,6 +39,7 @@ def test_of_a_homogeneous_body_no_inclusion_is_seen():
     assert fit.parameters["background_pa"].upper95 < 6000.0
 
 
+@pytest.mark.slow
 def test_of_two_that_stand_for_one_only_one_is_named():
     (real,) = TRUE.inclusions
     fit = fitted(TRUE, GaussianMap(TRUE.background_pa, (real, NEAR)), max_evaluations=12)

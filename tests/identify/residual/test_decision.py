@@ -131,6 +131,7 @@ PLANTED = {
 }
 
 
+@pytest.mark.slow
 def test_noise_alone_is_called_structure_in_at_most_one_scan_of_a_hundred():
     alarms, p_values = 0, []
     for seed in range(SEEDS):

@@ -83,6 +83,7 @@ def predicted(seed: int) -> Prediction:
     return predict(experiment_of(scan), fitted(scan), CATALOGUE, other, NOISE)
 
 
+@pytest.mark.slow
 def test_bands_of_other_places_a_smaller_tip_and_more_force_are_calibrated():
     found = [predicted(seed) for seed in range(6)]
     squares = np.array([p.chi2 / p.presses for p in found])

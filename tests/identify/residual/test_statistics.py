@@ -70,6 +70,7 @@ def test_directions_that_the_fit_absorbs_cost_no_degree_of_freedom():
     assert found.p_value == 1.0
 
 
+@pytest.mark.slow
 def test_moran_matches_simulation_under_a_projection():
     rng = np.random.default_rng(2)
     points = rng.uniform(size=(30, 3)) * [1, 1, 0]

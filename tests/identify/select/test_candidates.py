@@ -58,6 +58,7 @@ def saturated():
     return step_of(fit_jointly(model(table), TRUE), table, LAWS, 0, lambda text: None)
 
 
+@pytest.mark.slow
 def test_a_law_that_passes_more_noise_on_is_a_rival_if_it_is_right(saturated):
     effect = CATALOGUE["force_saturation"]
     fit = fit_with(saturated.fit, effect, saturated.diagnosis["force_saturation"])
@@ -88,6 +89,7 @@ def test_a_law_that_only_allows_more_noise_has_no_predicted_share(saturated):
     assert predicted_share(before, after) < 0.1
 
 
+@pytest.mark.slow
 def test_a_refit_from_beyond_where_a_law_levels_off_begins_again_nearer():
     compliance = 8e-6  # m/Pa of a base that slides
     pair = [

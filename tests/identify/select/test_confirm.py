@@ -74,6 +74,7 @@ def test_an_answer_beside_which_only_the_other_readings_are_structured_does_not_
     assert confirmed(answer, model(other), other, every, print) is None
 
 
+@pytest.mark.slow
 def test_where_something_is_left_the_effects_must_still_earn_their_place():
     table = swaying(table_with(np.full(25 * 22, OFFSET_M), 8))
     alone = replace(SELECTION, most_effects=1)  # no cause without a name beside it

@@ -23,6 +23,7 @@ def crept():
     return forward_selection(model(table), TRUE, table, [CATALOGUE[name] for name in names])
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_stiffness_holds_where_one_time_stands_for_three(crept):
     forms = forms_of(crept)
     assert forms[0].effect == ""

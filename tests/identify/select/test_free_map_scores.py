@@ -87,6 +87,7 @@ def deviate(model: MeasurementModel, name: str) -> float:
     return float(column @ at.residual / np.linalg.norm(column))
 
 
+@pytest.mark.slow
 def test_scores_are_normal_under_noise_and_any_map_of_the_prior(model):
     body = model.body(np.empty(0))
     scores = {name: [] for name in EFFECTS}

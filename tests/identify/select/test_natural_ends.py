@@ -33,6 +33,7 @@ def on_oil() -> np.ndarray:
     return both.evaluate(TRUE.modulus(both.points_m), (0.0, 1.0)).compliance
 
 
+@pytest.mark.slow
 def test_a_body_that_slides_without_friction_is_explained():
     press, _, _, force = timing(5)
     table = scan(on_oil()[press] * force, force, 5)

@@ -158,6 +158,7 @@ def test_intervals_of_noise_alone_cover_as_often_as_they_say():
     assert max(rates.values()) <= 0.98, rates
 
 
+@pytest.mark.slow
 def test_intervals_without_the_missing_effect_do_not_cover():
     """A first touch that is declared late by 0.15 mm, 4 % of the travel's rms, is left out."""
     rates = map_coverage(range(4), offset_m=-1.5e-4)

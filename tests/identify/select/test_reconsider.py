@@ -34,6 +34,7 @@ def explained():
     return found, [step.fit.effect_names for step in steps]
 
 
+@pytest.mark.slow
 def test_what_was_taken_for_another_effect_while_one_was_missing_is_put_right():
     found, steps = explained()
     assert steps[1] == ("surface_tilt",)

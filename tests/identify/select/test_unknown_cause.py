@@ -46,6 +46,7 @@ def found():
     return forward_selection(model(table), TRUE, table, EFFECTS)
 
 
+@pytest.mark.slow
 def test_a_course_takes_the_place_of_the_imitations_of_an_unknown_cause(found):
     assert found.verdict == "unexplained"  # though the residual is noise
     assert found.final.comparison.is_noise
@@ -57,6 +58,7 @@ def test_a_course_takes_the_place_of_the_imitations_of_an_unknown_cause(found):
     assert said.endswith(("12 %.", "13 %.", "11 %."))
 
 
+@pytest.mark.slow
 def test_an_answer_holds_on_fewer_readings_whatever_other_course_does_as_well_there(found):
     """A course has no name to be doubted: neither its equals nor its bounds count."""
     table = looped_and_warmer()
@@ -69,6 +71,7 @@ def test_an_answer_holds_on_fewer_readings_whatever_other_course_does_as_well_th
     assert confirmed(answer, model(others), others, some, print) is not None
 
 
+@pytest.mark.slow
 def test_a_curve_of_any_shape_beside_the_course_is_not_offered_by_name(found, monkeypatch):
     assert found.added == ("hysteresis",)
     monkeypatch.setattr(type(found.effect("hysteresis")), "any_shape", True)

@@ -62,6 +62,7 @@ def test_a_second_trial_does_not_go_into_the_folder_of_the_first(tmp_path):
     assert (tmp_path / "scan.csv").read_bytes() == scan
 
 
+@pytest.mark.slow
 def test_a_trial_that_was_stopped_after_further_presses_is_begun_anew(tmp_path):
     folder = tmp_path / "0"
     program = tmp_path / "next.csv"

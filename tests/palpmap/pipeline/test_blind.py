@@ -175,6 +175,7 @@ def trial(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radii", [1, 2])
 def test_the_tips_of_a_small_trial_lie_on_its_block(tmp_path, radii):
     make_trial(tmp_path, Trial(3, (), (), radii, small=True))
@@ -440,6 +441,7 @@ def test_a_game_is_made_explained_and_judged_and_a_fault_is_a_line(tmp_path):
     assert tournament.play(game, fails, 3).error == "ValueError: no"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
 def test_workers_end_with_a_tournament_that_is_killed(tmp_path):
     command = ["-m", "palpmap", "blind", "--tournament", "2", "--workers", "1", "--quiet"]

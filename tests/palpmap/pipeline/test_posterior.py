@@ -23,6 +23,7 @@ def run(tmp_path_factory):
     return folder, done.stdout
 
 
+@pytest.mark.slow
 def test_the_samples_stand_in_a_file_of_arviz_and_their_intervals_in_the_fit(run):
     folder, _ = run
     tree = xarray.open_datatree(folder / "posterior.nc", engine="h5netcdf")
@@ -41,6 +42,7 @@ def test_the_samples_stand_in_a_file_of_arviz_and_their_intervals_in_the_fit(run
     assert pm.read_study(folder / "study.toml").study.uncertainty.samples == 1000
 
 
+@pytest.mark.slow
 def test_terminal_and_report_show_three_methods_side_by_side(run):
     folder, stdout = run
     assert "95 % intervals by three methods" in stdout
@@ -51,6 +53,7 @@ def test_terminal_and_report_show_three_methods_side_by_side(run):
     assert (folder / "figures" / "posterior.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_gross_misfit_keeps_the_fit_and_says_why_there_are_no_samples(run, tmp_path):
     text = STUDY.read_text().replace("displacement_m = 2e-05", "displacement_m = 2e-07")
     (tmp_path / "study.toml").write_text(text.replace("force_n = 0.005", "force_n = 5e-5"))

@@ -58,6 +58,7 @@ def test_a_force_that_would_press_the_phantom_flat_is_lowered_and_said(run_here,
     assert told[0].reason.startswith("with 1.51 N in place of 3 N: 3 N would go 47.2 mm deep;")
 
 
+@pytest.mark.slow
 def test_the_papers_force_presses_so_deep_that_it_is_said(run_here, tmp_path):
     run = run_here(*SMALL, "--paper-force", folder=tmp_path / "run")
     assert run.exit_code == 0, run.stderr

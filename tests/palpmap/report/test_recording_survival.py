@@ -157,6 +157,7 @@ def test_an_error_in_the_run_is_in_the_log_of_a_closed_recording(tmp_path):
     assert any("stopped by KeyboardInterrupt" in row[0] for rows in texts for row in rows)
 
 
+@pytest.mark.slow
 def test_recording_leaves_the_home_of_the_user_alone(tmp_path):
     home = tmp_path / "home"
     home.mkdir()

@@ -98,6 +98,7 @@ def test_a_slanted_press_on_a_sliding_base_is_refused_with_what_to_do(three_pres
     assert np.isfinite(build_body_model(held, scan).search.evaluate(6e3).compliance).all()
 
 
+@pytest.mark.slow
 def test_finer_cells_come_closer_to_what_a_fine_mesh_answers(three_presses):
     contacts = Contacts(three_presses.contact_points, (0, 0, -1), 0.005)
     mesh = block_mesh((0.096, 0.096, 0.048), (14, 14, 7), split="alternating")

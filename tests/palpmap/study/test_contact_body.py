@@ -105,6 +105,7 @@ def test_the_bodys_frame_is_the_scans_and_its_outline_follows_the_surface(tmp_pa
     assert outline.lower_m[2] == pytest.approx(points[:, 2].mean() - THICK)
 
 
+@pytest.mark.slow
 def test_waves_finer_than_the_cells_make_no_press_stiffer(tmp_path):
     points, inward = touched(grid(9))
     wave = 6e-4 * np.sin(2 * np.pi * points[:, 0] / 0.0125)

@@ -26,6 +26,7 @@ from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
 from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
+from identify.measurement.derivatives import Derivatives
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
 from identify.measurement.linearised import Compressed, Linearised
@@ -33,9 +34,7 @@ from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise
 from identify.measurement.settings import TOUCH
 from identify.measurement.shared_error import SharedErrors, lag_error_m
-from identify.measurement.traced_chain import TracedChain
 
-_STEP = 1e-4  # of a parameter's scale, for difference quotients
 _OWN_STEPS = 10  # at most, of each press's ln C beside an uncertain map
 _OWN_TOL, _LONGEST_MOVE = 1e-3, 0.5  # of ln C: the end of these steps, and the longest
 
@@ -282,23 +281,8 @@ class MeasurementModel:
         residual, sigma = judged.residual_m, judged.sigma_m
         latent = self._latent(judged)
         point = OperatingPoint(c, e, latent, values)
-        by_c, by_e = chain.by_body(point)
-        k = len(self.space.free)
-        by_map = self._by_press(by_c, body.by_map) + self._by_press(by_e, body.local_by_map)
-        by_growth = None
-        if body.growth is not None:
-            by_growth = chain.by_growth(point)
-            by_map += self._by_press(by_growth, body.growth_by_map)
-        columns = [by_map[:, list(self.space.free)] * self.unknowns.slope(u)[:k]]
-        first, traced = k, TracedChain(chain, point) if self.effects else None
-        for part in self.effects:
-            for p, _ in enumerate(part.parameters):
-                if traced is not None and not changes_body(part.effect):
-                    column = self._by_chain(u, first, p, part, traced)
-                else:
-                    column = self._by_body(u, first + p, body, (c, e), (by_c, by_e, by_growth))
-                columns.append(column[:, None])
-            first += len(part.parameters)
+        by = Derivatives(self, u, body, chain, point)
+        by_c, by_e = by.by_body
         press = self.readings.press
         map_error = self.press_error * (by_c * c[press] - by_e * e[press])
         shared = self._shared(sigma, map_error)
@@ -307,7 +291,7 @@ class MeasurementModel:
             sigma_m=sigma,
             latent_force_n=latent,
             residual=shared.whitened(residual / sigma),
-            jacobian=shared.whitened(np.hstack(columns) / sigma[:, None]),
+            jacobian=shared.whitened(by.by_unknowns() / sigma[:, None]),
             rms_m=float(np.sqrt(np.mean(residual**2))),
             shared_errors=shared.own,
             common_errors=shared.common,
@@ -359,53 +343,3 @@ class MeasurementModel:
             rms_m=float(np.sqrt(np.mean((self.displacement_m - predicted) ** 2))),
             marginal=marginal,
         )
-
-    def _by_press(self, by_c: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        if not by_c.any():
-            return np.zeros((len(by_c), gradient.shape[1]))
-        return by_c[:, None] * gradient[self.readings.press]
-
-    def _sides(self, u: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return scaled coordinates (k,) to both sides of one, for a difference quotient."""
-        low, high = (side[index] for side in self.bounds)
-        up, down = u.copy(), u.copy()
-        up[index] = min(u[index] + _STEP, high)
-        down[index] = max(u[index] - _STEP, low)
-        return up, down, float(up[index] - down[index])
-
-    def _by_chain(
-        self, u: np.ndarray, first: int, number: int, part: EffectInModel, traced: TracedChain
-    ) -> np.ndarray:
-        """Return the derivative (m,) by a scaled parameter of an effect beyond the body.
-
-        `first` is the place of the effect's parameters in `u`, `number` that of this one in them.
-        """
-        up, down, width = self._sides(u, first + number)
-        own = slice(first, first + len(part.parameters))
-        above, below = (
-            traced.with_values(part.effect.name, part.to_values(side[own])) for side in (up, down)
-        )
-        return (above - below) / width
-
-    def _by_body(
-        self,
-        u: np.ndarray,
-        index: int,
-        body: BodyResponse,
-        moduli: tuple[np.ndarray, np.ndarray],
-        by: tuple[np.ndarray, np.ndarray, np.ndarray | None],
-    ) -> np.ndarray:
-        """Return the derivative (m,) by a scaled parameter of an effect of the body."""
-        (c, e), (by_c, by_e, by_growth) = moduli, by
-        up, down, width = self._sides(u, index)
-        states = [self.state(self.values(side)) for side in (up, down)]
-        (c_up, e_up), (c_down, e_down) = (body.change(state) for state in states)
-        by_body = [c / body.compliance * (c_up - c_down), e_up - e_down]
-        if self.unit_compliance is not None:
-            by_body[1] = -e / c * by_body[0]
-        press = self.readings.press
-        change = by_c * by_body[0][press] + by_e * by_body[1][press]
-        if by_growth is not None:
-            changes = [body.growth_change(state) for state in states]
-            change += by_growth * (changes[0] - changes[1])[press]
-        return change / width

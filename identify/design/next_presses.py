@@ -24,7 +24,7 @@ from scipy.linalg import cholesky, lstsq, solve_triangular
 
 from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
-from identify.design.scan_variants import Design, Presses, presses_of, readings_of
+from identify.design.scan_variants import Design, Presses, presses_of
 from identify.design.settings import PLAN, PlanSettings
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
@@ -33,7 +33,6 @@ from identify.optimize.result import InadmissibleError
 from identify.residual.own_errors import Places, shared_places
 
 Pair = tuple[str, str]
-_RESTATING, _SAID = 4, 0.02  # steps; singular values, over the largest, that readings determine
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ class _Planned:
     """Planned readings, predicted by every candidate after the present ones."""
 
     def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
-        fits = {name: _stated_for_both(fit, design) for name, fit in candidates}
+        fits = dict(candidates)
         views: dict[str, tuple[MeasurementModel, Linearised]] = {}
         like: BodyMechanics | None = None
         for name, fit in fits.items():
@@ -202,38 +201,6 @@ class _Planned:
                 planned_rows = ordered.remaining(rows)[len(ordered.target) :]
                 parts += np.bincount(self.press, planned_rows**2)
         return np.argsort(-parts, kind="stable")
-
-
-def _stated_for_both(fit: FitResult, design: Design) -> FitResult:
-    """Return a fit whose laws are stated by the scales of the present and the planned scan.
-
-    A smooth course in time, or a curve up to the largest force, has its knots elsewhere in a refit
-    to both scans. Here its new values are those that repeat the present predictions; where the
-    present readings say nothing of a value, it stays near the course's last one, and is free.
-    """
-    present = fit.model.readings
-    further = readings_of(design.presses, present.time_s is not None, present)
-    further = replace(further, deepest=present.deepest)
-    readings = replace(present, stated=present.scales.joined(further.own_scales))
-    model = replace(fit.model, readings=readings, map_uncertainty=None)
-    as_found = replace(fit.model, map_uncertainty=None).around(fit.at.body, fit.u).predicted_m
-    u, of_effects = fit.u, slice(len(model.space.free), None)
-    low, high = model.bounds
-    for _ in range(_RESTATING):
-        at = model.around(fit.at.body, u)
-        off = at.whitened(as_found - at.predicted_m, present.press)
-        step = lstsq(at.jacobian[:, of_effects], off, cond=_SAID, lapack_driver="gelsd")
-        assert step is not None
-        u = u.copy()
-        u[of_effects] = np.clip(u[of_effects] + step[0], low[of_effects], high[of_effects])
-    assert fit.solution is not None
-    solution = replace(
-        fit.solution,
-        model=replace(fit.model, readings=readings),
-        u=u,
-        at=replace(fit.model, readings=readings).around(fit.at.body, u),
-    )
-    return replace(fit, solution=solution)
 
 
 def _known_of_map(fit: FitResult, truth: FitResult) -> tuple[np.ndarray, np.ndarray]:

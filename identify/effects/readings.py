@@ -40,14 +40,6 @@ class Scales:
     middle_m: np.ndarray
     across: np.ndarray
 
-    def joined(self, other: Scales) -> Scales:
-        """Return the scales of two scans that are joined, about the middle of this one."""
-        sizes = {
-            name: max(getattr(self, name), getattr(other, name))
-            for name in ("force_n", "depth", "time_s", "pace_s", "press_s")
-        }
-        return replace(self, **sizes)
-
 
 @dataclass(frozen=True)
 class Readings:

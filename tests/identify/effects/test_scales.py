@@ -54,11 +54,3 @@ def test_a_scan_with_the_scales_of_another_has_its_law(whole):
     lost = [ForceSaturation().force(r, np.array([at]), **values)[0] / at - 1 for r in (few, own)]
     assert lost[0] == pytest.approx(0.1 * (at / whole.largest_force_n) ** 2)
     assert lost[1] > 5 * lost[0]
-
-
-def test_scales_of_joined_scans_are_the_larger_ones(whole):
-    few = replace(whole.some(np.arange(10)), stated=None)
-    both = few.scales.joined(whole.scales)
-    assert both.force_n == whole.largest_force_n
-    assert both.time_s == pytest.approx(float(whole.elapsed_s.max()))
-    assert_allclose(both.middle_m, few.scales.middle_m)

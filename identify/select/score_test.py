@@ -11,8 +11,8 @@ pattern along the fitted parameters cannot be seen: `visible` is the share beyon
 Source: Rao's score test; Neyman's C(alpha) for the projection.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,32 +21,14 @@ from identify.effects.base import Effect, EffectParameter, advice, changes_body
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-from identify.measurement.traced_chain import TracedChain
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
 from identify.select.null_distribution import NullSearch
+from identify.select.patterns import EffectPattern, effect_patterns, pattern_blocks
 from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
-_STEP = 1e-4  # of an amplitude's typical size, for its derivative
 _NOT_FINITE = "the model has no finite answer to it at this map"
 _NO_SHAPE = "the scan leaves no candidate of its shape that differs from another effect"
-_SLACK = 10.0  # of the patterns at an effect's levels, which change compliances by a tenth
-
-
-@dataclass(frozen=True)
-class EffectPattern:
-    """Change of the whitened readings by an effect, per unit of its amplitudes.
-
-    Attributes
-    ----------
-    effect : its effect
-    shapes : g candidates of the shape parameters
-    columns : (g, m, q) derivative by each amplitude in units of its typical size
-    """
-
-    effect: Effect
-    shapes: Sequence[Mapping[str, float]]
-    columns: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -83,86 +65,6 @@ class Score:
     def p_value(self) -> float:
         """P-value under pure noise, not less than 1e-300."""
         return float(np.exp(max(self.log_p, np.log(1e-300))))
-
-
-def effect_patterns(
-    model: MeasurementModel, at: Linearised, effect: Effect, most: int | None = None
-) -> EffectPattern:
-    """Return the patterns of an effect at its null, beside the effects of the model.
-
-    `most` limits the number of its shape's candidates, evenly over the grid.
-    """
-    shapes = effect.grid(model.readings, at.state)
-    if most is not None and len(shapes) > most:
-        shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
-    blocks = list(pattern_blocks(model, at, effect, shapes, np.inf))
-    if not blocks:
-        return EffectPattern(effect, [], np.empty((0, len(at.residual), len(effect.amplitudes))))
-    columns = np.concatenate([block.columns for block in blocks])
-    return EffectPattern(effect, [shape for block in blocks for shape in block.shapes], columns)
-
-
-def pattern_blocks(
-    model: MeasurementModel,
-    at: Linearised,
-    effect: Effect,
-    shapes: Sequence[Mapping[str, float]],
-    most_bytes: float,
-) -> Iterator[EffectPattern]:
-    """Yield the patterns of candidates of the shape, in blocks of so much memory at most.
-
-    Those at the levels of a body effect come last.
-    """
-    parameters = {p.name: p for p in effect.bounded(model.readings, at.state)}
-    amplitudes = [parameters[p.name] for p in effect.amplitudes]
-    null, m = effect.null, len(at.residual)
-    traced = None
-    if shapes and not changes_body(effect):
-        chain = replace(model.chain, effects=[*model.chain.effects, effect])
-        absent = {**at.values, effect.name: {**null, **shapes[0]}}
-        traced = TracedChain(chain, at.point._replace(values=absent))
-
-    def moved_by(shape: Mapping[str, float], amplitude: EffectParameter) -> np.ndarray:
-        step = _STEP if null[amplitude.name] < amplitude.upper else -_STEP
-        size = null[amplitude.name] + step * amplitude.typical
-        values = {**null, **shape, amplitude.name: size}
-        if changes_body(effect):
-            dc, de = at.body.change(effect.body(at.state, **values))
-            return model.moved_by_body(at, dc, de) / step
-        assert traced is not None
-        return (traced.with_values(effect.name, values) - traced.predicted_m) / step
-
-    count = int(max(min(most_bytes / (8 * m * len(amplitudes)), len(shapes)), 1))
-    for begin in range(0, len(shapes), count):
-        part = shapes[begin : begin + count]
-        moved = np.array([[moved_by(shape, a) for a in amplitudes] for shape in part])
-        flat = moved.reshape(-1, m)
-        rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
-        yield EffectPattern(effect, part, rows)
-    far = _far_patterns(model, at, effect, amplitudes[0], shapes)
-    if far:
-        yield EffectPattern(effect, [s for s, _ in far], np.concatenate([r for _, r in far]))
-
-
-def _far_patterns(
-    model: MeasurementModel,
-    at: Linearised,
-    effect: Effect,
-    amplitude: EffectParameter,
-    shapes: Sequence[Mapping[str, float]],
-) -> list[tuple[Mapping[str, float], np.ndarray]]:
-    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Advice`."""
-    null, press, found = effect.null, model.readings.press, []
-    if not changes_body(effect):
-        return found
-    for level in advice(effect).levels(at.state):
-        for shape in shapes:
-            state = effect.body(at.state, **{**null, **shape, amplitude.name: level})
-            dc, de = at.body.exact_change(state, _SLACK)
-            moved = model.moved_by_body(at, dc, de)
-            size = (level - null[amplitude.name]) / amplitude.typical
-            found.append((shape, at.whitened(moved / size, press)[None, :, None]))
-    return found
 
 
 def fitted_basis(at: Linearised) -> np.ndarray:

@@ -21,7 +21,8 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
 from identify.select.explanation import ended_by_presses, few_presses, within_laws
-from identify.select.score_test import effect_patterns, unavailable
+from identify.select.patterns import effect_patterns
+from identify.select.score_test import unavailable
 from identify.select.settings import SELECTION
 from identify.select.step import Step, hides_lead, replaces_map
 from models import Scan

@@ -19,7 +19,8 @@ from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import NullSearch
-from identify.select.score_test import EffectPattern, beyond, fitted_basis, score_effect
+from identify.select.patterns import EffectPattern
+from identify.select.score_test import beyond, fitted_basis, score_effect
 from identify.select.settings import DiagnosisSettings
 from tests.identify.select.loop_problem import TRUE, model, scan, timing
 from tests.identify.select.loop_problem import uncorrected as body

@@ -187,7 +187,7 @@ def softening():
     press, _, _, force = timing(SEED)
     soft = 1 + 0.05 * (1 - np.exp(-np.arange(25) / 5))
     travel = (true_compliance() * soft)[press] * force
-    table = scan(travel, force, SEED).replace(displacement_m=travel, force_n=force)
+    table = scan(travel, force, SEED)
     state = fit_jointly(model(table), TRUE).at.state
     courses = {
         "preconditioning": {"p": 0.04, "k0": 6.0},

@@ -6,7 +6,8 @@ import numpy as np
 
 from fem.palpation.model import PalpationModel, Response
 from fem.palpation.skin import Skin
-from fem.reduced.model import MOST, ReducedModel, ReducedResponse
+from fem.reduced.model import MOST, ReducedModel
+from fem.reduced.response import ReducedResponse
 from fem.reduced.snapshot import law_of, modulus_samples
 
 FAR = 3e-3  # relative bound beyond which a solution begins a basis of its own

@@ -24,7 +24,8 @@ from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
-from identify.fit.result import FitResult, fit_result
+from identify.fit.gather import fit_result
+from identify.fit.result import FitResult
 from identify.fit.search import FitIteration, Progress
 from identify.fit.settings import FREE_COMPLIANCE, PRECISE
 from identify.map import FreeMap, GaussianMap, MaternField

@@ -14,7 +14,8 @@ import numpy as np
 
 from fem import SolverError
 from identify.fit.free_map_fit import refit_free_map
-from identify.fit.result import FitResult, fit_result
+from identify.fit.gather import fit_result
+from identify.fit.result import FitResult
 from identify.fit.search import Progress, Search
 from identify.fit.settings import SEARCH, TRIAL, FitSettings
 from identify.map.free_map import FreeMap

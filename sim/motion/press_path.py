@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.robot.arm_steps import SERVO_RAD_PER_S
 from sim.robot.compiled import compiled
 from sim.robot.inverse_kinematics import TipKinematics
-from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 KNOTS = 11
 

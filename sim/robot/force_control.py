@@ -26,8 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.robot.arm_steps import SERVO_RAD_PER_S
 from sim.robot.compiled import compiled, part
-from sim.robot.simulated_arm import SERVO_RAD_PER_S
 
 FILTER_HZ = 10.0
 RETURN_S = 0.15

@@ -10,12 +10,13 @@ import numpy as np
 from sim.motion.planned_motion import PlannedPress
 from sim.motion.press_path import KNOTS
 from sim.motion.settings import ScanSettings
+from sim.robot.arm_steps import servo_step
 from sim.robot.contact_coupling import MatchedContact, PressedBody
 from sim.robot.force_control import FASTEST_M_PER_S, ForceControl
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import Laboratory
 from sim.robot.mechanism import Live, Mechanisms
-from sim.robot.simulated_arm import SimulatedArm, servo_step
+from sim.robot.simulated_arm import SimulatedArm
 from sim.scan import control_loop
 from sim.scan.control_loop import (
     FAULT,

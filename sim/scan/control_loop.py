@@ -14,6 +14,7 @@ import numpy as np
 
 from sim.motion.press_path import path_at
 from sim.motion.quintic import blend
+from sim.robot.arm_steps import BLOCK, ArmState, read_wrist, servo_step
 from sim.robot.compiled import compiled, part
 from sim.robot.force_control import (
     ACCELERATION_M_PER_S2,
@@ -23,7 +24,6 @@ from sim.robot.force_control import (
     press,
     stop,
 )
-from sim.robot.simulated_arm import BLOCK, ArmState, read_wrist, servo_step
 from sim.scan.look import EVERY, look
 from sim.scan.press_log import Rows, add_row
 from sim.scan.result import PHASES

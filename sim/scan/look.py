@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from sim.robot.arm_steps import ArmState, force_by_torque
 from sim.robot.compiled import compiled, part
-from sim.robot.simulated_arm import ArmState, force_by_torque
 
 EVERY = 5
 """Steps between two checks of the slower watchdogs."""

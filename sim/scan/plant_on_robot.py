@@ -25,9 +25,9 @@ from sim.planted.catalogue import HIDDEN
 from sim.planted.faults import FAULTS, fault
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.mechanisms import FIELDS, mechanism
+from sim.robot.arm_steps import SERVO_RAD_PER_S
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.mechanism import Mechanism, Mechanisms
-from sim.robot.simulated_arm import SERVO_RAD_PER_S
 from sim.scan.scan_program import DWELL_S, TARE_S
 
 NAMES = tuple(effect.name for effect in HIDDEN)

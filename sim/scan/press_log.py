@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.robot.arm_steps import ArmState
 from sim.robot.compiled import part
-from sim.robot.simulated_arm import ArmState
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
 from identify.select.accepted_effect import AcceptedEffect, at_bound
 from identify.select.explanation import Explanation
-from identify.select.forward_selection import without_unneeded
-from identify.select.reconsider import reconsider
+from identify.select.reconsider import reconsider, without_unneeded
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import whitened_fit
 from models import Scan

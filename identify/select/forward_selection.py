@@ -21,7 +21,7 @@ import numpy as np
 from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
 from identify.effects.unknown_course import COURSES
-from identify.fit.joint_fit import fit_jointly, found_again, try_fit
+from identify.fit.joint_fit import fit_jointly, found_again
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
@@ -37,7 +37,7 @@ from identify.select.candidates import (
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, ended_by_presses, verdict_of, within_laws
 from identify.select.model_error import confounded, may_be_left_of_error
-from identify.select.reconsider import reconsider, with_exchanged
+from identify.select.reconsider import reconsider, with_exchanged, without_unneeded
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, hides_lead, replaces_map, step_of, whitened_fit
 from models import Scan
@@ -271,28 +271,6 @@ def _accepted(
 def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
     """Whether a fit takes its share of the excess; any does without an excess."""
     return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
-
-
-def without_unneeded(
-    fit: FitResult,
-    names: Sequence[str],
-    say: Callable[[str], None],
-    settings: SelectionSettings = SELECTION,
-) -> tuple[FitResult, list[str]]:
-    """Leave out the effects of a fit that do not earn their place; the fit, and their names."""
-    lost: list[str] = []
-    for name in names:
-        say(f"testing the need of {name}")
-        without = try_fit(
-            fit.model.without(name),
-            fit.map,
-            rounds=0,
-            max_evaluations=settings.refit_evaluations,
-        )
-        if without is not None and without.bic < fit.bic:
-            fit = without
-            lost.append(name)
-    return (fit_jointly(fit.model, fit.map) if lost else fit), lost
 
 
 def is_more_missing(

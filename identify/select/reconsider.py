@@ -4,13 +4,14 @@ The best effect of a step was decided while another one was still missing, and m
 by it: presses made row by row that sink ever deeper look like a tilt along the columns, so that a
 first touch declared late is taken for a tilted surface. Once the other effect is in the model, the
 earlier one is compared with its former candidates once more. A clearly better candidate takes its
-place, as does a special case that does as well; near ones form its group.
+place, as does a special case that does as well; near ones form its group. One that no longer earns
+its place is left out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from identify.fit.joint_fit import fit_jointly
+from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
@@ -115,3 +116,25 @@ def _exchanged(fit: FitResult, name: str, candidate: Candidate) -> MeasurementMo
     now = fit.model.started(fit.u)
     parts = tuple(part if present.effect.name == name else present for present in now.effects)
     return replace(now, effects=parts)
+
+
+def without_unneeded(
+    fit: FitResult,
+    names: Sequence[str],
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[FitResult, list[str]]:
+    """Leave out the effects of a fit that do not earn their place; the fit, and their names."""
+    lost: list[str] = []
+    for name in names:
+        say(f"testing the need of {name}")
+        without = try_fit(
+            fit.model.without(name),
+            fit.map,
+            rounds=0,
+            max_evaluations=settings.refit_evaluations,
+        )
+        if without is not None and without.bic < fit.bic:
+            fit = without
+            lost.append(name)
+    return (fit_jointly(fit.model, fit.map) if lost else fit), lost

@@ -13,10 +13,10 @@ from palpmap.recording import entities as names
 from palpmap.recording import style as style
 from palpmap.recording.fit import log_iteration, log_residuals, send_presses, style_parameters
 from palpmap.recording.frames import Frame, FrameBatch
-from palpmap.recording.layout import Stage, layout
+from palpmap.recording.layout import Stage
 from palpmap.recording.maps import MapViews, log_map, log_outlines, modulus_colors
+from palpmap.recording.page import Page
 from palpmap.recording.scene import LinkShape, drawn_shape, lifted, link_names, vertex_normals, xyzw
-from palpmap.recording.story import story
 from palpmap.recording.stream import Log, RecordingFile
 from palpmap.version import __version__
 
@@ -62,13 +62,8 @@ class Recording:
                 f"unknown parts of a recording: {sorted(unknown)}; there are {list(names.PARTS)}"
             )
         self.path = Path(path)
-        self.name = name
         self._planned = planned_presses
         self._dot_m = 0.001
-        self._present: set[str] = set()
-        self._showing: tuple[frozenset[str], float] | None = None
-        self._text = ""
-        self._stage: Stage | None = None
         self._surface: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         self._modulus_pa: NDArray[np.float64] | None = None  # true, at the surface's vertices
         self._frames: FrameBatch | None = None
@@ -79,9 +74,8 @@ class Recording:
         self._times: dict[int, float] = {}  # press -> time at which it was read
         self._now = 0.0
         self._last_step: FitIteration | None = None
-        self._residual_limit_um = 0.0
-        self._figures: list[str] = []
         self._file = RecordingFile(self.path, name, live)
+        self._page = Page(self._file, name)
         run = {"palpmap": __version__, "planned_presses": planned_presses, "parts": list(parts)}
         if seed is not None:
             run["seed"] = seed
@@ -129,7 +123,7 @@ class Recording:
         triangles = np.asarray(body_triangles, np.int32)
         position = np.asarray(body_position_m, float)
         lower, upper = vertices.min(axis=0).astype(float), vertices.max(axis=0).astype(float)
-        self._stage = Stage(lower, upper, position)
+        self._page.stage = Stage(lower, upper, position)
         self._dot_m = 0.1 * float((upper - lower).max()) / np.sqrt(self._planned)
         rotation = rr.Quaternion(xyzw=xyzw(body_quaternion))
         static, start = self._file.static, self._file.at(sim_time=0, press=0, iteration=0)
@@ -319,11 +313,11 @@ class Recording:
         points = np.array([self._points[p] for p in ids.tolist()])
         if self._surface is not None:
             points = lifted(points, *self._surface, _LIFT)
-        self._residual_limit_um = float(np.abs(residual_um).max())
-        log_residuals(self._end(), ids, points, residual_um, self._residual_limit_um)
+        limit = self._page.residual_limit_um = float(np.abs(residual_um).max())
+        log_residuals(self._end(), ids, points, residual_um, limit)
         for name, path in (figures or {}).items():
             self._file.static(f"{names.FIGURES}/{name}", rr.EncodedImage(path=path))
-        self._figures = list(figures or {})
+        self._page.figures = list(figures or {})
         self._step_done("comparison")
 
     def event(self, text: str, level: str = "INFO", time_s: float | None = None) -> None:
@@ -348,16 +342,6 @@ class Recording:
 
     def _step_done(self, *parts: str) -> None:
         """Bring text and layout up to date, and flush."""
-        self._present.update(parts)
         found = self._last_step.parameters if self._last_step else {}
-        text = story(self.name, self._present, found, self._true_parameters)
-        if text != self._text:
-            self._file.static(names.ABOUT, rr.TextDocument(text, media_type="text/markdown"))
-            self._text = text
-        showing = (frozenset(self._present), self._residual_limit_um)
-        if self._stage is not None and showing != self._showing:
-            limit = self._residual_limit_um
-            whole = self._file.curves if "comparison" in self._present else {}  # it does not grow
-            self._file.show(layout(self._present, self._stage, limit, self._figures, whole))
-            self._showing = showing
+        self._page.show(parts, found, self._true_parameters)
         self._file.flush()

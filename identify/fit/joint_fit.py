@@ -171,17 +171,37 @@ def fit_from(search: Search, model: MeasurementModel, u: np.ndarray) -> FitResul
         near = moved < misfit
         if not s.guarded and excess and number >= s.gross_rounds:
             break
-    if not s.guarded:
-        u = result.x
+    return _unsettled(search, model, result.x if not s.guarded else u, result, radius,
+                      rough=rough, near=near and accepted >= s.rounds)  # fmt: skip
+
+
+def _unsettled(
+    search: Search,
+    model: MeasurementModel,
+    u: np.ndarray,
+    result: OptimizeResult,
+    radius: float,
+    *,
+    rough: bool,
+    near: bool,
+) -> FitResult:
+    """Return the fit where its rounds ended.
+
+    Parameters
+    ----------
+    u : scaled coordinates (k,) where they ended
+    result, radius : of the last search
+    rough : the correction is one for a search, not for the record
+    near : the last move was small, after all rounds
+    """
+    s = search.settings
     if s.confirmed and (rough or not search.is_final):
         search.finish()
         model = search.corrected(model, u) if rough else model
         # Unseen by the finer model, so not far
         result, _ = search.minimum(model, u, s.nearer * radius if s.guarded else np.inf)
         u = result.x
-    if not s.guarded:
-        return _ended(search, model, u, result, False, "did not settle")
-    success = result.success and near and accepted >= s.rounds
+    success = s.guarded and result.success and near
     return _ended(search, model, u, result, success, None if success else "did not settle")
 
 

@@ -65,9 +65,7 @@ def minimize_gauss_newton(
     x0 = np.array(x0, dtype=float)
     lower, upper = bounds or (np.full(x0.shape, -np.inf), np.full(x0.shape, np.inf))
     x = np.clip(x0, lower, upper)
-    r, jac = residuals(x)
-    if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jac))):
-        raise InadmissibleError(f"the start {x} gives residuals that are not finite")
+    r, jac = _at_start(residuals, x)
     fun, nfev, nit = 0.5 * float(r @ r), 1, 0
     damping, growth, idle = 1e-3, 2.0, 0
     diagonal = np.zeros_like(x)
@@ -109,6 +107,14 @@ def minimize_gauss_newton(
                 return result(0, _would_lower(expected))
             if damping > 1e16:
                 return result(2, "no step lowers chi-square")
+
+
+def _at_start(residuals: Residuals, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals and Jacobian at the start, which must be admissible."""
+    r, jac = residuals(x)
+    if not (np.all(np.isfinite(r)) and np.all(np.isfinite(jac))):
+        raise InadmissibleError(f"the start {x} gives residuals that are not finite")
+    return r, jac
 
 
 def _would_lower(less_than: float) -> str:

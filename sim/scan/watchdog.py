@@ -169,16 +169,24 @@ class Watchdog:
 
     def fault(self, found: int) -> PressFault:
         """Return the fault that a look has found, in words."""
-        seen, limits, rig = self.state[0], self.limits, self._rig
+        kind, words = self._speed() if found == SPEED else self._words(found)
+        return PressFault(kind, words)
+
+    def _speed(self) -> tuple[str, str]:
+        """Return kind and words of a joint that turns too fast."""
+        speed, limit = self._rig.v, self.limits.speed
+        joint = int((np.abs(speed) / limit).argmax())
+        return (
+            "speed",
+            f"joint {joint + 1} turns at {abs(speed[joint]):.3g} rad/s, its limit is "
+            f"{limit[joint]:.3g}",
+        )
+
+    def _words(self, found: int) -> tuple[str, str]:
+        """Return kind and words of any other fault."""
+        seen, limits = self.state[0], self.limits
         force, limit = seen["force_n"], f"the limit is {limits.force_n:.3g} N"
-        if found == SPEED:
-            joint = int((np.abs(rig.v) / limits.speed).argmax())
-            return PressFault(
-                "speed",
-                f"joint {joint + 1} turns at {abs(rig.v[joint]):.3g} rad/s, its limit is "
-                f"{limits.speed[joint]:.3g}",
-            )
-        kind, words = {
+        return {
             NO_NUMBER: ("not_a_number", "the force sensor gives no number"),
             FORCE: ("force", f"the force reads {force:.3g} N, {limit}"),
             FORCE_RISES: (
@@ -229,7 +237,6 @@ class Watchdog:
             ),
             TORQUE: ("torque", "a joint's torque is at its limit"),
         }[found]
-        return PressFault(kind, words)
 
     def check_forces(self, force: np.ndarray, torque: np.ndarray) -> None:
         """Compare the two measurements of force (k,) N, EVERY steps apart, approach to retraction.

@@ -23,6 +23,14 @@ _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 
 @numba.njit(inline="always")
+def _gather(x, u, cell):
+    """Fill the displacements (i, 3) of a cell's nodes."""
+    for i in range(len(cell)):
+        for a in range(3):
+            x[i, a] = u[cell[i], a]
+
+
+@numba.njit(inline="always")
 def _kinematics(x, g, nodes, f, h):
     """Fill F and h = F^-T at one point; return J - 1, accurate for small strain."""
     for a in range(3):
@@ -67,6 +75,16 @@ def _invariant(f, log_j):
     return max(s - 3.0 - 2.0 * log_j, 0.0)
 
 
+@numba.njit(inline="always")
+def _add_forces(r, factor, stress, g, nodes):
+    """Add a factor times the nodal forces of a stress (3, 3) at one point to r (i, 3)."""
+    for i in range(nodes):
+        for a in range(3):
+            r[i, a] += factor * (
+                stress[a, 0] * g[i, 0] + stress[a, 1] * g[i, 1] + stress[a, 2] * g[i, 2]
+            )
+
+
 @numba.njit(cache=True, fastmath=_FAST, nogil=True)
 def internal_force(force, u, cells, gradients, weights, modulus, lam, mu, code, c, mean_dilatation):
     """Fill the nodal forces (n, 3) N and return the strain energy, J; infinite where J <= 0.
@@ -83,13 +101,9 @@ def internal_force(force, u, cells, gradients, weights, modulus, lam, mu, code, 
     p = np.empty((3, 3))
     energy = 0.0
     for e in range(cells.shape[0]):
-        for i in range(nodes):
-            for a in range(3):
-                x[i, a] = u[cells[e, i], a]
-                r[i, a] = 0.0
-        volume = 0.0
-        dilated = 0.0
-        stiff = 0.0
+        _gather(x, u, cells[e])
+        r[:] = 0.0
+        volume = dilated = stiff = 0.0
         for q in range(points):
             growth[q] = _kinematics(x, gradients[e, q], nodes, f, h[q])
             if growth[q] <= -1.0:
@@ -111,30 +125,59 @@ def internal_force(force, u, cells, gradients, weights, modulus, lam, mu, code, 
             for a in range(3):
                 for b in range(3):
                     p[a, b] = shear * (f[a, b] - h[q, a, b]) + pressure * h[q, a, b]
-            for i in range(nodes):
-                for a in range(3):
-                    r[i, a] += (
-                        p[a, 0] * gradients[e, q, i, 0]
-                        + p[a, 1] * gradients[e, q, i, 1]
-                        + p[a, 2] * gradients[e, q, i, 2]
-                    )
+            _add_forces(r, 1.0, p, gradients[e, q], nodes)
         if mean_dilatation:
             log_theta = math.log1p(dilated / volume)
             energy += stiff * 0.5 * lam * log_theta * log_theta
             factor = stiff * lam * log_theta / (volume + dilated)
             for q in range(points):
                 pressure = factor * weights[e, q] * (1.0 + growth[q])
-                for i in range(nodes):
-                    for a in range(3):
-                        r[i, a] += pressure * (
-                            h[q, a, 0] * gradients[e, q, i, 0]
-                            + h[q, a, 1] * gradients[e, q, i, 1]
-                            + h[q, a, 2] * gradients[e, q, i, 2]
-                        )
+                _add_forces(r, pressure, h[q], gradients[e, q], nodes)
         for i in range(nodes):
             for a in range(3):
                 force[cells[e, i], a] += r[i, a]
     return energy
+
+
+@numba.njit(inline="always")
+def _spatial(hg, sg, sw, f, h, g, nodes, second):
+    """Fill F^-T g, (F - F^-T) g and `second` times the latter at one point, each (3, i)."""
+    for a in range(3):
+        for i in range(nodes):
+            t = 0.0
+            s = 0.0
+            for b in range(3):
+                t += h[a, b] * g[i, b]
+                s += f[a, b] * g[i, b]
+            hg[a, i] = t
+            sg[a, i] = s - t
+            sw[a, i] = second * (s - t)
+
+
+@numba.njit(inline="always")
+def _add_pair(block, r, k, points, g, hg, sg, sw, first, swapped, direct):
+    """Add dP/dF between the nodes r and k of a cell to their block; return its isotropic part."""
+    trace = 0.0
+    for q in range(points):
+        trace += first[q] * (
+            g[q, r, 0] * g[q, k, 0] + g[q, r, 1] * g[q, k, 1] + g[q, r, 2] * g[q, k, 2]
+        )
+        for a in range(3):
+            d = direct[q] * hg[q, a, r]
+            t = swapped[q] * hg[q, a, k]
+            s = sw[q, a, r]
+            for b in range(3):
+                block[a, b] += d * hg[q, b, k] + t * hg[q, b, r] + s * sg[q, b, k]
+    return trace
+
+
+@numba.njit(inline="always")
+def _put_block(data, indptr, row, rank, block, trace):
+    """Add a block (3, 3) and its isotropic part to three rows of the upper triangle."""
+    for a in range(3):
+        start = indptr[row + a] + 3 * rank - a
+        for b in range(a if rank == 0 else 0, 3):
+            data[start + b] += block[a, b] + (trace if a == b else 0.0)
 
 
 @numba.njit(cache=True, fastmath=_FAST, nogil=True)
@@ -160,12 +203,8 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
     direct = np.empty(points)
     block = np.empty((3, 3))
     for e in range(cells.shape[0]):
-        for i in range(nodes):
-            for a in range(3):
-                x[i, a] = u[cells[e, i], a]
-        volume = 0.0
-        dilated = 0.0
-        stiff = 0.0
+        _gather(x, u, cells[e])
+        volume = dilated = stiff = 0.0
         for q in range(points):
             growth[q] = _kinematics(x, gradients[e, q], nodes, f, h)
             w = weights[e, q]
@@ -179,16 +218,7 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
             second = scale * 2.0 * mu * g2
             swapped[q] = first[q] - (0.0 if mean_dilatation else scale * lam * log_j)
             direct[q] = 0.0 if mean_dilatation else scale * lam
-            for a in range(3):
-                for i in range(nodes):
-                    t = 0.0
-                    s = 0.0
-                    for b in range(3):
-                        t += h[a, b] * gradients[e, q, i, b]
-                        s += f[a, b] * gradients[e, q, i, b]
-                    hg[q, a, i] = t
-                    sg[q, a, i] = s - t
-                    sw[q, a, i] = second * (s - t)
+            _spatial(hg[q], sg[q], sw[q], f, h, gradients[e, q], nodes, second)
         bulk = 0.0
         if mean_dilatation:
             log_theta = math.log1p(dilated / volume)
@@ -208,32 +238,14 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
                 pair = pairs[e, m]
                 if pair < 0:
                     continue
-                if free[e, i] > free[e, j]:
-                    r, k = j, i
-                else:
-                    r, k = i, j
-                trace = 0.0
+                r, k = (j, i) if free[e, i] > free[e, j] else (i, j)
                 for a in range(3):
                     for b in range(3):
                         block[a, b] = bulk * mean[a, r] * mean[b, k] if mean_dilatation else 0.0
-                for q in range(points):
-                    trace += first[q] * (
-                        gradients[e, q, r, 0] * gradients[e, q, k, 0]
-                        + gradients[e, q, r, 1] * gradients[e, q, k, 1]
-                        + gradients[e, q, r, 2] * gradients[e, q, k, 2]
-                    )
-                    for a in range(3):
-                        d = direct[q] * hg[q, a, r]
-                        t = swapped[q] * hg[q, a, k]
-                        s = sw[q, a, r]
-                        for b in range(3):
-                            block[a, b] += d * hg[q, b, k] + t * hg[q, b, r] + s * sg[q, b, k]
-                row = 3 * pair_node[pair]
-                n = pair_rank[pair]
-                for a in range(3):
-                    start = indptr[row + a] + 3 * n - a
-                    for b in range(a if n == 0 else 0, 3):
-                        data[start + b] += block[a, b] + (trace if a == b else 0.0)
+                trace = _add_pair(
+                    block, r, k, points, gradients[e], hg, sg, sw, first, swapped, direct
+                )
+                _put_block(data, indptr, 3 * pair_node[pair], pair_rank[pair], block, trace)
 
 
 @numba.njit(cache=True, fastmath=_FAST, nogil=True)
@@ -248,13 +260,9 @@ def sensitivity(out, u, z, cells, gradients, weights, lam, mu, code, c, mean_dil
     f = np.empty((3, 3))
     h = np.empty((3, 3))
     for e in range(cells.shape[0]):
-        for i in range(nodes):
-            for a in range(3):
-                x[i, a] = u[cells[e, i], a]
-                y[i, a] = z[cells[e, i], a]
-        volume = 0.0
-        dilated = 0.0
-        change = 0.0
+        _gather(x, u, cells[e])
+        _gather(y, z, cells[e])
+        volume = dilated = change = 0.0
         for q in range(points):
             growth = _kinematics(x, gradients[e, q], nodes, f, h)
             w = weights[e, q]

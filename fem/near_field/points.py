@@ -85,6 +85,28 @@ def add_batch(batch, count, strain, products, shape, radius, nu, profile, lam, m
     _add_products(products, count, parts, lower)
 
 
+@numba.njit(inline="always")
+def _by_functions(eps, count, place, foot, field, shape, radius):
+    """Fill the strains of v times 1, x, y, z from v and its derivatives, `field` (12, k)."""
+    for m in range(FUNCTIONS):
+        for k in range(count):
+            f, f_x, f_y, f_z = 1.0, 0.0, 0.0, 0.0
+            if m == 1:
+                f, f_x = place[0, k] / radius, 1 / radius
+            elif m == 2:
+                f, f_y = place[1, k] / radius, 1 / radius
+            elif m == 3:
+                h_x, h_y = slope(shape, place[0, k], place[1, k])
+                f, f_x, f_y, f_z = foot[2, k] / radius, -h_x / radius, -h_y / radius, 1 / radius
+            u, v, w = field[0, k], field[1, k], field[2, k]
+            eps[6 * m, k] = f * field[3, k] + f_x * u
+            eps[6 * m + 1, k] = f * field[7, k] + f_y * v
+            eps[6 * m + 2, k] = f * field[11, k] + f_z * w
+            eps[6 * m + 3, k] = 0.5 * (f * (field[4, k] + field[6, k]) + f_y * u + f_x * v)
+            eps[6 * m + 4, k] = 0.5 * (f * (field[5, k] + field[9, k]) + f_z * u + f_x * w)
+            eps[6 * m + 5, k] = 0.5 * (f * (field[8, k] + field[10, k]) + f_z * v + f_y * w)
+
+
 @numba.njit(cache=True, fastmath=True, error_model="numpy")
 def _strains(eps, count, place, shape, radius, nu, profile):
     """Strains of the functions at points, (6 m, k): e_xx, e_yy, e_zz, e_xy, e_xz, e_yz of each."""
@@ -145,23 +167,7 @@ def _strains(eps, count, place, shape, radius, nu, profile):
         field[9, k] = zx + h_x * xx + h_y * yx + h_xx * u + h_xy * v
         field[10, k] = zy + h_x * xy + h_y * yy + h_xy * u + h_yy * v
         field[11, k] = zz + h_x * xz + h_y * yz
-    for m in range(FUNCTIONS):
-        for k in range(count):
-            f, f_x, f_y, f_z = 1.0, 0.0, 0.0, 0.0
-            if m == 1:
-                f, f_x = place[0, k] / radius, 1 / radius
-            elif m == 2:
-                f, f_y = place[1, k] / radius, 1 / radius
-            elif m == 3:
-                h_x, h_y = slope(shape, place[0, k], place[1, k])
-                f, f_x, f_y, f_z = foot[2, k] / radius, -h_x / radius, -h_y / radius, 1 / radius
-            u, v, w = field[0, k], field[1, k], field[2, k]
-            eps[6 * m, k] = f * field[3, k] + f_x * u
-            eps[6 * m + 1, k] = f * field[7, k] + f_y * v
-            eps[6 * m + 2, k] = f * field[11, k] + f_z * w
-            eps[6 * m + 3, k] = 0.5 * (f * (field[4, k] + field[6, k]) + f_y * u + f_x * v)
-            eps[6 * m + 4, k] = 0.5 * (f * (field[5, k] + field[9, k]) + f_z * u + f_x * w)
-            eps[6 * m + 5, k] = 0.5 * (f * (field[8, k] + field[10, k]) + f_z * v + f_y * w)
+    _by_functions(eps, count, place, foot, field, shape, radius)
 
 
 @numba.njit(cache=True, fastmath=True)

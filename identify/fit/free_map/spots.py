@@ -33,7 +33,8 @@ class Spot:
     width_m : over which the map is smeared there
     contrast : modulus inside over that of the smooth map there
     lower95, upper95 : interval of the contrast
-    probability : of a ball there, against one elsewhere and none
+    probability : of a ball there that is as the contrast says, harder or softer, against one of
+        the other kind, one elsewhere and none
     depth_seen : share of the prior's variance at the centre that the readings take away
     diameter_lower95_m, diameter_upper95_m : interval of the diameter; a lower end of 0 is open.
         None in files that were written before there was one
@@ -130,8 +131,10 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
     precision = (beside.power + s.amplitude**-2).ravel()[chosen]
     change = beside.match.ravel()[chosen] / precision
     change = change + rng.standard_normal(s.draws) / np.sqrt(precision)
+    kind = _likelier_kind(change)
+    there, drawn, change = there * float(np.mean(kind)), drawn[kind], change[kind]
     # ... and of the radius beside each, with the same change times volume
-    wider = s.growth ** (part * rng.uniform(-0.5, 0.5, s.draws))
+    wider = s.growth ** (part * rng.uniform(-0.5, 0.5, len(change)))
     radius = finer.radius_m[drawn] * wider
     least, most = np.percentile(radius, [2.5, 97.5]).tolist()
     ratio = _contrast(change / wider**3, rng)
@@ -154,6 +157,18 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
         probability=there,
         depth_seen=float(posterior.share[at]),
     )  # fmt: skip
+
+
+def _likelier_kind(change: np.ndarray) -> np.ndarray:
+    """Draws (n,) of the likelier kind, harder or softer, by their changes (n,) of ln E.
+
+    A place that may be either is less sure to be the one that its interval is of.
+
+    >>> _likelier_kind(np.array([0.2, -0.1, 0.3]))
+    array([ True, False,  True])
+    """
+    harder = change > 0
+    return harder == (np.mean(harder) >= 0.5)
 
 
 def _contrast(change: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -12,7 +12,7 @@ from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import SPOTS
-from identify.fit.free_map.spots import find_spots
+from identify.fit.free_map.spots import _likelier_kind, find_spots
 from identify.map import GaussianMap, Grid
 
 SIZE_M, NOISE, LONGEST_M = (0.06, 0.06, 0.03), 0.003, 0.06
@@ -123,6 +123,22 @@ def test_two_balls_are_two_spots_and_their_numbers_lie_in_their_intervals(by_fie
         assert off(spot, centre) < 3 * spot.place_sd_m < 0.012
         assert spot.lower95 < contrast < spot.upper95
         assert spot.diameter_lower95_m < 0.01 < spot.diameter_upper95_m
+
+
+def test_a_spot_is_harder_or_softer_and_its_interval_says_the_same(by_field, grid):
+    """A hard and a soft ball half in each other: what is left of one may be of either kind."""
+    for seed in range(3):
+        pair = ball(grid, (0.027, 0.03, 0.023)) - 0.8 * ball(grid, (0.033, 0.03, 0.023))
+        for spot in spots(by_field, grid, by_field @ (0.5 * pair), seed):
+            assert spot.lower95 > 1 if spot.contrast > 1 else spot.upper95 < 1
+
+
+def test_draws_of_the_other_kind_are_left_out_and_make_a_spot_less_probable():
+    change = np.random.default_rng(0).normal(0.4, 0.4, 1000)  # one in six is softer
+    kind = _likelier_kind(change)
+    assert (change[kind] > 0).all()
+    assert 0.8 < kind.mean() < 0.88
+    assert (_likelier_kind(-change) == kind).all()
 
 
 def test_a_layer_or_one_wrong_press_is_no_spot(by_field, grid):

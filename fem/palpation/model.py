@@ -34,6 +34,7 @@ from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbour
 from fem.near_field.points import FUNCTIONS
 from fem.palpation.constrained_body import LARGE, ConstrainedBody
 from fem.palpation.fibres import FibrePlane, Fibres, checked_fibres, plane_of
+from fem.palpation.material import Material
 from fem.palpation.response import Response
 from fem.palpation.skin import Skin
 from fem.solve.direct import Solver, default_solver
@@ -41,20 +42,6 @@ from fem.solve.direct import Solver, default_solver
 __all__ = ["PalpationModel", "Response"]
 
 _GROUP = 16  # presses whose near fields are solved together
-
-
-class Material(NamedTuple):
-    """Material of a body: modulus samples of the stiffness matrix (p,), fibres, skin.
-
-    `close` has the modulus samples that count in the cells around the tips, `local` (j,) the
-    modulus at the contact points.
-    """
-
-    modulus: np.ndarray
-    fibres: Fibres | None
-    skin: Skin | None
-    close: QuadraticModulus
-    local: np.ndarray
 
 
 class NearFields(NamedTuple):

@@ -22,7 +22,8 @@ from fem.palpation.skin import Skin, by_skin
 if TYPE_CHECKING:
     from fem.mesh.mesh import Mesh
     from fem.palpation.constrained_body import ConstrainedBody
-    from fem.palpation.model import Material, PalpationModel
+    from fem.palpation.material import Material
+    from fem.palpation.model import PalpationModel
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem.errors import SolverError
-from fem.palpation.model import Material
+from fem.palpation.material import Material
 from fem.palpation.skin import Skin, by_skin
 from fem.reduced.snapshot import Law
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem.palpation.model import Material, Response
+from fem.palpation.material import Material
+from fem.palpation.model import Response
 from fem.reduced.energies import Strains
 
 

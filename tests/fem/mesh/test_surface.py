@@ -257,6 +257,7 @@ def test_a_damaged_cache_file_is_not_used(organ_mesh, cache, damage, tmp_path):
     assert fem.mesh.tetrahedralize._load(copy, check_surface(*organ())) is None
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_file_is_replaced_by_a_new_mesh(tmp_path):
     box = block_mesh((0.04, 0.04, 0.03), (1, 1, 1), order=1)
     surface = check_surface(box.nodes, box.boundary)

@@ -67,6 +67,7 @@ def blocks_of(vectors: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(vectors).reshape(-1, 3, vectors.shape[1])
 
 
+@pytest.mark.slow
 def test_products_and_diagonal_are_those_of_the_whole_matrix():
     body = Body(0.4)
     dense, x = body.dense(), body.loads()

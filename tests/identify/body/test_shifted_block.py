@@ -94,6 +94,7 @@ def test_a_shifted_body_has_the_compliances_of_one_that_was_moved_as_a_whole():
     assert np.abs(np.log(carried / truth)).max() < 0.0025  # with finer ones at this place
 
 
+@pytest.mark.slow
 def test_first_order_change_of_the_place_is_that_of_the_models():
     own = problem.mechanics()
     own.forget_others()  # ratios that earlier tests have left are linear ones

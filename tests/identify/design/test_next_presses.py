@@ -83,6 +83,7 @@ def test_what_tells_rivals_apart_comes_first_and_the_quickest_of_it(proposals):
     assert others == sorted(others, reverse=True)
 
 
+@pytest.mark.slow
 def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, candidates):
     best = next(p for p in proposals if p.design.name == "two_radii")
     whole = next(d for d in variations(presses_of(candidates[0][1].model.readings), True)

@@ -100,6 +100,7 @@ def test_presses_that_differ_by_themselves_are_no_smooth_map():
     assert 0.03 < found.map_error < 0.15
 
 
+@pytest.mark.slow
 def test_a_search_without_end_leaves_the_question_open():
     found = asked(found_none=True)
     assert found is not None

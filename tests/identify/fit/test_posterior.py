@@ -81,6 +81,7 @@ def ends(values, weight):
     return np.interp([0.025, 0.975], np.cumsum(weight), values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool_m_per_n", [0.0, *long(1.2e-3)])  # 0 is a bound: half of a bell
 def test_draws_follow_the_likelihood_on_a_grid(model, tool_m_per_n):
     fit, unit, scan = fitted(model, tool_m_per_n)

@@ -46,6 +46,7 @@ def test_what_was_taken_for_another_effect_while_one_was_missing_is_put_right():
     assert values["preconditioning.p"] == pytest.approx(SOFTENING, rel=0.4)
 
 
+@pytest.mark.slow
 def test_the_ladder_leads_to_the_last_model_step_by_step():
     found, steps = explained()
     ladder = [step.fit.effect_names for step in found.ladder]

@@ -89,6 +89,7 @@ def test_free_curves_are_marked():
     assert marked == {"free_loop", "free_saturation", "free_stiffening"}
 
 
+@pytest.mark.slow
 def test_the_course_is_drawn_along_the_session(found):
     (curve,) = (c for c in form_curves(found.final.fit) if c.effect == "unknown_session_share")
     assert (curve.along, curve.unit) == ("time of the session", "1")
@@ -98,6 +99,7 @@ def test_the_course_is_drawn_along_the_session(found):
     assert end - middle == pytest.approx(0.12, abs=0.03)
 
 
+@pytest.mark.slow
 def test_the_map_beside_the_course_holds(found):
     fit = found.final.fit
     for name, value in zip(TRUE.names, TRUE.values, strict=True):

@@ -172,6 +172,7 @@ def test_undo_takes_the_last_version_back_and_keeps_its_file(offset, added, tmp_
     assert "no version to step back from" in sentence_of(palpmap("history", study, "--undo"))
 
 
+@pytest.mark.slow
 def test_limits_say_for_every_effect_from_what_size_it_is_seen(offset, added, tmp_path):
     result = palpmap("limits", offset, "--no-plan", "--out", tmp_path / "run", "--json")
     limits = {limit["name"]: limit for limit in record_of(result)["limits"]}

@@ -136,6 +136,7 @@ def test_a_bag_on_disk_becomes_a_study(bag, scan, tmp_path):
     assert check_study(tmp_path / "study" / "study.toml").doubts == ()
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_and_a_wrong_height_are_said(bag, tmp_path):
     proposed = propose_rig(read_recording([bag]))
     text = proposed[: proposed.index("[probe]")] + raw_scan.RIG

@@ -69,6 +69,7 @@ def test_the_papers_force_presses_so_deep_that_it_is_said(run_here, tmp_path):
     assert max(read_scan(tmp_path / "run" / "scan.csv").displacement_m) < 0.048
 
 
+@pytest.mark.slow
 def test_one_seed_gives_one_scan_bit_for_bit(spaced, run_here, tmp_path):
     _, folder = spaced  # by a process of its own, and again by this one
     again = run_here(*SMALL, "--seed", "5", folder=tmp_path / "again")

@@ -74,6 +74,7 @@ def test_a_homogeneous_dome_has_its_modulus(tmp_path):
     assert found.parameters["background_pa"].value == pytest.approx(MODULUS, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_press_in_the_air_bends_no_surface_and_is_fitted_by_nobody(tmp_path):
     said = json.loads(new(tmp_path, dome_scan(in_the_air=True), "--thickness", str(THICK)))
     assert "Press 5 (1 of 16): the force does not rise" in " ".join(said["said"])

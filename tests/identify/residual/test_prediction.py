@@ -13,9 +13,10 @@ from identify.effects import Readings
 from identify.fit import FitResult
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
+from identify.fit.joint_fit import fit_jointly
 from identify.fit.map_fit import fit_scan
 from identify.map import FreeMap, GaussianMap, Grid, Inclusion, MaternField
-from identify.map.parameters import ParameterSpace
+from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
@@ -183,3 +184,25 @@ def test_an_effect_that_nobody_knows_is_refused_by_name():
     strange = replace(fit, estimates={**known, "cable.drag_n": known["background_pa"]})
     with pytest.raises(ValueError, match="the effect 'cable', which is not in the catalogue"):
         predict(experiment_of(scan), strange, CATALOGUE, scan, NOISE)
+
+
+def test_a_sensor_that_saturates_does_so_at_the_force_of_the_scan_that_showed_it():
+    """Presses that go to a third of its force lose hardly any; stated anew, a tenth."""
+    model, values = fitted_model(), {"loss": 0.1, "sharpness": 2.0}
+
+    def scan(reach: float) -> Scan:
+        straight = scan_of(model, TRUTH, np.random.default_rng(3), reach)
+        lost = 1 + 0.1 * (straight.force_n / FORCES_N[-1]) ** 2
+        return straight.replace(displacement_m=straight.displacement_m * lost)
+
+    seen, lighter = scan(1.0), scan(1 / 3)
+    box = np.array([[0, 0, 0], SIZE_M])
+    plain = MeasurementModel(
+        Readings.of(seen), seen.displacement_m, NOISE, BodyMechanics.of(model),
+        parameter_space(TRUTH, box, ["background_pa"]),
+    )  # fmt: skip
+    effect = CATALOGUE["force_saturation"]
+    fit = fit_jointly(plain.with_effect(effect, values, plain.mechanics.state()), TRUTH)
+    found = predict(experiment_of(seen), fit, CATALOGUE, lighter, NOISE)
+    largest = lighter.near_largest_force
+    assert abs(np.mean(found.residual_m[largest] / found.predicted_m[largest])) < 0.01

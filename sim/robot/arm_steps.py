@@ -116,7 +116,7 @@ def servo_step(arm: ArmState, clipped: bool) -> None:
 @compiled
 def read_wrist(arm: ArmState) -> None:
     """End the step: the tip's force is the sensor's less the probe's weight and inertia."""
-    own = tool_force(arm.chain, arm.read, arm.v_seen, arm.a)
+    own = tool_force(arm.chain, arm.v_seen, arm.a)
     for k in range(3):
         part = arm.to_probe[k, 0] * own[0] + arm.to_probe[k, 1] * own[1]
         part += arm.to_probe[k, 2] * own[2]

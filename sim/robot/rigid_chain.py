@@ -152,11 +152,17 @@ def _move(chain, j, angle):
 
 
 @part
-def _accelerate(chain, q, v, a):
-    """Fill in how each joint's frame moves."""
-    gravity = chain.gravity
+def _turn(chain, q):
+    """Fill in each joint's frame at a configuration."""
     for j in range(len(q)):
         _move(chain, j, q[j])
+
+
+@part
+def _accelerate(chain, v, a):
+    """Fill in how each joint's frame moves; the frames are there."""
+    gravity = chain.gravity
+    for j in range(len(v)):
         axis, parent = _row(chain.axes, j), chain.parent[j]
         if parent < 0:
             spin = turning = (0.0, 0.0, 0.0)
@@ -191,7 +197,8 @@ def _needed(chain, j, mass, centre):
 @compiled
 def inverse_dynamics(chain, q, v, a, torque):
     """Put the joints' torques for an acceleration into (n,) N m; without damping."""
-    _accelerate(chain, q, v, a)
+    _turn(chain, q)
+    _accelerate(chain, v, a)
     for j in range(len(q)):
         centre, spin = _row(chain.centre, j), _row(chain.spin, j)
         force = _needed(chain, j, chain.mass[j], centre)
@@ -213,11 +220,14 @@ def inverse_dynamics(chain, q, v, a, torque):
 
 
 @part
-def tool_force(chain, q, v, a):
-    """Return the force that the probe's weight and inertia need, last joint's frame, N."""
-    _accelerate(chain, q, v, a)
+def tool_force(chain, v, a):
+    """Return the force that the probe's weight and inertia need, last joint's frame, N.
+
+    The configuration is that of the last call of `inverse_dynamics`.
+    """
+    _accelerate(chain, v, a)
     probe = chain.probe
-    return _needed(chain, len(q) - 1, probe[0], (probe[1], probe[2], probe[3]))
+    return _needed(chain, len(v) - 1, probe[0], (probe[1], probe[2], probe[3]))
 
 
 @part

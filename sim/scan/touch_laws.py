@@ -7,20 +7,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.robot.compiled import compiled
+
 ITERATIONS = 25
 
 POWERS = 0.9, 2.0
 
 
+@compiled
 def _rounded(depth: np.ndarray, share: float) -> np.ndarray:
     """Force at a depth of which a share is a ball's: depth = (1 - share) F + share F^(2/3)."""
     share = min(max(share, 0.0), 1.0)
     root = np.cbrt(depth) if share < 0.5 else np.sqrt(depth)  # of the force, the third one
-    for _ in range(6):
-        slope = 3 * (1 - share) * root**2 + 2 * share * root
-        off = (1 - share) * root**3 + share * root**2 - depth
-        root = root - off / np.maximum(slope, 1e-12)
-    return root**3
+    for i in range(len(depth)):
+        one = root[i]
+        for _ in range(6):
+            slope = (3 * (1 - share) * one + 2 * share) * one
+            off = ((1 - share) * one + share) * one * one - depth[i]
+            one -= off / max(slope, 1e-12)
+        root[i] = one**3
+    return root
 
 
 Laws = tuple[tuple[Callable[..., np.ndarray], tuple[float, ...]], ...]
@@ -96,13 +102,12 @@ def fit_law(
     """
     weight = 1 / sd
     measured = force * weight
+    aa, fa = float(weight @ weight), float(weight @ measured)
 
     def residual(p: np.ndarray) -> tuple[np.ndarray, float]:
         shape = law(np.maximum(x - p[0], 0.0), *p[1:]) * weight
-        aa, ab, bb = weight @ weight, weight @ shape, shape @ shape
-        fa, fb = weight @ measured, shape @ measured
-        determinant = max(float(aa * bb - ab * ab), 1e-300)
-        factor = max(float(aa * fb - ab * fa) / float(determinant), 0.0)
+        ab, bb, fb = float(weight @ shape), float(shape @ shape), float(shape @ measured)
+        factor = max((aa * fb - ab * fa) / max(aa * bb - ab * ab, 1e-300), 0.0)
         offset = (fa - factor * ab) / aa
         misfit = measured - offset * weight - factor * shape
         return np.concatenate([misfit, (p[1:] - expected) / spread]), factor

@@ -1,7 +1,7 @@
 """The found stiffness map beside the true one, cut through the inclusion, and how sure it is."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from identify.body import ChangedMap
 from identify.fit import SPOTS, FitResult
-from identify.map import FreeMap, GaussianMap, Inclusion
+from identify.map import FreeMap, Inclusion
 from palpmap.figures.style import (
     DIFFERENCE_COLORS,
     MODULUS_COLORS,
@@ -92,17 +91,31 @@ def _uncertainty(f: Finding) -> Column:
             return 100 * found.grid.interpolated(field.log_sd, points)
 
         return Column("How sure", relative, "one standard deviation, %", "magma_r")
-    names = f.fit.map.names  # the effects' own parameters are held
-    own = [i for i, name in enumerate(f.fit.covariance_names) if name in names]
+    # The effects' own parameters are held. An inclusion that may be nowhere may be anywhere, and
+    # no place of it has a standard deviation
+    names = f.fit.map.names
+    known = {name for name in names if name.partition(".")[0] not in f.doubtful}
+    own = [i for i, name in enumerate(f.fit.covariance_names) if name in known]
     free = [names.index(f.fit.covariance_names[i]) for i in own]
     covariance = f.fit.covariance[np.ix_(own, own)]
+    sure = tuple(i for i in _parted(f)[0] if i in found.inclusions)
+    seen = replace(f.map, stiffness=replace(found, inclusions=sure))
 
     def deviation(points: np.ndarray) -> np.ndarray:
         gradient = f.map.gradient(points)[:, free]
         variance = np.einsum("pk,kl,pl->p", gradient, covariance, gradient)
-        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(f.map.modulus(points))
+        return 100 * np.sqrt(np.maximum(variance, 0)) / np.abs(seen.modulus(points))
 
-    return Column("How sure", deviation, "one standard deviation, %", "magma_r")
+    title = "How sure, the dotted one left out" if f.doubtful else "How sure"
+    return Column(title, deviation, "one standard deviation, %", "magma_r")
+
+
+def _parted(f: Finding) -> tuple[tuple[Inclusion, ...], tuple[Inclusion, ...]]:
+    """Return the found map's inclusions, and of them those that may not be there."""
+    sure, doubtful = [], []
+    for number, inclusion in enumerate(f.map.inclusions, 1):
+        (doubtful if f"inclusion_{number}" in f.doubtful else sure).append(inclusion)
+    return tuple(sure), tuple(doubtful)
 
 
 def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
@@ -265,7 +278,10 @@ def hatch_blind(axes: Axes, f: Finding, fit: FitResult, cut: Cut) -> None:
 
 
 def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
-    """Draw contact points and each inclusion's one-radius circle, dashed where it is the truth."""
+    """Draw contact points and each inclusion's one-radius circle.
+
+    It is dashed where it is the truth, dotted where the inclusion may not be there.
+    """
     right, up = cut.axes
     points = 1e3 * (f.scan.contact_points + f.origin_m)
     top = cut.normal == 2
@@ -274,9 +290,10 @@ def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
     else:
         axes.plot(points[:, right], points[:, up], "v", color="#222222", ms=3.5, clip_on=False)
     if f.truth is not None:
-        draw_circles(axes, f, f.truth, cut, "--")
+        draw_circles(axes, f, f.truth.inclusions, cut, "--")
     if not is_truth:
-        draw_circles(axes, f, f.map, cut, "-")
+        for inclusions, line in zip(_parted(f), ("-", ":"), strict=True):
+            draw_circles(axes, f, inclusions, cut, line)
     limit_to_body(axes, f, cut)
 
 
@@ -289,12 +306,12 @@ def limit_to_body(axes: Axes, f: Finding, cut: Cut) -> None:
 
 
 def draw_circles(
-    axes: Axes, f: Finding, found: GaussianMap | ChangedMap, cut: Cut, line: str
+    axes: Axes, f: Finding, inclusions: Sequence[Inclusion], cut: Cut, line: str
 ) -> None:
     """Draw each inclusion one radius around its centre."""
     right, up = cut.axes
     angle = np.linspace(0, 2 * np.pi, 73)
-    for inclusion in found.inclusions:
+    for inclusion in inclusions:
         centre = 1e3 * (_centre(inclusion) + f.origin_m)
         radius = 1e3 * inclusion.radius_m
         x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)

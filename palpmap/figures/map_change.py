@@ -71,11 +71,11 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
         for column, (title, stiffness) in enumerate(shown):
             axes = grid[row, column]
             image = show_cut(axes, finding, cut, fields[row][column], MODULUS_COLORS, (low, high))
-            draw_circles(axes, finding, stiffness, cut, "-")
+            draw_circles(axes, finding, stiffness.inclusions, cut, "-")
             if column < len(fits):
                 hatch_blind(axes, finding, fits[column], cut)
             if finding.truth is not None:
-                draw_circles(axes, finding, finding.truth, cut, "--")
+                draw_circles(axes, finding, finding.truth.inclusions, cut, "--")
             limit_to_body(axes, finding, cut)
             if row == 0:
                 axes.set_title(_broken(title))

@@ -119,14 +119,19 @@ class Finding:
         """Parameters of the fit, positions in the scan's frame."""
         return parameter_records(self.fit.parameters, self.origin_m, self.fit.at_bound)
 
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """Reasons to distrust the map even where the residual is noise, in sentences."""
-        absent = [
+    @cached_property
+    def doubtful(self) -> tuple[str, ...]:
+        """Names of the inclusions that may not be there: their weight may be zero."""
+        return tuple(
             name.removesuffix(".weight_pa")
             for name, p in self.parameters.items()
             if name.endswith(".weight_pa") and p.lower95 <= 0 <= p.upper95
-        ]
+        )
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons to distrust the map even where the residual is noise, in sentences."""
+        absent = self.doubtful
         kept = len(self.fit.map.inclusions) - len(absent) if absent else 0
         uncertain = (
             f"{plain_name(name).capitalize()} may not be there: its weight may be zero, and its "

@@ -260,6 +260,19 @@ def test_an_inclusion_whose_weight_may_be_zero_may_not_be_there(tmp_path):
     assert doubt.endswith("Set inclusions = 0 under [map], or scan closer.")
 
 
+def test_how_sure_a_map_is_leaves_out_an_inclusion_that_may_not_be_there(tmp_path):
+    finding, name = load_finding(make_run(tmp_path / "run", truth=False)), "inclusion_1.weight_pa"
+    fit = finding.fit
+    wide = replace(fit.parameters[name], lower95=-1.0)
+    lost = replace(fit, estimates={**fit.parameters, name: wide})
+    for one, even in ((fit, False), (lost, True)):
+        figure = draw_map(replace(finding, fit=one))
+        sure = next(a for a in figure.axes if a.get_title().startswith("How sure"))
+        shown = sure.images[0].get_array()
+        assert (np.ptp(shown.compressed()) < 1e-9) == even
+        assert sure.get_title() == "How sure" + even * ", the dotted one left out"
+
+
 def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):
     run = make_run(tmp_path / "run")
     lost = replace(small_fit(small_scan()), at_bound=("inclusion_1.y_m",), success=False)

@@ -253,13 +253,13 @@ def _peaks(values: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def _check_signs(columns: Columns, where: Where) -> None:
     touching = np.flatnonzero(np.isin(columns["phase"], CONTACT_PHASES))
     press = columns["press"][touching]
-    for name, meaning in (
-        ("force_n", "the force that presses into the body counts positive"),
-        ("displacement_m", "travel into the body since first touch counts positive"),
+    # A press in the air reads noise, and what the sensor's zero has drifted by, of either sign
+    for name, by_noise, meaning in (
+        ("force_n", 0.5, "the force that presses into the body counts positive"),
+        ("displacement_m", 0.2, "travel into the body since first touch counts positive"),
     ):
         peak, row = _peaks(columns[name][touching], press)
-        # A press that hardly felt anything may end below zero by noise alone.
-        bad = np.flatnonzero(peak < -0.2 * np.median(np.abs(peak)))
+        bad = np.flatnonzero(peak < -by_noise * np.median(np.abs(peak)))
         if len(bad):
             many = len(bad) > len(peak) / 2
             what = f"change the sign of {name}" if many else "correct or remove this press"

@@ -14,6 +14,7 @@ LEAST_ERROR = 0.02  # of a typical press's largest value: below it nothing is wo
 ALIKE = 6  # presses of the same phases at least, from which a reading's place in them is known
 LEVELS_OF_PRESSES = 5.0  # robust standard deviations beside the course that the presses share
 ALONE = 2.0  # times the errors of its neighbours: a press that differs as a whole is none
+ALONE_AT_END = 4.0  # the same beside one neighbour: a press that bends otherwise departs at its end
 
 
 def bad_readings(scan: Scan) -> list[tuple[int, str, float, float]]:
@@ -83,8 +84,9 @@ def _off_among_presses(
         near = np.lib.stride_tricks.sliding_window_view(near, 5, axis=1)  # (presses, readings, 5)
         noise = 1.4826 * np.nanmedian(near, axis=(0, 2))
         allowed = np.maximum(LEVELS_OF_PRESSES * np.maximum(noise, 0.5 * np.median(noise)), least)
-        beside = np.nanmax(np.delete(near, [0, 2, 4], axis=2), axis=2)
-        wrong = (error > np.maximum(allowed, ALONE * beside)) & _apart(values[rows], expected)
+        beside = ALONE * np.nanmax(np.delete(near, [0, 2, 4], axis=2), axis=2)
+        beside[:, [0, -1]] *= ALONE_AT_END / ALONE
+        wrong = (error > np.maximum(allowed, beside)) & _apart(values[rows], expected)
         found |= dict(zip(rows[wrong].tolist(), expected[wrong].tolist(), strict=True))
     return found
 

@@ -322,6 +322,17 @@ def test_presses_that_went_wrong_are_left_out_as_a_whole():
     )
 
 
+@pytest.mark.parametrize("zero", [0.0, -0.3])
+def test_presses_in_the_air_may_read_below_zero(tmp_path, zero):
+    """A tip that stops 2 mm above the surface, its sensor's zero a little off."""
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    force, air = np.array(scan.force_n), np.isin(scan.press, (5, 40))
+    force[air] = zero * np.median(force) + np.random.default_rng(0).normal(0, 1e-3, np.sum(air))
+    write_scan(scan.replace(force_n=force), tmp_path / "scan.csv")
+    read = read_scan(tmp_path / "scan.csv")
+    assert set(read.press_ids) - set(touching(read).press_ids) == {5, 40}
+
+
 def test_presses_in_the_air_are_told_from_soft_places_beside_them():
     """A robot that takes a jerk for its touch: noise over the whole travel, without a hold."""
     rng = np.random.default_rng(4)
@@ -355,3 +366,22 @@ def test_a_body_that_stiffens_strongly_is_not_taken_for_free_travel():
         share = np.clip(scan.displacement_m / deepest[scan.press_index], 0, None)
         stiff = scan.replace(force_n=scan.force_n * np.exp(3 * (share - 1)))
         assert "free_travel" not in kinds(stiff)
+
+
+def test_a_press_that_bends_more_than_the_others_has_no_bad_reading_at_its_end():
+    """Soft tissue of uneven thickness: where it is thin, the last reading is twice the others'."""
+    rng = np.random.default_rng(2)
+    depth = np.linspace(0.1, 1.0, 10)
+    bend = np.repeat([1.0, 1.5, 5.0], (14, 14, 8))[:, None]
+    force = 0.12 * np.expm1(bend * depth) / np.expm1(0.75 * bend)
+    press = np.repeat(np.arange(36), 10)
+    scan = Scan(
+        press=press, time_s=np.full(360, np.nan), phase=np.full(360, "load"),
+        point_m=np.column_stack([0.01 * (press % 6), 0.01 * (press // 6), 0 * press]),
+        direction=np.tile([0.0, 0, -1], (360, 1)), displacement_m=np.tile(2e-3 * depth, 36),
+        force_n=force.ravel() + rng.normal(0, 5e-3, 360), probe_radius_m=np.full(360, 0.004),
+    )  # fmt: skip
+    assert bad_readings(scan) == []
+    spiked = np.array(scan.force_n)
+    spiked[79] = 2.0  # the last reading of press 7
+    assert [row for row, *_ in bad_readings(scan.replace(force_n=spiked))] == [79]

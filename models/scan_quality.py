@@ -218,11 +218,13 @@ def _free_travel(scan: Scan) -> list[Doubt]:
         force, travel = scan.force_n[rows][load], scan.displacement_m[rows][load]
         if len(force) < 3:
             continue
-        force = force - force.min()
+        zero = scan.force_n[rows].min()  # also of the way back: the first reading may bear a load
+        force = force - zero
         touch = int(np.argmax(force > NO_FORCE * force.max()))
-        if touch and travel[touch - 1] > FREE_TRAVEL * travel.max():
+        # One reading alone cannot say that nothing was felt: a ball's first one is nearly noise
+        if touch > 1 and travel[touch - 1] > FREE_TRAVEL * travel.max():
             free[press] = travel[touch - 1]
-            third = max(touch // 3, 1)
+            third = touch // 3 or 1
             begin, end = force[:third].mean(), force[touch - third : touch].mean()
             rises.append((end - begin) / force.max())
     if not free or np.median(rises) > FREE_RISE:  # a body that stiffens is felt from the start

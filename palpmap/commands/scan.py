@@ -182,8 +182,7 @@ def _show(record: ScanRecord, run: RunFolder, plan: "ScanPlan", output: Output) 
         scan_table(record),
         *map(escape, record.not_kept[:LISTED]),
         *([f"... see {escape(str(run / PRESSES))}"] if len(record.not_kept) > LISTED else []),
-        *tip_notes(plan),
-        f"Next: {escape(to_type('fit', run / 'study.toml'))}",
+        *(tip_notes(plan) or (f"Next: {escape(to_type('fit', run / 'study.toml'))}",)),
         f"Recording: {escape(to_type('review', run.path))}",
     )
 

@@ -121,27 +121,31 @@ def build_laboratory(
 
     truth = truth or Truth(default_truth(plan.body, settings.seed))
     block, earlier = study.body.size_m, truth.earlier or Earlier()
-    if (plant or earlier.records) and block is None:
-        raise InputError(
-            'effects can be planted in blocks; the study has body.shape = "surface": leave out '
-            "--plant"
+
+    def solved(modulus: Callable[[np.ndarray], np.ndarray], poisson_ratio: float) -> SoftBody:
+        return SoftBody(
+            block or (plan.body.vertices_m, plan.body.triangles),
+            modulus,
+            poisson_ratio,
+            [plan.tip_of(press) for press in range(len(plan))],
+            plan.points_m,
+            plan.directions,
+            support=support_of(study.body),
+            force_n=np.array([plan.force_of(press) for press in range(len(plan))]),
+            law=truth.law,
+            creep=truth.creep,
+            bend_per_m=plan.body.bends(plan.points_m, -plan.directions, 0.5 * plan.radii_m),
         )
-    size = block or tuple(plan.body.extent_m)
-    known = HiddenBody(size, study.body.poisson_ratio, truth.map)
-    hidden = plant_on_robot(plant, plan, settings, known, earlier)
-    body = SoftBody(
-        block or (plan.body.vertices_m, plan.body.triangles),
-        hidden.pressed.modulus if hidden.records else truth.map,
-        hidden.pressed.poisson_ratio,
-        [plan.tip_of(press) for press in range(len(plan))],
-        plan.points_m,
-        plan.directions,
-        support=support_of(study.body),
-        force_n=np.array([plan.force_of(press) for press in range(len(plan))]),
-        law=truth.law,
-        creep=truth.creep,
-        bend_per_m=plan.body.bends(plan.points_m, -plan.directions, 0.5 * plan.radii_m),
-    )
+
+    ratio = study.body.poisson_ratio
+    if block is None:  # what is planted leaves its build alone
+        body = solved(truth.map, ratio)
+        known = HiddenBody(tuple(plan.body.extent_m), ratio, truth.map, solved=tuple(body.curves))
+        hidden = plant_on_robot(plant, plan, settings, known, earlier)
+    else:
+        hidden = plant_on_robot(plant, plan, settings, HiddenBody(block, ratio, truth.map), earlier)
+        modulus = hidden.pressed.modulus if hidden.records else truth.map
+        body = solved(modulus, hidden.pressed.poisson_ratio)
     return Laboratory(plan, settings, body, hidden, len(truth.map.inclusions), motion)
 
 

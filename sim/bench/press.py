@@ -51,7 +51,7 @@ def press(bench: Bench, planted: Sequence[Planted] = ()) -> Pressed:
         body = effect.body(body, values)
     bench = replace(bench, body=body)
     force = bench.force_n
-    travel = bench.compliance()[:, None] * force
+    travel = bench.elastic_m
     for effect, values in planted:
         travel = effect.contact(bench, travel, values)
     for effect, values in planted:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sim.body.law import LawCurve
 from sim.body.true_map import TruthMap
 
 PAPER_SIZE_M = (0.096, 0.096, 0.048)
@@ -27,6 +28,8 @@ class HiddenBody:
         gets cells of its own
     fibre_share, fibre_angle_rad : fibres in the x-y plane at this angle to x, which add the
         energy (share E / 2) (a . strain . a)^2
+    solved : laws of the presses on a body of another shape, which `size_m` encloses; no other build
+        of such a body is solved
     shift_m : where the body's corner lies in the frame of presses and truth, x and y
     base_normal_m_per_pa, base_tangential_m_per_pa : how much the base gives way under 1 Pa
     """
@@ -44,6 +47,7 @@ class HiddenBody:
     base_normal_m_per_pa: float = 0.0
     base_tangential_m_per_pa: float = 0.0
     shift_m: tuple[float, float] = (0.0, 0.0)
+    solved: tuple[LawCurve, ...] | None = field(default=None, compare=False)
 
     def modulus(self, points_m: np.ndarray) -> np.ndarray:
         """Young's modulus at points (p, 3) m from the body's corner, (p,) Pa."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
 
 from models import InputError
+
+FORCE_ERROR = 0.0025
+"""Standard deviation of a held force by the sensor's noise, of the set one."""
+
+LONGEST_HOLD_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -20,7 +26,8 @@ class ScanSettings:
     force_noise_n, displacement_noise_m : one standard deviation of a sample's force (each
         component) and of its displacement
     ramp_s, hold_s, unload_s : duration of the three parts of a press; ramp and unloading take
-        longer where the arm could not speed up and slow down in that time
+        longer where the arm could not speed up and slow down in that time, the hold where the force
+        is weak, see `hold_of`
     load_samples, hold_samples, unload_samples : rows of the scan a press, evenly over each part
     pause_s : shortest and longest pause between two presses, drawn at random
     lift_m : height of the tip above the surface between presses
@@ -123,6 +130,17 @@ class ScanSettings:
     def pauses(self, count: int) -> np.ndarray:
         """Rests before the presses of a plan without a program, (j,) s."""
         return np.random.default_rng(self.streams()[2]).uniform(*self.pause_s, size=count)
+
+    def hold_of(self, force_n: float) -> float:
+        """Duration of the hold at a set force without a program, s.
+
+        The control follows the sensor: the mean over the second half of the hold, by which a press
+        is judged, is off by the noise's own mean. A weak press is held until that is `FORCE_ERROR`
+        of its force, but no longer than `LONGEST_HOLD_S`.
+        """
+        noise = self.force_noise_n * math.sqrt(self.timestep_s)
+        enough = 2 * (noise / (FORCE_ERROR * force_n)) ** 2
+        return max(self.hold_s, min(enough, LONGEST_HOLD_S))
 
     def largest_depth(self, force_n: float) -> float:
         """Depth in m that the plan provides for a set force."""

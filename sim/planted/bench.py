@@ -19,6 +19,7 @@ from sim.body.true_body import HiddenBody
 PARTS = ("load", "hold", "unload")
 SAMPLES = (8, 8, 6)
 STEP_S = 1e-3
+_SHARES = np.linspace(0, 1, 60) ** 1.5  # of the set force, at which a ball's law is nearly straight
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,21 @@ class Bench:
         share = np.minimum(t / ramp, np.clip((ramp + hold + unload - t) / unload, 0, 1))
         return self.program.force_n[:, None] * share
 
+    def depth_m(self, force_n: np.ndarray) -> np.ndarray:
+        """Elastic travel of each press under a force of its own, (j,) m."""
+        if self.body.solved is None:
+            return self.compliance() * force_n
+        return np.array([law.at(f)[0] for law, f in zip(self.body.solved, force_n, strict=True)])
+
+    @cached_property
+    def elastic_m(self) -> np.ndarray:
+        """Elastic travel of the tips, (j, t) m."""
+        if self.body.solved is None:
+            return self.compliance()[:, None] * self.force_n
+        laws = zip(self.body.solved, self.program.force_n[:, None] * _SHARES, strict=True)
+        known = [(force, [law.at(f)[0] for f in force]) for law, force in laws]
+        return np.array([np.interp(f, *at) for f, at in zip(self.force_n, known, strict=True)])
+
     @property
     def points_m(self) -> np.ndarray:
         """Contact points on the top, (j, 2) m."""
@@ -105,11 +121,15 @@ class Bench:
     ) -> np.ndarray:
         """Compliance of the presses, (j,) m/N; see `sim.body.block_compliance.block_compliance`.
 
+        On a body of another shape, it is that at the set force.
+
         Parameters
         ----------
         radius_m : (j,) of the contacts, the tips' own if None
         body : another one than the bench's
         """
+        if self.body.solved is not None:
+            return self.depth_m(self.program.force_n) / self.program.force_n
         radius = self.program.radius_m if radius_m is None else radius_m
         return block_compliance(
             body or self.body, self.points_m, radius, profile, self.divisions, converged, upright

@@ -40,6 +40,9 @@ TABLE = 40
 BUILD = ("body_shift", "skin_layer", "anisotropy", "base_compliance", "base_sliding")
 """Effects that another mesh, law or support of the finite elements gives."""
 
+OTHER_SOLUTIONS = ("rigid_tip", "mesh_error", "spherical_tip", "outside_creeping_inclusion")
+"""Effects whose law needs the body's compliances under another contact, mesh or map."""
+
 
 def _finite_strain(scene: PlantScene, v: Values, press: int, force: float, u: float) -> float:
     x = u / scene.radius_m[press]

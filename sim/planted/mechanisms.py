@@ -8,7 +8,7 @@ sensor that reads otherwise, a surface that moves. The force control reacts to a
 from __future__ import annotations
 
 from sim.planted.body_in_loop import LawOnBody, Part
-from sim.planted.body_parts import PARTS, Values
+from sim.planted.body_parts import BUILD, OTHER_SOLUTIONS, PARTS, Values
 from sim.planted.instrument_in_loop import PlantScene, on_sensor, on_surface
 from sim.planted.instrument_mechanisms import OTHERS, READINGS, SINKING
 from sim.robot.mechanism import Mechanism
@@ -18,6 +18,9 @@ FIELDS = (
     "stiffness_gradient", "poisson_ratio",
 )  # fmt: skip
 """Effects that act in the pressed body's own finite elements."""
+
+SOLVED_ANEW = (*FIELDS, *BUILD, *OTHER_SOLUTIONS)
+"""Effects for which a block is solved once more: with another field, build or contact."""
 
 
 def mechanism(name: str, scene: PlantScene, v: Values) -> Mechanism:

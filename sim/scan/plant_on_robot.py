@@ -12,7 +12,6 @@ import numpy as np
 from models import InputError, PressProgram, Scan, nearest
 from sim.bench.amplitude_search import amplitude_for
 from sim.bench.press import Planted
-from sim.body.block_compliance import block_compliance
 from sim.body.soft_body import DIVISIONS, Divisions
 from sim.body.true_body import HiddenBody
 from sim.motion.planner import plan_motion
@@ -24,7 +23,7 @@ from sim.planted.body_in_loop import Extra, LawOnBody
 from sim.planted.catalogue import HIDDEN
 from sim.planted.faults import FAULTS, fault
 from sim.planted.instrument_in_loop import PlantScene
-from sim.planted.mechanisms import FIELDS, mechanism
+from sim.planted.mechanisms import FIELDS, SOLVED_ANEW, mechanism
 from sim.robot.arm_steps import SERVO_RAD_PER_S
 from sim.robot.force_control import ACCELERATION_M_PER_S2
 from sim.robot.mechanism import Mechanism, Mechanisms
@@ -113,16 +112,24 @@ def plant_on_robot(
         (`sim.planted.faults.FAULTS`) the share of presses that it befalls; of a file of hooks (.py)
         it has no meaning
     plan, settings : of the scan
-    body : the block without them
+    body : the body without them
     earlier : scans whose effects act again, with the same values
 
     Raises
     ------
     InputError
-        A name that is not known, a file that cannot be used, a fault in an earlier scan.
+        A name that is not known, a file that cannot be used, a fault in an earlier scan; on a body
+        that is no block, an effect for which the body would have to be solved anew.
     """
     if not (wanted or earlier.records):
         return RobotPlant(body, body)
+    for name in (*(name for name, _ in wanted), *(one["name"] for one in earlier.records)):
+        if body.solved is not None and name in SOLVED_ANEW:
+            raise InputError(
+                f"found '{name}' to be planted in a body that is no block; an effect of the body's "
+                "build is planted in blocks alone: leave it out, or plant one of the instrument, "
+                "of the body's answer in time, or a fault"
+            )
     effects = [(name, size) for name, size in wanted if name in NAMES]
     planted, drawn = _drawn(effects, plan, settings, body, earlier.planted)
     records = [*earlier.records, *drawn]
@@ -255,7 +262,7 @@ def _given(plan: ScanPlan, settings: ScanSettings) -> PressProgram:
         plan.radii_m * same,
         plan.force_n * same,
         settings.ramp_s * same,
-        settings.hold_s * same,
+        np.array([settings.hold_of(plan.force_of(press)) for press in range(count)]),
         settings.unload_s * same,
         settings.pauses(count),
     )
@@ -269,17 +276,17 @@ def program_of(plan: ScanPlan, settings: ScanSettings, body: HiddenBody) -> Pres
     body : tells how deep the tip is at first touch and where it lets go
     """
     given = _given(plan, settings)
-    compliance = block_compliance(
-        body, plan.points_m[:, :2], given.radius_m, divisions=SEARCH_DIVISIONS
-    )
+    bench = Bench(given, body, divisions=SEARCH_DIVISIONS)
     moved = plan_motion(plan, plan_scene(plan, settings), settings).require_all()
     transit = np.array([sum(duration for _, duration in press.waypoints) for press in moved])
     fast, slow = settings.approach_m_per_s, settings.touch_m_per_s
     speeding = fast / ACCELERATION_M_PER_S2
     lag = 2 / SERVO_RAD_PER_S
-    touching = settings.slow_m + compliance * settings.touch_force_n
+    felt = np.full(len(plan), settings.touch_force_n)
+    touching = settings.slow_m + bench.depth_m(felt)
     approach = (settings.lift_m - settings.slow_m) / fast + speeding + touching / slow + lag
-    retract = (settings.lift_m + settings.residual * given.force_n * compliance) / fast + speeding
+    left = bench.depth_m(settings.residual * given.force_n)
+    retract = (settings.lift_m + left) / fast + speeding
     rest = np.maximum(given.pause_s, TARE_S) + transit + approach + DWELL_S
     rest[1:] += retract[:-1]
     return replace(given, pause_s=rest)

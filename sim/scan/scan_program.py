@@ -159,7 +159,8 @@ class Program(ArmMotions):
         program, settings = self.plan.program, self.settings
         if program is None:
             pause = self.pauses_s[number]
-            return settings.ramp_s, settings.hold_s, settings.unload_s, float(pause)
+            hold = settings.hold_of(self.plan.force_of(number))
+            return settings.ramp_s, hold, settings.unload_s, float(pause)
         columns = (program.ramp_s, program.hold_s, program.unload_s, program.pause_s)
         ramp, hold, unload, pause = (float(column[number]) for column in columns)
         return ramp, hold, unload, pause

@@ -32,6 +32,9 @@ TWELVE = TESTS / "data" / "twelve_presses"
 SEEN_SHARE = 0.1  # of its press's largest: a third of a smaller reading is often within noise
 
 
+PARTS = ("load", "hold", "unload")
+
+
 def drawn_scan(seed: int, quiet: bool = False) -> Scan:
     """Draw a clean scan: body, robot program and sensor by the seed, a law of each press."""
     rng = np.random.default_rng(seed)
@@ -162,6 +165,21 @@ def test_travel_counted_from_above_the_surface_is_seen_with_its_start():
     assert [f.kind for f in found] == ["free_travel"]
     assert found[0].presses == (first,)
     assert "at about 9.8 mm" in found[0].sentence
+
+
+def test_a_ball_is_in_the_body_at_its_first_reading():
+    """Travel grows with the force to two thirds: a quarter of the force, two fifths of it."""
+    rng = np.random.default_rng(1)
+    share = np.concatenate([np.linspace(0.24, 1, 8), np.ones(8), np.linspace(0.9, 0.06, 6)])
+    press, force = np.repeat(np.arange(16), 22), np.tile(0.12 * share, 16)
+    scan = Scan(
+        press=press, time_s=np.arange(352.0), phase=np.tile(np.repeat(PARTS, (8, 8, 6)), 16),
+        point_m=np.column_stack([0.01 * (press % 4), 0.01 * (press // 4), 0 * press]),
+        direction=np.tile([0.0, 0, -1], (352, 1)),
+        displacement_m=4e-3 * (force / 0.12) ** (2 / 3) + rng.normal(0, 2e-5, 352),
+        force_n=force + rng.normal(0, 5e-3, 352), probe_radius_m=np.full(352, 0.004),
+    )  # fmt: skip
+    assert scan_findings(scan) == []
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -22,14 +23,17 @@ from palpmap.recording.maps import map_views
 from palpmap.result.truth import read_truth
 from palpmap.study.press_plan import grid_plan_of
 from palpmap.study.virtual_lab import default_study
+from sim.body.law import LawCurve
 from sim.body.soft_body import SoftBody
 from sim.body.true_body import HiddenBody
 from sim.motion.scan_plan import program_plan
 from sim.motion.settings import ScanSettings
 from sim.scan.plant_on_robot import plant_on_robot, program_of
 from sim.scan.whole_scan import run_scan
+from tests.sim.springs import Spring
 
 SIZE = (0.096, 0.096, 0.048)
+QUIET = ScanSettings(force_noise_n=0.0, displacement_noise_m=0.0)
 HEADER = "x_m,y_m,radius_m,force_n,ramp_s,hold_s"
 ROWS = ["0.03,0.05,0.004,0.2,0.8,1.0", "0.05,0.04,0.004,0.3,1.5,0.5"]
 
@@ -210,9 +214,8 @@ def test_presses_of_a_program_begin_when_the_robot_comes_to_them(short_scan):
 )
 def test_what_goes_with_time_has_the_size_that_was_asked_on_the_robots_clock(short_scan, name):
     plan, _, law = short_scan
-    quiet = ScanSettings(force_noise_n=0.0, displacement_noise_m=0.0)
-    plant = plant_on_robot([(name, 0.05)], plan, quiet, HiddenBody())
-    run = run_scan(plan, law, quiet, mechanisms=plant.mechanisms)
+    plant = plant_on_robot([(name, 0.05)], plan, QUIET, HiddenBody())
+    run = run_scan(plan, law, QUIET, mechanisms=plant.mechanisms)
     true = np.concatenate([press.true_force_n for press in run.presses])
     elastic = law.compliance_m_per_n[run.scan.press] * true
     squares = [
@@ -220,6 +223,41 @@ def test_what_goes_with_time_has_the_size_that_was_asked_on_the_robots_clock(sho
         for seen, plain in ((run.scan.force_n, true), (run.scan.displacement_m, elastic))
     ]
     assert np.sqrt(sum(squares)) == pytest.approx(0.05, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["force_drift", "breathing", "viscoelasticity", "play"])
+def test_effects_are_planted_in_a_body_of_any_shape_by_the_laws_of_its_presses(short_scan, name):
+    plan = short_scan[0]
+    force = 0.4 * np.linspace(0, 1, 50) ** 1.5
+    slope = 0.008 / 0.9 * (np.maximum(force, force[1]) / 0.3) ** (-1 / 3)
+    curve = LawCurve(force, 0.004 * (force / 0.3) ** (2 / 3), slope)
+    body = HiddenBody((0.1, 0.1, 0.05), solved=(curve,) * len(plan))
+    plant = plant_on_robot([(name, 0.05)], plan, QUIET, body)
+    pressed = SimpleNamespace(
+        displacement=lambda press, f: curve.at(f)[0], tangent=lambda press, f: 1 / curve.at(f)[1]
+    )
+    run = run_scan(plan, pressed, QUIET, mechanisms=plant.mechanisms)
+    true = np.concatenate([press.true_force_n for press in run.presses])
+    elastic = np.array([curve.at(f)[0] for f in true])
+    squares = [
+        np.sum((seen - plain) ** 2) / np.sum(plain**2)
+        for seen, plain in ((run.scan.force_n, true), (run.scan.displacement_m, elastic))
+    ]
+    assert np.sqrt(sum(squares)) == pytest.approx(0.05, rel=0.15)
+    with pytest.raises(InputError, match="'skin_layer' to be planted in a body that is no block"):
+        plant_on_robot([("skin_layer", 0.05)], plan, QUIET, body)
+
+
+@pytest.mark.parametrize(("force_n", "longer"), [(0.3, False), (0.06, True)])
+def test_a_weak_press_is_held_until_the_sensors_noise_is_averaged_out(force_n, longer):
+    program = grid_program(SIZE, per_side=4, force_n=force_n)
+    plan = replace(program_plan(program, SIZE), program=None)
+    run = run_scan(plan, Spring(80.0), ScanSettings())
+    for press in run.presses:
+        held = np.ptp(press.scan.time_s[press.scan.phase == "hold"])
+        assert (held > 3.0) == longer
+    errors = [statistics.force_error for statistics in run.statistics]
+    assert np.std(errors) < 0.0035
 
 
 def test_the_error_of_a_mesh_has_the_size_that_was_asked_on_the_mesh_where_it_acts(short_scan):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import JsonValue
 
 from models import InputError, Scan, write_scan
+from palpmap.commands.growing_map import GrowingMap
 from palpmap.commands.scan_scene import draw_scene
 from palpmap.commands.scan_truth import true_parameters, truth_of_scan, write_truth
 from palpmap.console import Output, to_type
@@ -88,7 +89,7 @@ def run_scan_command(
     on_fault : what follows a press that cannot be made, see `sim.motion.ScanSettings`
     arm : name or folder of the arm
     lab : file of the laboratory, see `palpmap.study.lab`; arm, truth and plant go before its own
-    live : a viewer shows the scan while it is made
+    live : a viewer shows the scan while it is made, and the map that the presses so far tell
 
     Returns
     -------
@@ -120,7 +121,7 @@ def run_scan_command(
             seed=seed,
             planned_presses=count,
             parts=SCAN_PARTS,
-            live=_viewer(output) if live else None,
+            live=(viewer := _viewer(output) if live else None),
         ) as recording,
     ):
         task.say("meshing and solving the body")
@@ -128,7 +129,8 @@ def run_scan_command(
             run.path, known, plan, robot, plant, true_body, motion
         )
         task.say("scanning")
-        scanned = make_scan(run.path, laboratory, recording, task.advance)
+        shown = GrowingMap(recording, stated) if viewer and not tip_notes(plan) else None
+        scanned = make_scan(run.path, laboratory, recording, task.advance, shown)
         write_study(with_touch_error(stated, scanned), run / "study.toml")
     record = scan_record(scanned)
     _show(record, run, plan, output)
@@ -264,7 +266,11 @@ def _truth(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> Trut
 
 
 def make_scan(
-    run: Path, laboratory: Laboratory, recording: Recording, advance: Callable[[], object]
+    run: Path,
+    laboratory: Laboratory,
+    recording: Recording,
+    advance: Callable[[], object],
+    map_so_far: GrowingMap | None = None,
 ) -> "ScanRun":
     """Make all presses; scan.csv, presses.json and recording are complete up to the last one."""
     statistics: dict[int, PressStatistics] = {}
@@ -293,10 +299,14 @@ def make_scan(
             float(used.at_largest_force(used.force_n)[0]),
             float(used.at_largest_force(used.displacement_m)[0]),
         )
+        if map_so_far is not None:
+            map_so_far.follow(reported)
 
     drawn = draw_scene(recording, laboratory, true_parameters(laboratory.truth))
     try:
-        made, _ = laboratory.press(drawn, on_press, on_outcome)
+        made, reported = laboratory.press(drawn, on_press, on_outcome)
+        if map_so_far is not None and made.presses:
+            map_so_far.follow(reported, whole=True)
     finally:
         if samples:
             path = run / all_samples.FILE

@@ -7,12 +7,15 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
+import palpmap as pm
+from palpmap.commands.growing_map import GrowingMap
 from palpmap.recording.frames import Frame
 from palpmap.recording.layout import plot_view
 from palpmap.recording.maps import map_views, modulus_colors, residual_colors
 from palpmap.recording.reader import read_summary, scalar_series
 from palpmap.recording.recorder import Recording
 from palpmap.recording.scene import LinkShape, drawn_shape, vertex_normals
+from tests.paths import TESTS
 
 FLOAT32 = 1.2e-7  # relative rounding of single precision
 LINKS = (
@@ -381,3 +384,19 @@ def test_81_presses_on_a_fine_surface_stay_under_25_megabytes(tmp_path):
         a_press = (path.stat().st_size - before) / presses
     assert 81 * a_press < 24e6  # and 1 MB for all that comes once
     assert a_press > 112 * 9 * 28  # the frames are there at all
+
+
+def test_the_map_grows_with_the_scan(tmp_path):
+    """Too few presses at first; then an estimate at each doubling, and one of the whole."""
+    experiment = pm.read_study(TESTS / "data/twelve_presses/study.toml")
+    scan, file = experiment.scan, tmp_path / "grown.rrd"
+    box = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+    with Recording(file, "a scan") as recording:
+        recording.scene(box, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
+        growing = GrowingMap(recording, experiment.study)
+        for count in range(4, 12):
+            some = scan.rows(np.isin(scan.press, scan.press_ids[:count]))
+            growing.follow(some, whole=count == 11)
+    told = [text[0] for text in rows(file, "events", "TextLog:text", "sim_time")]
+    made = [text for text in told if "estimate" in text]
+    assert made == [f"estimate of the map from {count} presses" for count in (4, 8, 11)]

@@ -1,0 +1,49 @@
+"""The map of a scan that goes on, fitted to the presses so far, as a live viewer shows it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.fit import fit_map
+from models import InputError, Scan
+from palpmap.experiment import Experiment
+from palpmap.recording.recorder import Recording
+from palpmap.run_files.fit_run import record_step
+from palpmap.study.study import Study
+
+GROWTH = 2
+"""Ratio of the presses of two estimates: all of a scan together cost as much as two of the last."""
+
+
+class GrowingMap:
+    """Estimates of the map in a recording, each from twice as many presses as the one before.
+
+    Parameters
+    ----------
+    recording : of the scan
+    study : facts that are known before the scan
+    """
+
+    def __init__(self, recording: Recording, study: Study) -> None:
+        self._recording, self._study = recording, study
+        self._next, self._known, self._made = 0, 0, 0
+
+    def follow(self, scan: Scan, *, whole: bool = False) -> None:
+        """Fit the map to the presses so far, if they are enough more or the whole scan."""
+        count = len(scan.press_ids)
+        if count < self._next and not (whole and count > self._known):
+            return
+        try:
+            opened = Experiment.of(scan, self._study).opened(thin=False)
+            found = fit_map(opened, rough=True)
+        except (InputError, np.linalg.LinAlgError) as error:
+            self._next = count + 1  # too few presses for a map: the scan goes on
+            if self._made:
+                self._recording.event(f"no estimate of the map: {error}", "WARN")
+            return
+        self._next, self._known = GROWTH * count, count
+        last = found.history[-1]
+        box_m = opened.body.coarse.mesh.box_m
+        record_step(self._recording, replace(last, iteration=self._made), box_m)
+        self._recording.event(f"estimate of the map from {count} presses", "INFO")
+        self._made += 1

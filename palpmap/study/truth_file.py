@@ -15,6 +15,7 @@
     [law]                 # optional: hyperelastic in place of linear
     kind = "fung"         # neo-hookean, yeoh or fung
     coefficient = 2.0
+    friction = true       # false: the surface slides along under the tip
 
     [creep]               # optional: the travel grows to 1 + sum(shares) under a held force
     shares = [0.2, 0.1]
@@ -60,6 +61,7 @@ class TrueLaw(Table):
 
     kind: Literal["neo-hookean", "yeoh", "fung"]
     coefficient: NotNegative = Field(0.0, description="of the stiffening; see fem.finite_strain")
+    friction: bool = Field(True, description="the surface sticks to the tip; else it slides")
 
 
 class TrueCreep(Table):
@@ -101,6 +103,7 @@ class Truth:
     ----------
     map : in the body's frame
     law, creep : None: linear, elastic
+    sticking : the surface of a hyperelastic body sticks to the tip; else it slides
     earlier : scans of it before, whose effects act again
     """
 
@@ -108,6 +111,7 @@ class Truth:
     law: HyperelasticLaw | None = None
     creep: Creep | None = None
     earlier: Earlier | None = None
+    sticking: bool = True
 
 
 def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
@@ -145,4 +149,6 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
     laws = {"neo-hookean": lambda _: NeoHookean(), "yeoh": Yeoh, "fung": Fung}
     law = found.law and laws[found.law.kind](found.law.coefficient)
     creep = found.creep and Creep(found.creep.shares, found.creep.times_s)
-    return Truth(TruthMap(found.background_pa, spots, volume, moduli), law, creep)
+    sticking = found.law is None or found.law.friction
+    truth = TruthMap(found.background_pa, spots, volume, moduli)
+    return Truth(truth, law, creep, sticking=sticking)

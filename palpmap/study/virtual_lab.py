@@ -133,6 +133,7 @@ def build_laboratory(
             support=support_of(study.body),
             force_n=np.array([plan.force_of(press) for press in range(len(plan))]),
             law=truth.law,
+            sticking=truth.sticking,
             creep=truth.creep,
             bend_per_m=plan.body.bends(plan.points_m, -plan.directions, 0.5 * plan.radii_m),
         )

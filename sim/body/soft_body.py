@@ -11,6 +11,7 @@ exchange, not a law fitted to it. The tip's travel on a block is that of two mes
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -37,6 +38,7 @@ COARSENING = 0.7
 SPLIT = "alternating"
 CELLS = float(np.prod(DIVISIONS))
 CREPT_M = 2e-8  # from which on the contact asks for the law again
+SLIGHT = 1e-3  # of the set force: the body is linear
 LEVELS = (0.125, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.08)  # of the set force, of a hyperelastic path
 RING_PATCHES = 40  # across a ring
 SURFACE_EDGES = 15  # edges along the cube root of a closed surface's volume; the fit takes fewer
@@ -58,6 +60,7 @@ class SoftBody:
     support : of the base, None is bonded
     force_n : set forces, (j,) or one: contacts that grow are solved around them
     law : hyperelastic law of the material, `fem.finite_strain.hyperelastic`; None is linear
+    sticking : the surface of a hyperelastic body sticks to the tip; else it slides
     creep : of the travel, None is elastic
     bend_per_m : (j,) mean curvature of the surface under the tips, convex positive
 
@@ -82,6 +85,7 @@ class SoftBody:
         support: Support | None = None,
         force_n: float | np.ndarray = 0.3,
         law: HyperelasticLaw | None = None,
+        sticking: bool = True,
         creep: Creep | None = None,
         bend_per_m: np.ndarray | None = None,
     ) -> None:
@@ -115,7 +119,10 @@ class SoftBody:
             for j, tip in enumerate(each)
         ]
         if law is not None:
-            self._stiffen(law, modulus, contacts, meshes[0], poisson_ratio, support, force, each)
+            tip = RigidTip(sticking=sticking)
+            self._stiffen(
+                law, tip, modulus, contacts, meshes[0], poisson_ratio, support, force, each
+            )
         self.compliance_m_per_n = np.array(
             [
                 c.at(0.0 if tip.kind == "flat" else f)[1]
@@ -209,6 +216,7 @@ class SoftBody:
     def _stiffen(
         self,
         law: HyperelasticLaw,
+        tip: RigidTip,
         modulus: Callable[[np.ndarray], np.ndarray],
         contacts: Contacts,
         mesh: Mesh,
@@ -227,10 +235,18 @@ class SoftBody:
             raise InputError(
                 "A hyperelastic body is pressed by flat tips here; give --tips flat:..."
             )
-        model = FiniteStrainModel(mesh, poisson_ratio, contacts, law, tip=RigidTip())
+        model = FiniteStrainModel(mesh, poisson_ratio, contacts, law, tip=tip)
         compliance = np.array([curve.at(0.0)[1] for curve in self.curves])
+        field = modulus(model.points_m)
+        if tip.sticking:  # the compliance above is that of a surface that slides
+            free = FiniteStrainModel(
+                mesh, poisson_ratio, contacts, law, tip=replace(tip, sticking=False)
+            )
+            slight = SLIGHT * force[:, None]
+            held, slid = (one.evaluate(field, slight).readings_m[:, 0] for one in (model, free))
+            compliance *= held / slid
         levels = force[:, None] * np.array(LEVELS)
-        found = model.evaluate(modulus(model.points_m), levels, compliance)
+        found = model.evaluate(field, levels, compliance)
         for j in range(len(tips)):
             self.curves[j] = LawCurve(
                 np.r_[0.0, levels[j]],

@@ -81,6 +81,8 @@ class ArmMotions:
         self.joints = len(laboratory.home)
         self.recorder = PressRecorder(self.joints)
         self.task = np.zeros(1, TASK)
+        self._steps = self.task["steps"]  # views: looking a field up takes longer than reading it
+        self._law_from_n, self._law_to_n = self.task["law_from_n"], self.task["law_to_n"]
         for name in ("lift_m", "slow_m", "approach_m_per_s", "touch_m_per_s", "touch_force_n"):
             self.task[name] = getattr(settings, name)
         every = max(1, round(1 / (settings.frames_per_s * self.dt)))
@@ -91,7 +93,7 @@ class ArmMotions:
     @property
     def time_s(self) -> float:
         """Clock of the robot, s."""
-        return self.task["steps"][0] * self.dt
+        return self._steps[0] * self.dt
 
     @property
     def phase(self) -> int:
@@ -165,7 +167,7 @@ class ArmMotions:
             rig.renew_noise()
             if self.recorder.make_room():
                 loop = loop._replace(rows=self.recorder.rows)
-            task["law_from_n"], task["law_to_n"] = contact.band_n
+            self._law_from_n[0], self._law_to_n[0] = contact.band_n
             why = self._step_by_hand(loop, touching) if by_hand else control_loop.run(loop, False)
             if why & FRAME and self.on_frame:
                 self.on_frame(self._frame(PHASES[phase]))

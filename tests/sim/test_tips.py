@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.finite_strain import Fung
+from fem.finite_strain import Fung, NeoHookean
 from models.errors import InputError
 from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
 from sim.body.soft_body import SoftBody, ring_share
@@ -80,6 +80,22 @@ def test_a_ball_on_a_thin_bonded_layer_is_stiffer_as_published():
     force = 4 / 3 * PLANE * np.sqrt(0.005) * depth**1.5 * layer
     assert layer > 1.12
     assert force == pytest.approx(0.01, rel=0.015)
+
+
+def test_a_surface_that_sticks_to_the_tip_is_stiffer_as_on_a_half_space():
+    """Flat punch without slip, D. A. Spence, Proc. R. Soc. A 305 (1968) 55-80; cells as wide."""
+    nu = 0.3
+    held, slid = (
+        SoftBody(
+            (0.06, 0.06, 0.04), lambda p: np.full(len(p), 6000.0), nu, 0.006,
+            np.array([[0.03, 0.03, 0.04]]), DOWN, divisions=(10, 10, 6), force_n=0.004,
+            law=NeoHookean(), sticking=sticking,
+        ).displacement(0, 0.004)
+        for sticking in (True, False)
+    )  # fmt: skip
+    spence = (1 - nu) * np.log(3 - 4 * nu) / (1 - 2 * nu)
+    assert slid / held == pytest.approx(spence, abs=0.01)
+    assert slid / held > 1.015
 
 
 PRESSED = {

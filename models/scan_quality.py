@@ -17,6 +17,8 @@ NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
 LITTLE_FORCE = 0.3  # of a typical press's largest: only below it can a rise be none
 NO_RISE = 3.0  # standard deviations of the force's slope over travel
 FREE_TRAVEL = 0.35  # of the largest travel; a sphere's force is below NO_FORCE up to 0.14
+FREE_OF_ONE = 0.55  # the same of a single reading
+STEEPEST = 4.0  # power of the travel with which no force of a body rises
 FREE_RISE = 0.015  # of the largest force, from the first to the last third of the free travel
 CLIPPED_ROWS = 3
 CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
@@ -221,8 +223,11 @@ def _free_travel(scan: Scan) -> list[Doubt]:
         zero = scan.force_n[rows].min()  # also of the way back: the first reading may bear a load
         force = force - zero
         touch = int(np.argmax(force > NO_FORCE * force.max()))
-        # One reading alone cannot say that nothing was felt: a ball's first one is nearly noise
-        if touch > 1 and travel[touch - 1] > FREE_TRAVEL * travel.max():
+        share = travel[0] / travel.max()
+        if touch < 2:  # one reading alone, as of a ball, cannot say that nothing was felt
+            free_of_one = share > FREE_OF_ONE and force[0] < share**STEEPEST * force.max()
+            touch = int(free_of_one)
+        if touch and travel[touch - 1] > FREE_TRAVEL * travel.max():
             free[press] = travel[touch - 1]
             third = touch // 3 or 1
             begin, end = force[:third].mean(), force[touch - third : touch].mean()

@@ -167,6 +167,13 @@ def test_travel_counted_from_above_the_surface_is_seen_with_its_start():
     assert "at about 9.8 mm" in found[0].sentence
 
 
+def test_travel_from_above_is_seen_where_all_readings_bear_a_load():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    found = scan_findings(scan.replace(displacement_m=scan.displacement_m + 0.01))
+    assert [f.kind for f in found] == ["free_travel"]
+    assert len(found[0].presses) > 70
+
+
 def test_a_ball_is_in_the_body_at_its_first_reading():
     """Travel grows with the force to two thirds: a quarter of the force, two fifths of it."""
     rng = np.random.default_rng(1)

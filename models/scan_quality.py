@@ -225,11 +225,10 @@ def _free_travel(scan: Scan) -> list[Doubt]:
         touch = int(np.argmax(force > NO_FORCE * force.max()))
         share = travel[0] / travel.max()
         if touch < 2:  # one reading alone, as of a ball, cannot say that nothing was felt
-            free_of_one = share > FREE_OF_ONE and force[0] < share**STEEPEST * force.max()
-            touch = int(free_of_one)
+            touch = int(share > FREE_OF_ONE and force[0] < share**STEEPEST * force.max())
         if touch and travel[touch - 1] > FREE_TRAVEL * travel.max():
             free[press] = travel[touch - 1]
-            third = touch // 3 or 1
+            third = max(touch // 3, 1)
             begin, end = force[:third].mean(), force[touch - third : touch].mean()
             rises.append((end - begin) / force.max())
     if not free or np.median(rises) > FREE_RISE:  # a body that stiffens is felt from the start

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from identify.fit import fit_map
 from models import InputError, Scan
 from palpmap.experiment import Experiment
@@ -36,9 +34,9 @@ class GrowingMap:
         try:
             opened = Experiment.of(scan, self._study).opened(thin=False)
             found = fit_map(opened, rough=True)
-        except (InputError, np.linalg.LinAlgError) as error:
-            self._next = count + 1  # too few presses for a map: the scan goes on
-            if self._made:
+        except ValueError as error:  # all errors of mesh, solver and search: no scan is lost for it
+            self._next = count + 1
+            if self._made or not isinstance(error, InputError):  # too few presses at first
                 self._recording.event(f"no estimate of the map: {error}", "WARN")
             return
         self._next, self._known = GROWTH * count, count

@@ -11,7 +11,6 @@ exchange, not a law fitted to it. The tip's travel on a block is that of two mes
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -119,9 +118,8 @@ class SoftBody:
             for j, tip in enumerate(each)
         ]
         if law is not None:
-            tip = RigidTip(sticking=sticking)
             self._stiffen(
-                law, tip, modulus, contacts, meshes[0], poisson_ratio, support, force, each
+                law, sticking, modulus, contacts, meshes[0], poisson_ratio, support, force, each
             )
         self.compliance_m_per_n = np.array(
             [
@@ -216,7 +214,7 @@ class SoftBody:
     def _stiffen(
         self,
         law: HyperelasticLaw,
-        tip: RigidTip,
+        sticking: bool,
         modulus: Callable[[np.ndarray], np.ndarray],
         contacts: Contacts,
         mesh: Mesh,
@@ -235,13 +233,13 @@ class SoftBody:
             raise InputError(
                 "A hyperelastic body is pressed by flat tips here; give --tips flat:..."
             )
-        model = FiniteStrainModel(mesh, poisson_ratio, contacts, law, tip=tip)
+        model, free = (
+            FiniteStrainModel(mesh, poisson_ratio, contacts, law, tip=RigidTip(sticking=held))
+            for held in (sticking, False)
+        )
         compliance = np.array([curve.at(0.0)[1] for curve in self.curves])
         field = modulus(model.points_m)
-        if tip.sticking:  # the compliance above is that of a surface that slides
-            free = FiniteStrainModel(
-                mesh, poisson_ratio, contacts, law, tip=replace(tip, sticking=False)
-            )
+        if sticking:  # the compliance above is that of a surface that slides
             slight = SLIGHT * force[:, None]
             held, slid = (one.evaluate(field, slight).readings_m[:, 0] for one in (model, free))
             compliance *= held / slid

@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
 import palpmap as pm
+from fem.errors import MeshError
+from palpmap.commands import growing_map
 from palpmap.commands.growing_map import GrowingMap
 from palpmap.recording.frames import Frame
 from palpmap.recording.layout import plot_view
@@ -384,6 +386,18 @@ def test_81_presses_on_a_fine_surface_stay_under_25_megabytes(tmp_path):
         a_press = (path.stat().st_size - before) / presses
     assert 81 * a_press < 24e6  # and 1 MB for all that comes once
     assert a_press > 112 * 9 * 28  # the frames are there at all
+
+
+def test_no_scan_is_lost_for_an_estimate_of_its_map(tmp_path, monkeypatch):
+    def refuse(*given, **more):
+        raise MeshError("press 3 hangs over the edge")
+
+    experiment = pm.read_study(TESTS / "data/twelve_presses/study.toml")
+    monkeypatch.setattr(growing_map, "fit_map", refuse)
+    with Recording(tmp_path / "grown.rrd", "a scan") as recording:
+        GrowingMap(recording, experiment.study).follow(experiment.scan)
+    told = [text[0] for text in rows(tmp_path / "grown.rrd", "events", "TextLog:text", "sim_time")]
+    assert "no estimate of the map: press 3 hangs over the edge" in told
 
 
 def test_the_map_grows_with_the_scan(tmp_path):

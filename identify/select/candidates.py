@@ -62,12 +62,11 @@ def best_candidates(
     """Return the best-scored effects that a refit supports; empty without any.
 
     Far from the truth the linear scores mislead: if the best fail, the next in rank are tried, and
-    beside the first ones the effects with a `refitted_from`. If the residual is noise, one of them
-    needs a p-value below `settings.sure`, by its score or, with a `refitted_from`, by its refit.
+    beside the first ones the effects with a `refitted_from`. One of them needs a p-value below
+    `settings.sure`, by its score or, with a `refitted_from`, by its refit.
     """
-    level = settings.sure if step.comparison.is_noise else 1.0
     scores = [score for score in step.diagnosis.scores if score.untestable is None]
-    sure = holm_significant(scores, level)
+    sure = holm_significant(scores, settings.sure)
     tested = {score.name for score in scores} - set(exclude)
     always = [name for name in effects if advice(effects[name]).refitted_from and name in tested]
     tried = list(exclude)
@@ -76,7 +75,7 @@ def best_candidates(
         sure |= {
             c.name
             for c in candidates
-            if c.name in always and refit_p_value(step, c) < level / len(scores)
+            if c.name in always and refit_p_value(step, c) < settings.sure / len(scores)
         }
         better = candidates and candidates[0].criterion < step.fit.bic
         if better and any(candidate.name in sure for candidate in candidates):

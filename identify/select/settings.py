@@ -88,7 +88,7 @@ class SelectionSettings:
     close : difference of chi-square below which two effects count as equal at any price
     whole_bound : of an amplitude's bound: a 95 % interval that covers more of it tells nothing
     together : correlation of two effects' amplitudes beyond which only a sum of them is determined
-    sure : family-wise p-value of an effect where the residual is noise
+    sure : family-wise p-value of an effect that is added
     shortlist : best-scored effects that are refitted
     hopeless : of the best linear score: a refit does not make up for less
     same_family : of the best linear score in a family, likewise; its members' scores compare well

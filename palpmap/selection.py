@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 
 from identify import PlacedExperiment, Progress, silent
 from identify.catalogue import CATALOGUE
@@ -96,7 +97,9 @@ def explain(
     ('explained', ('contact_offset',))
     """
     problem = start(experiment, effects, progress, on_iteration)
-    found, without = explain_scan(problem, seed, on_step)
+    found, without, answered = explain_scan(problem, seed, on_step)
+    if found.apart is not None:
+        problem = replace(problem, **{f.name: getattr(answered, f.name) for f in fields(answered)})
 
     def free() -> PlacedExperiment:
         known = problem.experiment.noise

@@ -48,12 +48,17 @@ class StrainStiffening(Effect):
         *,
         b: float,
     ) -> np.ndarray:
-        """Bend the travel; on the negative side, noise only, by the first two terms of the law."""
+        """Bend the travel; on the negative side, noise only, by the first two terms of the law.
+
+        As far as x = -1, and straight beyond: the noise of a press of no resistance stays noise.
+        """
         x = b * travel_m / pressing.radius_m
-        inward = np.maximum(x, 0.0)
-        ratio = np.ones_like(x)  # ln(1 + x) / x
+        inward, outward = np.maximum(x, 0.0), np.clip(x, -1.0, 0.0)
+        ratio = 1 - outward / 2  # ln(1 + x) / x
         np.divide(np.log1p(inward), inward, out=ratio, where=inward > 1e-8)
-        return travel_m * np.where(inward > 1e-8, ratio, 1 - x / 2)
+        beyond = np.minimum(x + 1.0, 0.0)
+        np.divide(2 * beyond - 1.5, x, out=ratio, where=beyond < 0)
+        return travel_m * ratio
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how much stiffer the body is at depth."""

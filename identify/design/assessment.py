@@ -90,7 +90,7 @@ def assess(
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
-    known = explained.verdict != "unexplained"
+    known = explained.verdict != "unexplained" or explained.apart is not None
     outlying = suspects_left(explained, without)
     say("computing detection limits")
     # Biases are told by the last fit's, so that these are the ones found at their size
@@ -170,6 +170,8 @@ def _not_counted(
 
 
 def _again(explained: Explanation, outlying: Sequence[int]) -> Presses:
+    if explained.apart is not None:
+        return presses_of(explained.apart.readings)
     ids = [press.press for press in explained.ladder[0].comparison.presses]
     made = presses_of(explained.ladder[0].fit.model.readings)
     return made.taken(np.flatnonzero(np.isin(ids, outlying)))

@@ -83,7 +83,8 @@ def other_map(
         None where the question does not arise.
     """
     last = explained.final.fit
-    if explained.verdict != "unexplained" or last.field is not None:
+    apart = explained.apart is not None  # then the map of the others does
+    if explained.verdict != "unexplained" or last.field is not None or apart:
         return None
     before = explained.ladder[0].fit if explained.unknown else last
     excess = max(before.chi2 - before.dof, 1.0)

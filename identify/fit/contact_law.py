@@ -142,6 +142,9 @@ def contact_law(
     if best is plain or best.noise_share >= settings.noise_share:
         return ContactLaw(plain, best, fits, settings)
     law = ContactLaw(plain, plain, fits, settings)
+    # Where presses have laws of their own, a form of several numbers follows their differences
+    alike = [fit for fit in fits.values() if len(fit.names) == len(best.names)]
+    best = _simplest(best, alike, settings.unsure * law._excess, settings)
     share = replace(law, found=best).share
     return replace(law, partial=best) if share > settings.most_of else law
 

@@ -203,8 +203,9 @@ class ContactLawSettings:
     near, refitted : share of the excess misfit within which of the best set there, and most sets of
         a size, that are then fitted to all presses
     perhaps : share of an effect's price at which a larger set is among them
-    unsure : share of the excess misfit within which another law of contact is as credible, where
-        structure is left; a ball on an uneven body is right to a seventh at worst
+    unsure : share of the excess misfit within which another law of contact, or a simpler form of
+        it, is as credible, where structure is left; a ball on an uneven body is right to a seventh
+        at worst
     most_of : ... and of which a set without noise in enough presses is said to take most
     """
 

@@ -3,7 +3,7 @@
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import fit_with
 from identify.select.diagnosis import CandidateVerdict, Diagnosis, EffectVerdict
-from identify.select.explanation import OTHER_CAUSE, Explanation, Verdict
+from identify.select.explanation import OTHER_CAUSE, Explanation, PressesApart, Verdict
 from identify.select.form_average import Form
 from identify.select.form_curve import FormCurve
 from identify.select.outlying_presses import WithoutSuspects, explain
@@ -30,6 +30,7 @@ __all__ = [
     "Explanation",
     "Form",
     "FormCurve",
+    "PressesApart",
     "Score",
     "StartFit",
     "Step",

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from identify.effects.base import Effect
+from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
@@ -24,6 +25,22 @@ Verdict = Literal["nothing_missing", "explained", "ambiguous", "unexplained"]
 
 
 @dataclass(frozen=True)
+class PressesApart:
+    """Presses that stand apart from a map that meets all others.
+
+    Attributes
+    ----------
+    presses : their ids
+    softer : share by which each travels further at the same force than the map has it
+    readings : theirs
+    """
+
+    presses: tuple[int, ...]
+    softer: tuple[float, ...]
+    readings: Readings
+
+
+@dataclass(frozen=True)
 class Explanation:
     """Result of the selection.
 
@@ -35,6 +52,7 @@ class Explanation:
     dropped : effects that were added and later lost their place
     resting_on_outliers : effects that are not found without the outlying presses
     further : best-scored effect where the residual is noise and yet one more is missing, or nothing
+    apart : presses that are left out of all steps, as nothing is missing without them
     settings : of the selection
     """
 
@@ -44,6 +62,7 @@ class Explanation:
     dropped: tuple[str, ...]
     resting_on_outliers: tuple[str, ...] = ()
     further: str = ""
+    apart: PressesApart | None = None
     settings: SelectionSettings = SELECTION
 
     @property

@@ -91,7 +91,7 @@ def forward_selection(
     selection = _Selection(judged, is_noise, policy, say, settings)
     path = _Path(*_begun(fit, catalogue, selection))
     _grow(path, catalogue, selection)
-    if settings.most_effects and fit.field is None:
+    if settings.most_effects and fit.field is None and not _ended_apart(path, policy):
         path = _with_unknown_cause(path, catalogue, selection)
     ladder, accepted = path.ladder, path.accepted
     further = "" if path.settled else _further(ladder, accepted, settings)
@@ -129,6 +129,11 @@ class _Selection:
     settings: SelectionSettings
 
 
+def _ended_apart(path: _Path, policy: Policy) -> bool:
+    """Whether only presses that stand apart could call for more than is found."""
+    return policy.few_apart and not path.ladder[-1].comparison.is_noise
+
+
 def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> None:
     """Add effects of a catalogue to a path, step by step."""
     policy, say, settings = selection.policy, selection.say, selection.settings
@@ -139,6 +144,8 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
     ):
         first, now = ladder[0].fit, ladder[-1]
         noise = now.comparison.is_noise
+        if len(ladder) > begun and _ended_apart(path, policy):
+            return
         if ended_by_presses(first, now.fit, path.accepted, settings, noise):
             return
         candidates = policy.propose(now, effects, say, path.dropped, settings)
@@ -316,6 +323,8 @@ class Policy:
     prune : removal of earlier effects no longer needed
     compare : comparison of earlier effects with their candidates, beside the others
     goes_on : need of a further effect
+    few_apart : nothing is missing without a few presses: one effect that accounts for all of them
+        is sought, and no further one
     """
 
     first: FirstStep | None = None
@@ -335,3 +344,4 @@ class Policy:
     goes_on: Callable[[Sequence[Step], Sequence[AcceptedEffect], SelectionSettings], bool] = (
         is_more_missing
     )
+    few_apart: bool = False

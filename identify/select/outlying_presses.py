@@ -1,9 +1,10 @@
 """Outlying presses: test of an explanation without them.
 
-A slip or a wrong place looks like an effect. Beside outlying presses, the explanation is tested
-without them: its model is fitted anew, and each effect must earn its place again and do better than
-the other candidates. If any does not, the selection runs once more without these presses, and an
-effect found only with them is not offered by name.
+A slip or a wrong place looks like an effect. Where nothing is missing without a few outlying
+presses, one effect at most is sought for them, which might account for all. Otherwise the
+explanation is tested without them: its model is fitted anew, and each effect must earn its place
+again and do better than the other candidates. If any does not, the selection runs once more without
+these presses, and an effect found only with them is not offered by name.
 """
 
 from collections.abc import Callable
@@ -13,17 +14,21 @@ import numpy as np
 
 from identify.fit.contact_law import ContactLaw
 from identify.fit.result import FitResult
-from identify.measurement.experiment import Progress
+from identify.measurement.experiment import PlacedExperiment, Progress
 from identify.optimize.result import InadmissibleError
+from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
+from identify.residual.trimmed import presses_apart
 from identify.select.confirm import confirmed
-from identify.select.explanation import Explanation, Verdict
+from identify.select.explanation import Explanation, PressesApart, Verdict
 from identify.select.first_step import follow
 from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
-from identify.select.step import Step
+from identify.select.step import Step, whitened_fit
 from models import InputError
+
+_ROUNDS = 3  # of fits without the presses that stand apart
 
 
 @dataclass(frozen=True)
@@ -62,16 +67,76 @@ def explain(
     seed: int = 0,
     on_step: Callable[[Step], None] | None = None,
     settings: SelectionSettings = SELECTION,
-) -> tuple[Explanation, WithoutSuspects | None]:
+) -> tuple[Explanation, WithoutSuspects | None, StartFit]:
     """Find the missing effects, with all presses and without the outlying ones.
 
     Returns
     -------
-    the explanation, its verdict changed if it rests on these presses, and the other one
+    the explanation, its verdict changed if it rests on these presses, the other one, and the start
+    of the explanation: without the presses that stand apart, where these hold all that is missing
     """
-    explained = _selected(start, seed, on_step, settings)
+    rest = _apart(start, seed, settings)
+    explained = _selected(start, seed, on_step, settings, few_apart=rest is not None)
+    if rest is not None and not explained.final.comparison.is_noise:
+        others, apart, answer = rest
+        if on_step:
+            on_step(answer.final)
+        return replace(answer, verdict="unexplained", apart=apart), None, others
     without = without_suspects(start, seed, explained, settings)
-    return weighed(explained, without), without
+    return weighed(explained, without), without, start
+
+
+def _apart(
+    start: StartFit, seed: int, settings: SelectionSettings
+) -> tuple[StartFit, PressesApart, Explanation] | None:
+    """Return the start without the presses that stand apart, and its answer: nothing is missing.
+
+    None where no press stands apart, or something is missing without them, too. Several effects,
+    one after the other, would otherwise be fitted to a few presses that slipped.
+    """
+    if start.fit.field is not None or start.model.press_error:
+        return None
+    try:
+        found = _others(start)
+        if found is None:
+            return None
+        others, apart = found
+        rest = compare_residual(whitened_fit(others.joint, others.scan), settings.residual)
+        if not rest.is_noise or (others.law is not None and calls_for_effects(others.law, others)):
+            return None
+        answer = _selected(others, seed, None, settings)
+    except (InputError, InadmissibleError):
+        return None
+    return (others, apart, answer) if answer.verdict == "nothing_missing" else None
+
+
+def _others(start: StartFit) -> tuple[StartFit, PressesApart] | None:
+    """Return the fit of the map without the presses that stand apart from it; None without any.
+
+    They are sought again beside the map of the others, until they stay.
+    """
+    fit, others, at = start.joint, None, start.joint.at
+    found = np.zeros(0, dtype=int)
+    for _ in range(_ROUNDS):
+        before, (found, softer) = found, presses_apart(fit.model, at)
+        if len(found) == 0:
+            return None
+        presses = tuple(start.scan.press_ids[found].tolist())
+        if others is None or not np.array_equal(found, before):
+            fewer = start.experiment.without(presses, refill=False)
+            if not fewer.is_determined:
+                return None
+            others = start_fit(_told(fewer, presses), start.catalogue)
+            at = fit.model.linearise(others.joint.u)
+    assert others is not None
+    readings = start.model.readings.some(found)
+    return others, PressesApart(presses, tuple(softer.tolist()), readings)
+
+
+def _told(experiment: PlacedExperiment, presses: tuple[int, ...]) -> PlacedExperiment:
+    """Return an experiment that tells its progress as one without these presses."""
+    named, say = ", ".join(map(str, presses)), experiment.say
+    return replace(experiment, say=lambda text: say(f"without presses {named}: {text}"))
 
 
 def _selected(
@@ -79,6 +144,7 @@ def _selected(
     seed: int,
     on_step: Callable[[Step], None] | None,
     settings: SelectionSettings,
+    few_apart: bool = False,
 ) -> Explanation:
     law = start.law
 
@@ -94,9 +160,12 @@ def _selected(
         seed=seed,
         progress=start.experiment.say,
         on_step=on_step,
-        policy=Policy(first=first if law is not None and calls_for_effects(law, start) else None),
+        policy=Policy(
+            first=first if law is not None and calls_for_effects(law, start) else None,
+            few_apart=few_apart,
+        ),
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
-        first=start.fit if start.fit.field is not None else None,
+        first=start.joint,
     )
 
 
@@ -116,12 +185,7 @@ def without_suspects(
     free = start.model.map_uncertainty is not None  # its search weights such presses down itself
     if not presses or explained.map_error or free:  # beside a wrong map there are many
         return None
-    named, say = ", ".join(map(str, presses)), start.experiment.say
-
-    def tell(text: str) -> None:
-        say(f"without presses {named}: {text}")
-
-    experiment = replace(start.experiment, say=tell)
+    experiment = _told(start.experiment, presses)
     try:
         if explained.accepted:
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
@@ -165,6 +229,8 @@ def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tu
     for the model with this effect, which is also found without them.
     """
     still = explained.final.comparison.bad_presses
+    if explained.apart is not None:
+        return explained.apart.presses
     if without is None:
         return tuple(p for p in explained.ladder[0].comparison.bad_presses if p in still)
     same = (without.verdict, without.added) == (explained.verdict, explained.added)

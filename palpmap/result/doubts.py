@@ -118,7 +118,8 @@ def outlier_notes(record: ExplainRecord) -> list[str]:
 
     Not where they are among those of which the verdict says that they hold the structure.
     """
-    if record.suspects_left and set(record.suspects_left) <= set(record.few_presses):
+    told = {*record.few_presses, *record.presses_apart}  # by the verdict
+    if record.suspects_left and set(record.suspects_left) <= told:
         return []
     left, first = (
         ", ".join(map(str, ids)) for ids in (record.suspects_left, record.suspect_presses)

@@ -33,7 +33,7 @@ def explain_record(
     assessment: Assessment,
 ) -> ExplainRecord:
     """Return verdict, additions, ladder, candidates, parameters, limits of an explanation."""
-    final, without = explained.final, assessment.without
+    final, without, apart = explained.final, assessment.without, explained.apart
     return ExplainRecord(
         verdict=explained.verdict,
         added=explained.added,
@@ -56,7 +56,8 @@ def explain_record(
         ),
         form_curves=tuple(FormCurveRecord(**vars(curve)) for curve in assessment.curves),
         residual=final.comparison.statement,
-        suspect_presses=explained.ladder[0].comparison.bad_presses,
+        suspect_presses=(apart.presses if apart else explained.ladder[0].comparison.bad_presses),
+        presses_apart=dict(zip(apart.presses, apart.softer, strict=True)) if apart else {},
         suspects_left=assessment.outlying,
         without_suspects=None if without is None else without_record(without),
         explained_share=explained.explained_share,

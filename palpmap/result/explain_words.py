@@ -14,7 +14,12 @@ from identify.residual import law_sentence, sentence
 from identify.select import OTHER_CAUSE, SELECTION, Explanation
 from palpmap import units
 from palpmap.result.evidence import added_names, kept
-from palpmap.result.misfit_words import few_presses_words, listed, rise_note
+from palpmap.result.misfit_words import (
+    few_presses_words,
+    listed,
+    presses_apart_words,
+    rise_note,
+)
 from palpmap.result.presses_words import first_readings_sentence
 from palpmap.result.records import ExplainRecord, OtherMapRecord
 from palpmap.study.open_study import Problem
@@ -47,6 +52,9 @@ def headline(explained: Explanation) -> str:
         return "Ambiguous: the structure that is left is no larger than the error of contact laws."
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
+    if explained.apart is not None:
+        few, others = len(explained.apart.presses), explained.final.fit.model.readings.presses
+        return f"Unexplained in {few} of {few + others} presses, which stand apart from all others."
     if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
         of = explained.final.fit.model.readings.presses
         return f"Unexplained in {few} of {of} presses: no known effect removes their structure."
@@ -80,6 +88,8 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
         return text + (_little_left(explained) if explained.within_laws else "")
+    if explained.apart is not None:
+        return presses_apart_words(explained.apart)
     if explained.in_few_presses:
         return few_presses_words(explained)
     maps = other_map_sentence(other)

@@ -42,7 +42,7 @@ def next_steps(
     no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
     if best and not no_use:
         steps.append(_presses(record, run))
-    if explained.verdict == "unexplained":
+    if explained.verdict == "unexplained" and explained.apart is None:
         steps.append(_own_effect(run, source))
     elif explained.verdict == "ambiguous" and explained.within_laws:
         steps.append(

@@ -19,7 +19,7 @@ from palpmap.__main__ import app
 from palpmap.result.doubts import doubts
 from palpmap.result.explain_record import explain_record
 from palpmap.result.explain_words import verdict_detail
-from tests.identify.select.loop_problem import scan, timing, true_compliance
+from tests.identify.select.loop_problem import TRUE, scan, timing, true_compliance
 from tests.palpmap.report.loop_study import put, shifted
 
 SLIPPED = (6, 17)
@@ -48,16 +48,29 @@ def record(tmp_path_factory) -> dict:
 
 
 @pytest.mark.slow
-def test_slipped_presses_are_named_and_the_scan_is_judged_without_them(record):
-    assert record["suspect_presses"] == list(SLIPPED)
-    assert record["without_suspects"]["verdict"] == "nothing_missing"
-    assert record["without_suspects"]["chi2_per_dof"] == pytest.approx(1, abs=0.15)
+def test_slipped_presses_are_named_and_left_out_of_all_else(record):
+    assert record["verdict"] == "unexplained"
+    assert record["suspect_presses"] == record["suspects_left"] == list(SLIPPED)
+    softer = {int(press): value for press, value in record["presses_apart"].items()}
+    assert softer == {press: pytest.approx(0.3, abs=0.03) for press in SLIPPED}
+    (step,) = record["ladder"]
+    assert step["is_noise"]
+    assert step["chi2_per_dof"] == pytest.approx(1, abs=0.15)
+    assert record["presses_used"] == 23
+
+
+@pytest.mark.slow
+def test_the_map_beside_slipped_presses_holds(record):
+    found = record["parameters"]
+    assert record["reliable"]
+    assert (
+        found["background_pa"]["lower95"] < TRUE.background_pa < found["background_pa"]["upper95"]
+    )
 
 
 @pytest.mark.slow
 def test_no_effect_is_offered_that_only_slipped_presses_call_for(record):
-    assert record["added"] == []
-    assert record["verdict"] in ("ambiguous", "unexplained")
+    assert record["added"] == record["ambiguous"] == []
 
 
 @pytest.mark.slow

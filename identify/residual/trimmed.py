@@ -1,0 +1,95 @@
+"""Presses that a map does not meet though it meets the others: least trimmed squares.
+
+A press that slipped pulls the fitted map along, which then misses its neighbours and hides it among
+them. Of the relative errors of the presses' compliances, linear in the unknowns of the fit, the
+smallest four fifths are therefore minimised alone.
+
+Source: P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006) 29-45 (FAST-LTS).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
+
+
+@dataclass(frozen=True)
+class TrimmedSettings:
+    """Settings of the least trimmed squares.
+
+    Attributes
+    ----------
+    kept : share of the presses whose errors are minimised; the others may be anything
+    starts : random sets of as few presses as determine the unknowns
+    steps, last_steps : concentrations of each set, and of the best one
+    sigmas : error of an outlying press, over the scale of all; one in 1.7 million is noise
+    scale : largest scale of the others' errors, over the noise: beyond it they are not met either
+    """
+
+    kept: float = 0.8
+    starts: int = 500
+    steps: int = 3
+    last_steps: int = 20
+    sigmas: float = 5.0
+    scale: float = 3.0
+
+
+TRIMMED = TrimmedSettings()
+
+
+def presses_apart(
+    model: MeasurementModel, at: Linearised, settings: TrimmedSettings = TRIMMED
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the presses that stand apart from a map that meets the others.
+
+    Their indices, and by which share they travel further at the same force. None where more than
+    the trimmed share stands apart, or where no map meets the others.
+
+    Parameters
+    ----------
+    at : the model at a map that may be pulled along by these presses
+    """
+    press, presses = model.readings.press, model.readings.presses
+    own = at.whitened(model.by_log_compliance(at), press)
+    size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
+
+    def per_press(column: np.ndarray) -> np.ndarray:
+        return np.bincount(press, own * column, presses) / size
+
+    by_unknowns = np.column_stack([per_press(column) for column in at.jacobian.T])
+    error = trimmed_residual(by_unknowns, per_press(at.residual), settings)
+    scale = 1.4826 * float(np.median(np.abs(error)))
+    apart = np.flatnonzero(np.abs(error) > settings.sigmas * max(scale, 1.0))
+    few = len(apart) <= (1 - settings.kept) * presses
+    apart = apart if few and scale <= settings.scale else apart[:0]
+    felt, travel = (
+        np.bincount(press, model.readings.force_n * column, presses)[apart]
+        for column in (at.predicted_m, model.displacement_m)
+    )
+    return apart, travel / felt - 1
+
+
+def trimmed_residual(
+    matrix: np.ndarray, values: np.ndarray, settings: TrimmedSettings = TRIMMED
+) -> np.ndarray:
+    """Residual (j,) of values (j,) against a matrix (j, k), of least trimmed squares.
+
+    The random sets are the same at every call.
+    """
+    rows, unknowns = matrix.shape
+    kept = max(int(np.ceil(settings.kept * rows)), min(unknowns + 1, rows))
+    rng = np.random.default_rng(0)
+
+    def concentrated(chosen: np.ndarray, steps: int) -> tuple[float, np.ndarray, np.ndarray]:
+        for _ in range(steps):
+            found = np.linalg.lstsq(matrix[chosen], values[chosen], rcond=None)[0]
+            residual = values - matrix @ found
+            chosen = np.argpartition(residual**2, kept - 1)[:kept]
+        return float(np.sum(residual[chosen] ** 2)), chosen, residual
+
+    first = min(unknowns + 1, rows)
+    sets = (rng.choice(rows, first, replace=False) for _ in range(settings.starts))
+    best = min((concentrated(chosen, settings.steps) for chosen in sets), key=lambda c: c[0])
+    return concentrated(best[1], settings.last_steps)[2]

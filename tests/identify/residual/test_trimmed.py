@@ -1,0 +1,55 @@
+"""Presses that stand apart are found though they pull the fit along and hide each other."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identify.fit.joint_fit import fit_jointly
+from identify.residual.trimmed import TRIMMED, presses_apart, trimmed_residual
+from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 7))
+def test_the_worst_fifth_may_be_anything(seed, wrong):
+    rng = np.random.default_rng(seed)
+    matrix = rng.standard_normal((40, 6))
+    values = matrix @ rng.standard_normal(6) + 0.1 * rng.standard_normal(40)
+    out = rng.choice(40, wrong, replace=False)
+    values[out] += rng.uniform(3, 30)  # to one side, as presses that slip go
+    residual = trimmed_residual(matrix, values)
+    rest = np.setdiff1d(np.arange(40), out)
+    assert np.abs(residual[out]).min() > 1.0
+    assert np.abs(residual[rest]).max() < 1.0
+
+
+def fitted(factor: np.ndarray):
+    """A map fitted to 25 presses whose travels are multiplied by factors (25,)."""
+    press, _, _, force = timing(5)
+    return fit_jointly(model(scan((factor * true_compliance())[press] * force, force, 5)), TRUE)
+
+
+def test_presses_that_slipped_stand_apart_by_as_much_as_they_slipped():
+    factor = np.ones(25)
+    factor[[3, 12, 20, 21]] = 1.15
+    fit = fitted(factor)
+    found, _ = presses_apart(fit.model, fit.at)
+    assert set(found) >= {3, 12, 20, 21}
+    assert len(found) <= 5
+    found, softer = presses_apart(fit.model, fit.model.linearise(fit.model.start(TRUE)))
+    assert found.tolist() == [3, 12, 20, 21]
+    assert softer == pytest.approx(0.15, abs=0.03)
+
+
+def test_of_noise_no_press_stands_apart():
+    fit = fitted(np.ones(25))
+    found, softer = presses_apart(fit.model, fit.at)
+    assert len(found) == len(softer) == 0
+
+
+def test_where_no_map_meets_the_presses_none_stands_apart():
+    rng = np.random.default_rng(2)
+    fit = fitted(np.exp(0.2 * rng.standard_normal(25)))
+    assert len(presses_apart(fit.model, fit.at)[0]) == 0
+    assert TRIMMED.scale < 10

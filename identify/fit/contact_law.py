@@ -143,6 +143,11 @@ def contact_law(
         return ContactLaw(plain, best, fits, settings)
     law = ContactLaw(plain, plain, fits, settings)
     # Where presses have laws of their own, a form of several numbers follows their differences
+    found = best.parts[len(stated) :]
+    if (simple := _simplest_forms(presses, found, catalogue)) and (
+        fit := fit_set(presses, plain, simple)
+    ):
+        fits[fit.names[len(stated) :]] = fit
     alike = [fit for fit in fits.values() if len(fit.names) == len(best.names)]
     best = _simplest(best, alike, settings.unsure * law._excess, settings)
     share = replace(law, found=best).share
@@ -188,7 +193,7 @@ def _near(
         most = criterion_of(top, scale) + max(settings.margin, settings.near * excess)
         if _is_no_law(top, settings):  # nor are its equals
             most = -np.inf
-            waiting.append(sets[0])
+            waiting += sets[: settings.refitted_partial]
         close = [n for n in sets[: settings.refitted] if criterion_of(fits[n], scale) < most]
         near, waiting = [*near, *waiting, *close], []
         best, number = top, size
@@ -219,6 +224,17 @@ def _best(
         if gain > least * (size - number) and top.misfit < best.misfit:
             best, number = top, size
     return best
+
+
+def _simplest_forms(
+    presses: FreeCompliance, parts: Sequence[EffectInModel], catalogue: Sequence[Effect]
+) -> list[EffectInModel]:
+    """Return the first forms of the causes of some effects; empty where these are they."""
+    known = {effect.name: effect for effect in catalogue}
+    first = [known.get(part.effect.family, part.effect) for part in parts]
+    if [effect.name for effect in first] == [part.effect.name for part in parts]:
+        return []
+    return [presses.begun(effect, {}) for effect in first]
 
 
 def _simplest(

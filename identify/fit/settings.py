@@ -202,6 +202,7 @@ class ContactLawSettings:
     searched : presses that serve to compare the sets, where there are half as many again
     near, refitted : share of the excess misfit within which of the best set there, and most sets of
         a size, that are then fitted to all presses
+    refitted_partial : sets of a size that are fitted to all presses where none holds for enough
     perhaps : share of an effect's price at which a larger set is among them
     unsure : share of the excess misfit within which another law of contact, or a simpler form of
         it, is as credible, where structure is left; a ball on an uneven body is right to a seventh
@@ -222,6 +223,7 @@ class ContactLawSettings:
     searched: int = 60
     near: float = 0.03
     refitted: int = 6
+    refitted_partial: int = 3
     perhaps: float = 0.5
     unsure: float = 0.1
     most_of: float = 0.5

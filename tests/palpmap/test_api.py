@@ -111,6 +111,7 @@ def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_here)
     assert again.fit.summary().split("residual", 1)[1] == fitted.summary().split("residual", 1)[1]
 
 
+@pytest.mark.slow
 def test_a_missing_effect_is_found_from_memory(why):
     assert why.verdict == "explained"
     assert why.added == ("contact_offset",)

@@ -164,6 +164,7 @@ def test_a_file_of_hooks_acts_in_the_loop(tmp_path, short_scan):
         planted(str(tmp_path / "broken.py"))
 
 
+@pytest.mark.slow
 def test_the_same_plant_gives_the_same_scan_again(short_scan):
     plan, _, law = short_scan
     wanted = [("force_wander", 0.05), ("sensor_spike", 0.5), ("viscoelasticity", 0.05)]

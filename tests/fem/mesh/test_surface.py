@@ -283,6 +283,7 @@ def test_a_surface_that_decimation_would_spoil_is_left_as_it_is():
     assert decimated(*BALL, 6)[1] is BALL.triangles
 
 
+@pytest.mark.slow
 def test_a_surface_that_intersects_itself_is_found_by_its_volume(tmp_path):
     block = block_mesh((0.06, 0.06, 0.06), (3, 3, 3), order=1)
     nodes = block.nodes.copy()

@@ -13,6 +13,7 @@ from identify.optimize.result import InadmissibleError
 from tests.identify.select import loop_problem as problem
 
 
+@pytest.mark.slow
 def test_another_poisson_ratio_has_the_finer_models_compliance_too():
     """The coarse mesh's error depends on it; what carries it to the finer mesh must follow."""
     nu = 0.40

@@ -72,6 +72,7 @@ def proposals(candidates):
     return next_presses(candidates[:2], list(variations(presses_of(readings), True)))
 
 
+@pytest.mark.slow
 def test_what_tells_rivals_apart_comes_first_and_the_quickest_of_it(proposals):
     told = [len(p.separated) for p in proposals]
     assert told == sorted(told, reverse=True)

@@ -64,6 +64,7 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
     assert lines.chi2_per_dof > 10 * fit.chi2_per_dof
 
 
+@pytest.mark.slow
 def test_the_growth_of_a_contact_follows_the_map():
     contacts, _ = contacts_of(pressed_by_balls(), sphere=True)
     model = PalpationModel(block_mesh(SIZE, (8, 8, 3)), NU, contacts)

@@ -173,6 +173,7 @@ def test_a_few_bad_presses_name_nothing():
     assert law.names == ()
 
 
+@pytest.mark.slow
 def test_what_differs_from_press_to_press_at_random_names_nothing():
     def rough(d, f):
         return d + np.random.default_rng(6).normal(0, 3e-4, (PRESSES, 1)), f

@@ -90,6 +90,7 @@ def linear(body, grid):
     return model, at, here, sums, by_field, FieldData.of(sums, by_field, here)
 
 
+@pytest.mark.slow
 def test_the_covariance_of_the_prior_is_that_of_its_products_and_draws():
     grid = Grid.over(np.array([[0, 0, 0], [0.02, 0.03, 0.01]]), 0.005)
     prior = MaternField(grid, 0.01, 0.7, 2.0)

@@ -125,6 +125,7 @@ def test_two_balls_are_two_spots_and_their_numbers_lie_in_their_intervals(by_fie
         assert spot.diameter_lower95_m < 0.01 < spot.diameter_upper95_m
 
 
+@pytest.mark.slow
 def test_a_spot_is_harder_or_softer_and_its_interval_says_the_same(by_field, grid):
     """A hard and a soft ball half in each other: what is left of one may be of either kind."""
     for seed in range(3):

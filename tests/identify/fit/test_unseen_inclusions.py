@@ -25,6 +25,7 @@ def fitted(truth: GaussianMap, start: GaussianMap, **options) -> FitResult:
     return fit_jointly(replace(own, space=parameter_space(start, box)), start, **options)
 
 
+@pytest.mark.slow
 def test_of_a_homogeneous_body_no_inclusion_is_seen():
     start = GaussianMap(TRUE.background_pa, (FAINT,))
     fit = fitted(GaussianMap(5000.0), start)

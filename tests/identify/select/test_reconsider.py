@@ -56,6 +56,7 @@ def test_the_ladder_leads_to_the_last_model_step_by_step():
     assert chi2 == sorted(chi2, reverse=True)
 
 
+@pytest.mark.slow
 def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     found, _ = explained()
     for addition in found.accepted:

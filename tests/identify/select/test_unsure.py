@@ -30,6 +30,7 @@ from palpmap.result.records import ExplainRecord, ParameterRecord, WithoutSuspec
 from tests.palpmap.report.test_explain_report import grouped
 
 
+@pytest.mark.slow
 def test_what_is_told_from_its_rivals_only_by_presses_that_stand_out_rests_on_them(explained_case):
     explained = explained_case.explained
     (name,) = explained.added

@@ -117,6 +117,7 @@ def bag(tmp_path_factory, scan):
     return path
 
 
+@pytest.mark.slow
 def test_a_bag_on_disk_becomes_a_study(bag, scan, tmp_path):
     proposed = run(bag, "--propose").stdout
     assert 'kind = "stream"' in proposed

@@ -533,6 +533,7 @@ def softness(scan: Scan) -> np.ndarray:
     return np.bincount(index, held.displacement_m) / np.bincount(index, held.force_n)
 
 
+@pytest.mark.slow
 def test_the_robot_presses_a_trial_and_goes_on_where_the_body_stands(tmp_path):
     """The body has softened by what was pressed before; clock and numbers go on."""
     make_trial(tmp_path, Trial(3, ("preconditioning",), (0.3,), 1, False, True, True), per_side=2)

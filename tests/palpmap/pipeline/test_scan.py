@@ -47,6 +47,7 @@ def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_
     assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
 
 
+@pytest.mark.slow
 def test_a_force_that_would_press_the_phantom_flat_is_lowered_and_said(run_here, tmp_path):
     run = run_here(*SMALL, "--force", "3", folder=tmp_path / "run")
     assert run.exit_code == 0

@@ -16,6 +16,7 @@ from identify.residual.hypothesis_tests import (
     score,
 )
 from identify.residual.settings import RESIDUAL, ResidualSettings
+from identify.residual.trimmed import outlying
 from identify.residual.whitened import Whitened
 
 LARGEST_SIGMAS = 37.0  # beyond, the p-value is below the smallest floating-point number
@@ -144,10 +145,14 @@ def bad_presses(
 
     Notes
     -----
-    The worst press is set aside before the next is tested, else it would pull its neighbours along.
+    Presses apart from a map that meets the others are tested each without the others of them:
+    together they pull the fit along, and others would be named. Where there are none, the worst
+    press is set aside before the next is tested, else it would pull its neighbours along.
     """
+    outliers = _apart(w, smooth, scale, settings)
+    if outliers:
+        return outliers
     space = PressSpace(w, smooth)
-    outliers: list[int] = []
     most = min(settings.most_outlying_presses, w.presses // settings.presses_per_outlier)
     while len(outliers) < most:
         misfits = space.misfits()
@@ -157,6 +162,22 @@ def bad_presses(
         outliers.append(worst)
         space.without(worst)
     return outliers
+
+
+def _apart(w: Whitened, smooth: np.ndarray, scale: float, settings: ResidualSettings) -> list[int]:
+    """Presses apart from the map that are beyond all smooth patterns, too, worst first."""
+    if w.size is not None:  # a free map bends to single presses
+        return []
+    own = (w.scan.displacement_m - w.residual_m) / w.sigma_m
+    apart = outlying(w.press_index, own, w.whitened, w.absorbed)
+    misfits = {}
+    for press in apart:
+        space = PressSpace(w, smooth)
+        for other in apart[apart != press]:
+            space.without(int(other))
+        misfits[int(press)] = float(space.misfits()[press]) / scale**2
+    sure = [p for p, m in misfits.items() if special.chdtrc(2, m) * w.presses < settings.alpha]
+    return sorted(sure, key=lambda press: -misfits[press])
 
 
 def press_directions(w: Whitened, presses: list[int]) -> np.ndarray:

@@ -26,6 +26,7 @@ class TrimmedSettings:
     steps, last_steps : concentrations of each set, and of the best one
     sigmas : error of an outlying press, over the scale of all; one in 1.7 million is noise
     scale : largest scale of the others' errors, over the noise: beyond it they are not met either
+    unknowns : most of them, as a share of the presses
     """
 
     kept: float = 0.8
@@ -34,6 +35,7 @@ class TrimmedSettings:
     last_steps: int = 20
     sigmas: float = 5.0
     scale: float = 3.0
+    unknowns: float = 0.5
 
 
 TRIMMED = TrimmedSettings()
@@ -53,22 +55,44 @@ def presses_apart(
     """
     press, presses = model.readings.press, model.readings.presses
     own = at.whitened(model.by_log_compliance(at), press)
-    size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
-
-    def per_press(column: np.ndarray) -> np.ndarray:
-        return np.bincount(press, own * column, presses) / size
-
-    by_unknowns = np.column_stack([per_press(column) for column in at.jacobian.T])
-    error = trimmed_residual(by_unknowns, per_press(at.residual), settings)
-    scale = 1.4826 * float(np.median(np.abs(error)))
-    apart = np.flatnonzero(np.abs(error) > settings.sigmas * max(scale, 1.0))
-    few = len(apart) <= (1 - settings.kept) * presses
-    apart = apart if few and scale <= settings.scale else apart[:0]
+    apart = outlying(press, own, at.residual, at.jacobian, settings)
     felt, travel = (
         np.bincount(press, model.readings.force_n * column, presses)[apart]
         for column in (at.predicted_m, model.displacement_m)
     )
     return apart, travel / felt - 1
+
+
+def outlying(
+    press: np.ndarray,
+    own: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    settings: TrimmedSettings = TRIMMED,
+) -> np.ndarray:
+    """Return the presses (indices) that a linear model does not meet though it meets the others.
+
+    Parameters
+    ----------
+    press : (m,) index of each reading's press
+    own : (m,) derivative of the whitened prediction by ln C of its press
+    residual, jacobian : (m,) and (m, k) of the whitened residual and prediction
+    """
+    presses = int(press.max()) + 1
+    size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
+
+    def per_press(column: np.ndarray) -> np.ndarray:
+        return np.bincount(press, own * column, presses) / size
+
+    columns = [per_press(column) for column in jacobian.T]
+    by_unknowns = np.column_stack([np.zeros((presses, 0)), *columns])
+    if by_unknowns.shape[1] > settings.unknowns * presses:
+        return np.zeros(0, dtype=int)
+    error = trimmed_residual(by_unknowns, per_press(residual), settings)
+    scale = 1.4826 * float(np.median(np.abs(error)))
+    apart = np.flatnonzero(np.abs(error) > settings.sigmas * max(scale, 1.0))
+    few = len(apart) <= (1 - settings.kept) * presses
+    return apart if few and scale <= settings.scale else apart[:0]
 
 
 def trimmed_residual(

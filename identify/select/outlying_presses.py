@@ -116,6 +116,8 @@ def _others(start: StartFit) -> tuple[StartFit, PressesApart] | None:
     They are sought again beside the map of the others, until they stay.
     """
     fit, others, at = start.joint, None, start.joint.at
+    if not compare_residual(whitened_fit(fit, start.scan)).bad_presses:
+        return None
     found = np.zeros(0, dtype=int)
     for _ in range(_ROUNDS):
         before, (found, softer) = found, presses_apart(fit.model, at)

@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from identify.fit.joint_fit import fit_jointly
+from identify.residual.compare import compare_residual
 from identify.residual.trimmed import TRIMMED, presses_apart, trimmed_residual
+from identify.select.step import whitened_fit
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
 
@@ -24,10 +26,14 @@ def test_the_worst_fifth_may_be_anything(seed, wrong):
     assert np.abs(residual[rest]).max() < 1.0
 
 
-def fitted(factor: np.ndarray):
-    """A map fitted to 25 presses whose travels are multiplied by factors (25,)."""
+def measured(factor: np.ndarray):
+    """A scan of 25 presses whose travels are multiplied by factors (25,)."""
     press, _, _, force = timing(5)
-    return fit_jointly(model(scan((factor * true_compliance())[press] * force, force, 5)), TRUE)
+    return scan((factor * true_compliance())[press] * force, force, 5)
+
+
+def fitted(factor: np.ndarray):
+    return fit_jointly(model(measured(factor)), TRUE)
 
 
 def test_presses_that_slipped_stand_apart_by_as_much_as_they_slipped():
@@ -40,6 +46,17 @@ def test_presses_that_slipped_stand_apart_by_as_much_as_they_slipped():
     found, softer = presses_apart(fit.model, fit.model.linearise(fit.model.start(TRUE)))
     assert found.tolist() == [3, 12, 20, 21]
     assert softer == pytest.approx(0.15, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("slipped", "named"),  # one beside the inclusion is told by the map of the others alone
+    [((3, 12, 20, 21), (3, 20, 21)), ((6, 7, 8), (6, 7, 8)), ((0, 24), (0, 24))],
+)
+def test_a_comparison_names_the_presses_that_slipped_and_no_other(slipped, named):
+    factor = np.ones(25)
+    factor[list(slipped)] = 1.12
+    comparison = compare_residual(whitened_fit(fitted(factor), measured(factor)))
+    assert comparison.bad_presses == named
 
 
 def test_of_noise_no_press_stands_apart():

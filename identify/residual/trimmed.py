@@ -24,7 +24,7 @@ class TrimmedSettings:
     kept : share of the presses whose errors are minimised; the others may be anything
     starts : random sets of as few presses as determine the unknowns
     steps, last_steps : concentrations of each set, and of the best one
-    sigmas : error of an outlying press, over the scale of all; one in 1.7 million is noise
+    sigmas : error of an outlying press, over the scale of all; one in 150,000 is noise
     scale : largest scale of the others' errors, over the noise: beyond it they are not met either
     unknowns : most of them, as a share of the presses
     """
@@ -33,7 +33,7 @@ class TrimmedSettings:
     starts: int = 500
     steps: int = 3
     last_steps: int = 20
-    sigmas: float = 5.0
+    sigmas: float = 4.5
     scale: float = 3.0
     unknowns: float = 0.5
 
@@ -100,7 +100,8 @@ def trimmed_residual(
 ) -> np.ndarray:
     """Residual (j,) of values (j,) against a matrix (j, k), of least trimmed squares.
 
-    The random sets are the same at every call.
+    Each over its own error, beside the values' own: that of a row outside the trimmed sum has the
+    error of its prediction, too. The random sets are the same at every call.
     """
     rows, unknowns = matrix.shape
     kept = max(int(np.ceil(settings.kept * rows)), min(unknowns + 1, rows))
@@ -116,4 +117,9 @@ def trimmed_residual(
     first = min(unknowns + 1, rows)
     sets = (rng.choice(rows, first, replace=False) for _ in range(settings.starts))
     best = min((concentrated(chosen, settings.steps) for chosen in sets), key=lambda c: c[0])
-    return concentrated(best[1], settings.last_steps)[2]
+    _, chosen, residual = concentrated(best[1], settings.last_steps)
+    inverse = np.linalg.pinv(matrix[chosen].T @ matrix[chosen], hermitian=True)
+    leverage = np.einsum("jk,kl,jl->j", matrix, inverse, matrix)
+    inside = np.isin(np.arange(rows), chosen)
+    variance = np.where(inside, 1 - leverage, 1 + leverage)
+    return residual / np.sqrt(np.maximum(variance, 1e-3))

@@ -129,7 +129,8 @@ def _others(start: StartFit) -> tuple[StartFit, PressesApart] | None:
             if not fewer.is_determined:
                 return None
             others = start_fit(_told(fewer, presses), start.catalogue)
-            at = fit.model.linearise(others.joint.u)
+            u = others.joint.u
+            at = fit.model.corrected(u).linearise(u)  # the finer mesh corrects that map otherwise
     assert others is not None
     readings = start.model.readings.some(found)
     return others, PressesApart(presses, tuple(softer.tolist()), readings)

@@ -83,8 +83,9 @@ def other_map(
         None where the question does not arise.
     """
     last = explained.final.fit
-    apart = explained.apart is not None  # then the map of the others does
-    if explained.verdict != "unexplained" or last.field is not None or apart:
+    if explained.verdict != "unexplained" or last.field is not None:
+        return None
+    if explained.apart is not None:  # the map of the others does
         return None
     before = explained.ladder[0].fit if explained.unknown else last
     excess = max(before.chi2 - before.dof, 1.0)

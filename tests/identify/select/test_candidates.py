@@ -13,7 +13,6 @@ from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.select import candidates as candidates
 from identify.select.candidates import (
-    best_candidates,
     compare_candidates,
     fit_with,
     predicted_share,
@@ -176,19 +175,3 @@ def test_a_fit_that_no_correction_brings_near_the_best_is_not_refitted(monkeypat
     assert further(150.0) == 1
     monkeypatch.setattr(BodyMechanics, "correction_off", lambda *_: None)
     assert further(150.0) == 1
-
-
-@pytest.mark.parametrize(("family_wise", "added"), [(5e-3, False), (5e-4, True)])
-def test_beside_structure_too_an_effect_needs_more_than_one_scan_in_a_hundred(family_wise, added):
-    press, _, _, force = timing(SEED)
-    late = scan(true_compliance()[press] * force + 3 * NOISE.displacement_m, force, SEED)
-    effects = {name: CATALOGUE[name] for name in ("contact_offset", "side_gradient")}
-    step = step_of(fit_jointly(model(late), TRUE), late, [*effects.values()], 0, lambda text: None)
-    assert not step.comparison.is_noise
-    scores = tuple(
-        replace(s, log_p=np.log(family_wise / 2) if s.name == "contact_offset" else s.log_p)
-        for s in step.diagnosis.scores
-    )
-    unsure = replace(step, diagnosis=replace(step.diagnosis, scores=scores))
-    found = best_candidates(unsure, effects, str, ["side_gradient"])
-    assert ([c.name for c in found] == ["contact_offset"]) is added

@@ -534,7 +534,7 @@ def test_a_course_that_leaves_noise_is_not_doubted_by_a_search_that_did_not_end(
     )
     found: Any = SimpleNamespace(
         verdict="unexplained", added=(), unknown=("c",), in_few_presses=(), told_apart=True,
-        parts_of_unknown=(),
+        parts_of_unknown=(), apart=None,
         explained_share=0.9,
         final=SimpleNamespace(fit=fit, comparison=SimpleNamespace(statement="")),
     )  # fmt: skip

@@ -86,9 +86,9 @@ def test_a_residual_that_is_noise_settles_what_no_effect_does_better(rungs):
 
 @pytest.mark.parametrize(
     ("chance", "noise_like", "is_enough"),
-    [(5e-4, True, True), (5e-3, True, False), (5e-3, False, True)],
+    [(5e-4, True, True), (5e-3, True, False), (5e-4, False, True), (5e-3, False, False)],
 )
-def test_beside_noise_only_a_score_that_chance_does_not_give_is_an_answer(
+def test_beside_noise_and_structure_only_a_score_that_chance_does_not_give_is_an_answer(
     rungs, chance, noise_like, is_enough
 ):
     (first, last), _ = rungs

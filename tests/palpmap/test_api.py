@@ -137,6 +137,7 @@ def test_a_written_explanation_reads_back(why, tmp_path):
     assert run.fit.parameters == why.fit.parameters
 
 
+@pytest.mark.slow
 def test_the_virtual_robot_follows_a_program():
     program = pm.PressProgram(
         x_m=np.array([0.03, 0.05]),

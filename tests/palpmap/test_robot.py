@@ -19,6 +19,7 @@ def arm():
     return robot()
 
 
+@pytest.mark.slow
 def test_clock_and_posture_go_on_from_call_to_call(arm):
     first = arm.press([0.13, 0.03, 0.04], force_n=0.2)
     pm.assert_force_kept(first)

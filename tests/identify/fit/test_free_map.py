@@ -123,6 +123,7 @@ def test_derivatives_by_the_field_against_differences(linear):
     assert by_field @ move == pytest.approx((sides[0] - sides[1]) / 2, rel=1e-4, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
     _, at, here, _, by_field, data = linear
     prior = MaternField(grid, 0.02, 0.3, 1.0)

@@ -50,6 +50,7 @@ def bad(step, *presses):
     return replace(step, comparison=replace(step.comparison, presses=marked))
 
 
+@pytest.mark.slow
 def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_case, monkeypatch):
     explained = explained_case.explained
     one, two = (p.press for p in explained.ladder[0].comparison.presses[2:4])

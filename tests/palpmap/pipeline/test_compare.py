@@ -35,6 +35,7 @@ def drifting(demo, run_here, tmp_path_factory):
     return run_here("compare", folder, folder=folder)
 
 
+@pytest.mark.slow
 def test_the_demos_residual_is_noise_and_the_exit_code_says_so(compared):
     assert compared.record["is_noise"]
     assert compared.exit_code == 0, compared.stderr

@@ -60,6 +60,7 @@ def recorded(tmp_path):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
 def test_a_killed_run_is_read_up_to_its_last_press(tmp_path):
     path = tmp_path / "recording.rrd"

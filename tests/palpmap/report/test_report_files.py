@@ -155,6 +155,7 @@ def done(tmp_path_factory):
     return run, passed, json.loads(out.getvalue())
 
 
+@pytest.mark.slow
 def test_noise_passes_and_is_said_in_json(done):
     run, passed, record = done
     assert passed is True

@@ -55,6 +55,7 @@ def test_a_support_survives_writing_and_reading(body, tmp_path):
     assert load_study(tmp_path / "study.toml").body == study.body
 
 
+@pytest.mark.slow
 def test_the_support_of_the_study_holds_all_models(three_presses):
     found = {}
     for name, body in {

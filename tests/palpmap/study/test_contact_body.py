@@ -64,6 +64,7 @@ def new(folder: Path, scan: Scan, *words: str, code: int = 0) -> str:
     return done.output
 
 
+@pytest.mark.slow
 def test_a_homogeneous_dome_has_its_modulus(tmp_path):
     said = json.loads(new(tmp_path, dome_scan(), "--thickness", str(THICK), "--inclusions", "0"))
     assert "surface goes through 16 contact points" in " ".join(said["said"])

@@ -146,13 +146,16 @@ def bad_presses(
     Notes
     -----
     Presses apart from a map that meets the others are tested each without the others of them:
-    together they pull the fit along, and others would be named. Where there are none, the worst
-    press is set aside before the next is tested, else it would pull its neighbours along.
+    together they pull the fit along, and others would be named. Where a smooth pattern takes them
+    all, a spot that the map lacks, and without any, the others are tested: the worst press is set
+    aside before the next, else it would pull its neighbours along.
     """
-    outliers = _apart(w, smooth, scale, settings)
+    apart, outliers = _apart(w, smooth, scale, settings)
     if outliers:
         return outliers
     space = PressSpace(w, smooth)
+    for press in apart:
+        space.without(press)
     most = min(settings.most_outlying_presses, w.presses // settings.presses_per_outlier)
     while len(outliers) < most:
         misfits = space.misfits()
@@ -164,10 +167,12 @@ def bad_presses(
     return outliers
 
 
-def _apart(w: Whitened, smooth: np.ndarray, scale: float, settings: ResidualSettings) -> list[int]:
-    """Presses apart from the map that are beyond all smooth patterns, too, worst first."""
+def _apart(
+    w: Whitened, smooth: np.ndarray, scale: float, settings: ResidualSettings
+) -> tuple[list[int], list[int]]:
+    """Presses apart from the map, and those beyond all smooth patterns, too, worst first."""
     if w.size is not None:  # a free map bends to single presses
-        return []
+        return [], []
     own = (w.scan.displacement_m - w.residual_m) / w.sigma_m
     apart = outlying(w.press_index, own, w.whitened, w.absorbed)
     misfits = {}
@@ -177,7 +182,7 @@ def _apart(w: Whitened, smooth: np.ndarray, scale: float, settings: ResidualSett
             space.without(int(other))
         misfits[int(press)] = float(space.misfits()[press]) / scale**2
     sure = [p for p, m in misfits.items() if special.chdtrc(2, m) * w.presses < settings.alpha]
-    return sorted(sure, key=lambda press: -misfits[press])
+    return [*misfits], sorted(sure, key=lambda press: -misfits[press])
 
 
 def press_directions(w: Whitened, presses: list[int]) -> np.ndarray:

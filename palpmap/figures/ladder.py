@@ -85,9 +85,10 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
     """Paint the residual of each press on the surface, at every step on one colour scale.
 
     Above: the mean residual; below: the rms over the press's readings in units of the noise, which
-    also shows errors that average out within a press.
+    also shows errors that average out within a press. Crosses, with their numbers, are presses that
+    stand apart and are left out.
     """
-    steps = explained.ladder
+    steps, apart = explained.ladder, explained.apart
     points = 1e3 * (np.array([p.point_m for p in steps[0].comparison.presses]) + origin_m)
     right, up = widest_axes(points)
     mean = [1e6 * np.array([p.mean_m for p in step.comparison.presses]) for step in steps]
@@ -115,6 +116,11 @@ def draw_residuals(explained: Explanation, origin_m: np.ndarray) -> Figure:
                 points[:, right], points[:, up], c=value, s=size, cmap=colors, vmin=low,
                 vmax=high, edgecolors=GREY, linewidths=0.4,
             )  # fmt: skip
+            if apart is not None:
+                made = 1e3 * (apart.readings.point_m[apart.readings.first] + origin_m)
+                axes.plot(made[:, right], made[:, up], "x", color=GREY, ms=0.6 * np.sqrt(size))
+                for press, place in zip(apart.presses, made[:, [right, up]], strict=True):
+                    axes.annotate(str(press), place, (5, 5), textcoords="offset points")
             axes.set_aspect("equal")
             axes.margins(0.12)
             if row == 0:

@@ -72,6 +72,7 @@ def write_explain_report(
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
         unreliable=words.unreliable(record),
+        apart=bool(record.presses_apart),
         unseen=doubts.unseen_effects(record),
         trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),

@@ -57,6 +57,9 @@ def test_slipped_presses_are_named_and_left_out_of_all_else(record):
     assert step["is_noise"]
     assert step["chi2_per_dof"] == pytest.approx(1, abs=0.15)
     assert record["presses_used"] == 23
+    report = (Path(record["run"]) / "report.html").read_text(encoding="utf-8")
+    assert "Unexplained in 2 of 25 presses, which stand apart from all others." in report
+    assert "Crosses: presses that stand apart, left out." in report
 
 
 @pytest.mark.slow

@@ -174,7 +174,7 @@ def _apart(
     if w.size is not None:  # a free map bends to single presses
         return [], []
     own = (w.scan.displacement_m - w.residual_m) / w.sigma_m
-    apart = outlying(w.press_index, own, w.whitened, w.absorbed)
+    apart = outlying(w.press_index, own, w.whitened, w.absorbed, settings.trimmed)
     misfits = {}
     for press in apart:
         space = PressSpace(w, smooth)

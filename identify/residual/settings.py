@@ -4,6 +4,34 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class TrimmedSettings:
+    """Settings of the least trimmed squares (`identify.residual.trimmed`).
+
+    Attributes
+    ----------
+    kept : share of the presses whose errors are minimised; the others may be anything
+    starts : random sets of as few presses as determine the unknowns
+    steps, last_steps : concentrations of each set, and of the best one
+    sigmas : error of an outlying press, over the scale of all; one in 150,000 is noise
+    scale : largest scale of the others' errors, over the noise: beyond it they are not met either
+    unknowns : most of them, as a share of the presses
+    rounds : of fits without the presses apart
+    """
+
+    kept: float = 0.8
+    starts: int = 500
+    steps: int = 3
+    last_steps: int = 20
+    sigmas: float = 4.5
+    scale: float = 3.0
+    unknowns: float = 0.5
+    rounds: int = 3
+
+
+TRIMMED = TrimmedSettings()
+
+
+@dataclass(frozen=True)
 class ResidualSettings:
     """Levels, sample sizes and thresholds of `identify.residual.compare`.
 
@@ -26,6 +54,7 @@ class ResidualSettings:
     most_outlying_presses : largest number of outlying presses; more are no matter of single presses
     presses_per_outlier : presses in the scan for each outlying one
     most_outlying_readings : largest number of outlying readings
+    trimmed : of the presses apart from a map that meets the others
     law_share : share of the excess chi-square that a simple law surely takes. Creep is a lag of the
         displacement to 75 %, a force that is read late to 96 to 98 %
     """
@@ -46,6 +75,7 @@ class ResidualSettings:
     most_outlying_presses: int = 12
     presses_per_outlier: int = 5
     most_outlying_readings: int = 20
+    trimmed: TrimmedSettings = TRIMMED
     law_share: float = 0.85
 
 

@@ -7,38 +7,11 @@ smallest four fifths are therefore minimised alone.
 Source: P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006) 29-45 (FAST-LTS).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-
-
-@dataclass(frozen=True)
-class TrimmedSettings:
-    """Settings of the least trimmed squares.
-
-    Attributes
-    ----------
-    kept : share of the presses whose errors are minimised; the others may be anything
-    starts : random sets of as few presses as determine the unknowns
-    steps, last_steps : concentrations of each set, and of the best one
-    sigmas : error of an outlying press, over the scale of all; one in 150,000 is noise
-    scale : largest scale of the others' errors, over the noise: beyond it they are not met either
-    unknowns : most of them, as a share of the presses
-    """
-
-    kept: float = 0.8
-    starts: int = 500
-    steps: int = 3
-    last_steps: int = 20
-    sigmas: float = 4.5
-    scale: float = 3.0
-    unknowns: float = 0.5
-
-
-TRIMMED = TrimmedSettings()
+from identify.residual.settings import TRIMMED, TrimmedSettings
 
 
 def presses_apart(

@@ -18,6 +18,7 @@ from identify.measurement.experiment import PlacedExperiment, Progress
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
+from identify.residual.settings import ResidualSettings
 from identify.residual.trimmed import presses_apart
 from identify.select.confirm import confirmed
 from identify.select.explanation import Explanation, PressesApart, Verdict
@@ -27,8 +28,6 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
 from models import InputError
-
-_ROUNDS = 3  # of fits without the presses that stand apart
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def _apart(
     if start.fit.field is not None or start.model.press_error:
         return None
     try:
-        found = _others(start)
+        found = _others(start, settings.residual)
         if found is None:
             return None
         others, apart = found
@@ -110,17 +109,17 @@ def _apart(
     return (others, apart, answer) if answer.verdict == "nothing_missing" else None
 
 
-def _others(start: StartFit) -> tuple[StartFit, PressesApart] | None:
+def _others(start: StartFit, settings: ResidualSettings) -> tuple[StartFit, PressesApart] | None:
     """Return the fit of the map without the presses that stand apart from it; None without any.
 
     They are sought again beside the map of the others, until they stay.
     """
     fit, others, at = start.joint, None, start.joint.at
-    if not compare_residual(whitened_fit(fit, start.scan)).bad_presses:
+    if not compare_residual(whitened_fit(fit, start.scan), settings).bad_presses:
         return None
     found = np.zeros(0, dtype=int)
-    for _ in range(_ROUNDS):
-        before, (found, softer) = found, presses_apart(fit.model, at)
+    for _ in range(settings.trimmed.rounds):
+        before, (found, softer) = found, presses_apart(fit.model, at, settings.trimmed)
         if len(found) == 0:
             return None
         presses = tuple(start.scan.press_ids[found].tolist())

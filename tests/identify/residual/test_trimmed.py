@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from identify.fit.joint_fit import fit_jointly
 from identify.residual.compare import compare_residual
-from identify.residual.trimmed import TRIMMED, presses_apart, trimmed_residual
+from identify.residual.settings import TRIMMED
+from identify.residual.trimmed import presses_apart, trimmed_residual
 from identify.select.step import whitened_fit
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 

@@ -90,7 +90,7 @@ def assess(
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
-    known = explained.verdict != "unexplained" or explained.apart is not None
+    known = explained.fitted_verdict != "unexplained"
     outlying = suspects_left(explained, without)
     say("computing detection limits")
     # Biases are told by the last fit's, so that these are the ones found at their size

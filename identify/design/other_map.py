@@ -83,9 +83,7 @@ def other_map(
         None where the question does not arise.
     """
     last = explained.final.fit
-    if explained.verdict != "unexplained" or last.field is not None:
-        return None
-    if explained.apart is not None:  # the map of the others does
+    if explained.fitted_verdict != "unexplained" or last.field is not None:
         return None
     before = explained.ladder[0].fit if explained.unknown else last
     excess = max(before.chi2 - before.dof, 1.0)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -33,11 +33,13 @@ class PressesApart:
     presses : their ids
     softer : share by which each travels further at the same force than the map has it
     readings : theirs
+    others : verdict of the scan without them
     """
 
     presses: tuple[int, ...]
     softer: tuple[float, ...]
     readings: Readings
+    others: Verdict
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Explanation:
     dropped : effects that were added and later lost their place
     resting_on_outliers : effects that are not found without the outlying presses
     further : best-scored effect where the residual is noise and yet one more is missing, or nothing
-    apart : presses that are left out of all steps, as nothing is missing without them
+    apart : presses that are left out of all steps, as the last model meets all others
     settings : of the selection
     """
 
@@ -69,6 +71,16 @@ class Explanation:
     def final(self) -> Step:
         """The last step."""
         return self.ladder[-1]
+
+    @property
+    def others(self) -> Self:
+        """Explanation of the presses that do not stand apart, which the steps are fitted to."""
+        return self if self.apart is None else replace(self, verdict=self.apart.others, apart=None)
+
+    @property
+    def fitted_verdict(self) -> Verdict:
+        """Verdict of the presses that the steps are fitted to: all, or those not apart."""
+        return self.verdict if self.apart is None else self.apart.others
 
     def effect(self, name: str) -> Effect:
         """Return an effect of the ladder by its name."""
@@ -90,7 +102,7 @@ class Explanation:
         )
         resting = (name for name in self.resting_on_outliers if name not in hidden)
         groups += tuple((name, SUSPECT_PRESSES) for name in resting)
-        if self.verdict == "unexplained":
+        if self.fitted_verdict == "unexplained":
             return groups
         decided = {a.name for a in self.accepted if a.decided}
         doubted = dict.fromkeys((*self.doubted, self.further))
@@ -129,7 +141,7 @@ class Explanation:
     @property
     def told_apart(self) -> bool:
         """Whether no structure remains that may be the cause of the effects of the last model."""
-        return self.verdict != "unexplained" or self.final.comparison.is_noise
+        return self.fitted_verdict != "unexplained" or self.final.comparison.is_noise
 
     @property
     def doubted(self) -> tuple[str, ...]:
@@ -158,7 +170,9 @@ class Explanation:
     @property
     def traces(self) -> tuple[str, ...]:
         """Significant effects of the last step that do not call for a further step."""
-        return tuple(sorted(self.final.diagnosis.significant)) * (self.verdict != "unexplained")
+        return tuple(sorted(self.final.diagnosis.significant)) * (
+            self.fitted_verdict != "unexplained"
+        )
 
     @property
     def map_error(self) -> float:

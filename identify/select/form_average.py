@@ -64,7 +64,7 @@ def forms_of(explained: Explanation) -> tuple[Form, ...]:
     values move with that one's to the last model.
     """
     final = explained.final.fit
-    if explained.verdict == "unexplained" or not explained.accepted or explained.map_error:
+    if explained.fitted_verdict == "unexplained" or not explained.accepted or explained.map_error:
         return ()
     own, now = set(final.effect_names), dict(zip(final.model.names, final.u.tolist(), strict=True))
     forms = [Form("", "", 1.0, _posterior(final))]

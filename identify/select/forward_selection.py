@@ -323,8 +323,8 @@ class Policy:
     prune : removal of earlier effects no longer needed
     compare : comparison of earlier effects with their candidates, beside the others
     goes_on : need of a further effect
-    few_apart : nothing is missing without a few presses: one effect that accounts for all of them
-        is sought, and no further one
+    few_apart : without a few presses the first step leaves noise: one effect that accounts for all
+        of them is sought, and no further one
     """
 
     first: FirstStep | None = None

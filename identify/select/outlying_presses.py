@@ -1,18 +1,22 @@
 """Outlying presses: test of an explanation without them.
 
-A slip or a wrong place looks like an effect. Where nothing is missing without a few outlying
-presses, one effect at most is sought for them, which might account for all. Otherwise the
-explanation is tested without them: its model is fitted anew, and each effect must earn its place
-again and do better than the other candidates. If any does not, the selection runs once more without
-these presses, and an effect found only with them is not offered by name.
+A slip or a wrong place looks like an effect. Presses that stand apart from a map that meets the
+others are therefore left out first, and the missing effects are sought for the others. Where these
+leave noise there, one further effect at most is sought with all presses, which might account for
+those apart. Otherwise the explanation of all presses is tested without the outlying ones: its model
+is fitted anew, and each effect must earn its place again and do better than the other candidates.
+If any does not, the selection runs once more without these presses, and an effect found only with
+them is not offered by name.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from identify.fit.contact_law import ContactLaw
+from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.measurement.experiment import PlacedExperiment, Progress
 from identify.optimize.result import InadmissibleError
@@ -20,6 +24,7 @@ from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
 from identify.residual.settings import ResidualSettings
 from identify.residual.trimmed import presses_apart
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.confirm import confirmed
 from identify.select.explanation import Explanation, PressesApart, Verdict
 from identify.select.first_step import follow
@@ -28,6 +33,8 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
 from models import InputError
+
+_Answers = MutableMapping[tuple[int, ...], Explanation]  # by the presses left out (ids)
 
 
 @dataclass(frozen=True)
@@ -74,65 +81,90 @@ def explain(
     the explanation, its verdict changed if it rests on these presses, the other one, and the start
     of the explanation: without the presses that stand apart, where these hold all that is missing
     """
-    rest = _apart(start, seed, settings)
-    explained = _selected(start, seed, on_step, settings, few_apart=rest is not None)
-    if rest is not None and not explained.final.comparison.is_noise:
-        others, apart, answer = rest
-        if on_step:
-            on_step(answer.final)
-        return replace(answer, verdict="unexplained", apart=apart), None, others
-    without = without_suspects(start, seed, explained, settings)
+    answers: _Answers = {}
+    rest = _apart(start, start.joint, seed, settings, answers)
+    explained = _selected(start, seed, on_step, settings, rest)
+    if not explained.final.comparison.is_noise:
+        rest = rest or _apart(start, explained.final.fit, seed, settings, answers)
+        if rest is not None:
+            if on_step:
+                on_step(rest.answer.final)
+            answer = replace(rest.answer, verdict="unexplained", apart=rest.apart)
+            return answer, None, rest.start
+    without = without_suspects(start, seed, explained, settings, answers)
     return weighed(explained, without), without, start
 
 
-def _apart(
-    start: StartFit, seed: int, settings: SelectionSettings
-) -> tuple[StartFit, PressesApart, Explanation] | None:
-    """Return the start without the presses that stand apart, and its answer: nothing is missing.
+@dataclass(frozen=True)
+class _Rest:
+    """The scan without the presses that stand apart: its start, and its answer, which is noise."""
 
-    None where no press stands apart, or something is missing without them, too. Several effects,
-    one after the other, would otherwise be fitted to a few presses that slipped.
+    start: StartFit
+    apart: PressesApart
+    answer: Explanation
+
+
+def _apart(
+    start: StartFit,
+    fit: FitResult,
+    seed: int,
+    settings: SelectionSettings,
+    answers: _Answers,
+) -> _Rest | None:
+    """Return the scan without the presses that stand apart from a map and effects of the others.
+
+    None where no press stands apart, or the others have structure that no effect takes. Several
+    effects, one after the other, would otherwise be fitted to a few presses that slipped. The
+    presses are sought again beside the effects of the others, until they stay.
+
+    Parameters
+    ----------
+    fit : of all presses, beside whose effects they are sought first
+    answers : those of earlier calls, which are not sought again; further ones are added
     """
     if start.fit.field is not None or start.model.press_error:
         return None
+    residual, ids = settings.residual, start.scan.press_ids
+    bad = compare_residual(whitened_fit(fit, start.scan), residual).bad_presses
+    if not bad:
+        return None
+    found, _ = presses_apart(fit.model, fit.at, residual.trimmed)
+    if len(found) == 0:  # no map meets the others: something else is missing, too
+        found = np.flatnonzero(np.isin(ids, bad))
     try:
-        found = _others(start, settings.residual)
-        if found is None:
-            return None
-        others, apart = found
-        rest = compare_residual(whitened_fit(others.joint, others.scan), settings.residual)
-        if not rest.is_noise or (others.law is not None and calls_for_effects(others.law, others)):
-            return None
-        answer = _selected(others, seed, None, settings)
-    except (InputError, InadmissibleError):
-        return None
-    return (others, apart, answer) if answer.verdict == "nothing_missing" else None
-
-
-def _others(start: StartFit, settings: ResidualSettings) -> tuple[StartFit, PressesApart] | None:
-    """Return the fit of the map without the presses that stand apart from it; None without any.
-
-    They are sought again beside the map of the others, until they stay.
-    """
-    fit, others, at = start.joint, None, start.joint.at
-    if not compare_residual(whitened_fit(fit, start.scan), settings).bad_presses:
-        return None
-    found = np.zeros(0, dtype=int)
-    for _ in range(settings.trimmed.rounds):
-        before, (found, softer) = found, presses_apart(fit.model, at, settings.trimmed)
-        if len(found) == 0:
-            return None
-        presses = tuple(start.scan.press_ids[found].tolist())
-        if others is None or not np.array_equal(found, before):
+        for _ in range(residual.trimmed.rounds):
+            presses = tuple(ids[found].tolist())
+            few = 0 < len(presses) <= (1 - residual.trimmed.kept) * len(ids)
             fewer = start.experiment.without(presses, refill=False)
-            if not fewer.is_determined:
+            if not few or presses in answers or not fewer.is_determined:
                 return None
             others = start_fit(_told(fewer, presses), start.catalogue)
-            u = others.joint.u
-            at = fit.model.corrected(u).linearise(u)  # the finer mesh corrects that map otherwise
-    assert others is not None
-    readings = start.model.readings.some(found)
-    return others, PressesApart(presses, tuple(softer.tolist()), readings)
+            rest = others.joint
+            noise = compare_residual(whitened_fit(rest, others.scan), residual).is_noise
+            again, softer = _apart_beside(start, rest, residual)
+            if noise and not np.array_equal(again, found):
+                found = again
+                continue
+            answer = answers[presses] = _selected(others, seed, None, settings)
+            again, softer = _apart_beside(start, answer.final.fit, residual)
+            if answer.final.comparison.is_noise and np.array_equal(again, found):
+                readings = start.model.readings.some(found)
+                apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
+                return _Rest(others, apart, answer)
+            found = again
+    except (InputError, InadmissibleError):
+        pass
+    return None
+
+
+def _apart_beside(
+    start: StartFit, fit: FitResult, settings: ResidualSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the presses, of all, that stand apart beside the map and effects of a fit of some."""
+    u = fit.u
+    model = replace(start.model, effects=fit.model.started(u).effects)
+    model = model.corrected(u)  # the finer mesh corrects each map otherwise
+    return presses_apart(model, model.linearise(u), settings.trimmed)
 
 
 def _told(experiment: PlacedExperiment, presses: tuple[int, ...]) -> PlacedExperiment:
@@ -146,13 +178,18 @@ def _selected(
     seed: int,
     on_step: Callable[[Step], None] | None,
     settings: SelectionSettings,
-    few_apart: bool = False,
+    without: _Rest | None = None,
 ) -> Explanation:
+    """Select effects; beside those `without` presses that stand apart at most one for all."""
     law = start.law
 
     def first(step: Step, say: Progress):
+        if without is not None and without.answer.accepted:
+            return _refitted(without.answer, step, say)
         assert law is not None
         return follow(law, step, start.start, say, settings)
+
+    calls = law is not None and calls_for_effects(law, start)
 
     return forward_selection(
         start.model,
@@ -163,12 +200,22 @@ def _selected(
         progress=start.experiment.say,
         on_step=on_step,
         policy=Policy(
-            first=first if law is not None and calls_for_effects(law, start) else None,
-            few_apart=few_apart,
+            first=first if calls or (without is not None and without.answer.accepted) else None,
+            few_apart=without is not None,
         ),
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
         first=start.joint,
     )
+
+
+def _refitted(
+    answer: Explanation, step: Step, say: Progress
+) -> tuple[FitResult, list[AcceptedEffect]]:
+    """Fit the effects of an answer to all presses."""
+    say("fitting the effects of the others to all presses")
+    final = answer.final.fit
+    model = replace(step.fit.model, effects=final.model.started(final.u).effects)
+    return fit_jointly(model, final.map), list(answer.accepted)
 
 
 def calls_for_effects(law: ContactLaw, start: StartFit) -> bool:
@@ -181,8 +228,12 @@ def without_suspects(
     seed: int,
     explained: Explanation,
     settings: SelectionSettings = SELECTION,
+    answers: Mapping[tuple[int, ...], Explanation] = MappingProxyType({}),
 ) -> WithoutSuspects | None:
-    """Return the explanation without the outlying presses; None without any."""
+    """Return the explanation without the outlying presses; None without any.
+
+    `answers` : selections without some presses that were made before
+    """
     presses = explained.ladder[0].comparison.bad_presses
     free = start.model.map_uncertainty is not None  # its search weights such presses down itself
     if not presses or explained.map_error or free:  # beside a wrong map there are many
@@ -193,6 +244,8 @@ def without_suspects(
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
             if same is not None:
                 return same
+        if presses in answers and experiment.whole is None:
+            return WithoutSuspects.of(presses, answers[presses])
         fewer = experiment.without(presses)
         if not fewer.is_determined:
             return None

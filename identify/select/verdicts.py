@@ -13,7 +13,7 @@ def effect_verdict(effect: Effect, explained: Explanation) -> EffectVerdict:
     """Return the verdict on an effect, at the step that decided it."""
     name = effect.name
     step, group = _decided_at(name, explained)
-    found, helps = step.diagnosis.effect_verdict(name), explained.verdict == "unexplained"
+    found, helps = step.diagnosis.effect_verdict(name), explained.fitted_verdict == "unexplained"
     if group is not None:
         verdict, confused = _in_group(name, group, explained)
         found = replace(found, verdict=verdict, confused_with=confused)
@@ -64,7 +64,7 @@ def _in_group(
     if name in explained.resting_on_outliers:
         return "indistinguishable", (SUSPECT_PRESSES,)
     if name in explained.doubted:
-        noise = explained.verdict != "unexplained"
+        noise = explained.fitted_verdict != "unexplained"
         return ("indistinguishable", (OTHER_CAUSE,)) if noise else ("not_seen", ())
     return "helps", ()
 

@@ -92,7 +92,7 @@ def explain_summary(
 
 def _evidence(explained: Explanation, problem: Problem) -> list[str]:
     """Return the evidence of each step whose effects are still in the model."""
-    if explained.verdict == "unexplained" and not explained.added:
+    if explained.fitted_verdict == "unexplained" and not explained.added:
         return []
     says = []
     for number in steps_of(explained):

@@ -80,7 +80,7 @@ def explain_record(
 
 def _few(explained: Explanation) -> tuple[int, ...]:
     """Return the presses (ids) that alone hold the structure of an unexplained scan."""
-    if explained.verdict != "unexplained":
+    if explained.fitted_verdict != "unexplained":
         return ()
     presses = explained.final.comparison.presses
     return tuple(presses[j].press for j in explained.in_few_presses)

@@ -48,13 +48,13 @@ CANDIDATES = {
 
 def headline(explained: Explanation) -> str:
     """Return the verdict as a sentence."""
+    if explained.apart is not None:
+        few, others = len(explained.apart.presses), explained.final.fit.model.readings.presses
+        return f"Unexplained in {few} of {few + others} presses, which stand apart from all others."
     if explained.verdict == "ambiguous" and explained.within_laws:
         return "Ambiguous: the structure that is left is no larger than the error of contact laws."
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
-    if explained.apart is not None:
-        few, others = len(explained.apart.presses), explained.final.fit.model.readings.presses
-        return f"Unexplained in {few} of {few + others} presses, which stand apart from all others."
     if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
         of = explained.final.fit.model.readings.presses
         return f"Unexplained in {few} of {of} presses: no known effect removes their structure."
@@ -71,6 +71,12 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
 
     `other` maps of an unexplained scan are told last.
     """
+    if explained.apart is not None:
+        others = explained.others
+        said = verdict_detail(others)
+        if others.verdict in ("ambiguous", "unexplained"):
+            said = f"{headline(others)} {said}"
+        return f"{presses_apart_words(explained.apart)} {said}"
     sure = listed(explained.added)
     if explained.verdict == "nothing_missing":
         said = by_chance(explained) or "The residual is noise."
@@ -88,8 +94,6 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
         return text + (_little_left(explained) if explained.within_laws else "")
-    if explained.apart is not None:
-        return presses_apart_words(explained.apart)
     if explained.in_few_presses:
         return few_presses_words(explained)
     maps = other_map_sentence(other)
@@ -294,7 +298,8 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
             f"{name} stands for a group: with {others} instead, the model is as good. Take neither "
             "its name nor its numbers for found."
         ]
-    if addition.shown_by_presses and name in explained.added and explained.verdict == "unexplained":
+    structured = explained.fitted_verdict == "unexplained"
+    if addition.shown_by_presses and name in explained.added and structured:
         return [f"The single presses call for {name}, with any map."]
     if name in explained.resting_on_outliers:
         return [f"{name} is found, or separated from others, only with outlying presses, {offered}"]

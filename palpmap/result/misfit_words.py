@@ -17,24 +17,20 @@ _MOST_KEPT = 0.5  # of a misfit: what no map takes
 def presses_apart_words(apart: PressesApart) -> str:
     """Say how far presses stand apart from the map of all others.
 
-    >>> presses_apart_words(PressesApart((8, 15), (0.081, 0.093), readings=None))
+    >>> presses_apart_words(PressesApart((8, 15), (0.081, 0.093), None, "nothing_missing"))
     'Press 8 yields 8.1 % more, and press 15 9.3 % more, than the map of the others has it: they \
-slipped, or met a wrong place or a cause of their own. Without them no missing effect is detected. \
-All that follows is found without them.'
+slipped, or met a wrong place or a cause of their own. All else is found without them.'
     """
     each = [
         f"press {press} {'yields ' * (number == 0)}{percent(abs(softer))} "
         f"{'more' if softer > 0 else 'less'}"
         for number, (press, softer) in enumerate(zip(apart.presses, apart.softer, strict=True))
     ]
-    they = "they" if len(each) > 1 else "it"
-    own = "their" if len(each) > 1 else "its"
+    they, them, own = ("they", "them", "their") if len(each) > 1 else ("it", "it", "its")
     says = f"{', '.join(each[:-1])}, and {each[-1]}," if len(each) > 1 else each[0]
     return (
         f"{says[0].upper()}{says[1:]} than the map of the others has it: {they} slipped, or met a "
-        f"wrong place or a cause of {own} own. Without {'them' if len(each) > 1 else 'it'} no "
-        "missing effect is detected. All that follows is found without "
-        f"{'them' if len(each) > 1 else 'it'}."
+        f"wrong place or a cause of {own} own. All else is found without {them}."
     )
 
 

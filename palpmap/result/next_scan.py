@@ -34,7 +34,7 @@ def next_presses_records(assessment: Assessment, presses: int) -> tuple[NextPres
     if assessment.outlying:
         repeat = NextPressesRecord(
             change=f"Repeat presses {', '.join(map(str, assessment.outlying))}",
-            why="they are outliers: if they come out otherwise, they had gone wrong",
+            why="if they come out otherwise this time, they had gone wrong",
             discrimination=None,
             presses=len(assessment.repeat),
             duration_s=assessment.repeat.duration_s,

@@ -42,23 +42,24 @@ def next_steps(
     no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
     if best and not no_use:
         steps.append(_presses(record, run))
-    if explained.verdict == "unexplained" and explained.apart is None:
+    verdict = explained.fitted_verdict
+    if verdict == "unexplained":
         steps.append(_own_effect(run, source))
-    elif explained.verdict == "ambiguous" and explained.within_laws:
+    elif verdict == "ambiguous" and explained.within_laws:
         steps.append(
             "Press some of these places with a flat tip, or a larger ball, and explain both scans "
             "together: a cause that holds for both tips is found."
         )
-    elif explained.verdict == "ambiguous" and not record.next_presses:
+    elif verdict == "ambiguous" and not record.next_presses:
         group = set(chain(*record.ambiguous))
         cures = [f"{e.title}: {e.cure}" for e in problem.catalogue if e.name in group]
         advice = "No other presses with this tip separate them; rule them out one by one."
         steps.append(" ".join([advice, *cures]))
-    elif explained.verdict == "explained":
+    elif verdict == "explained":
         effects = [part.effect for part in explained.final.fit.model.effects]
         cures = [f"{e.title}: {e.cure}" for e in effects if e.name in explained.added]
         steps += [*cures, f"The study with what was found: {run / 'study.toml'}"]
-    elif explained.verdict == "nothing_missing":
+    elif verdict == "nothing_missing" and explained.apart is None:
         if by_chance(explained):
             steps.append("Make the scan once more: a pattern that stays has a cause.")
         limits = to_type("limits", source)

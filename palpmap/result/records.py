@@ -255,7 +255,7 @@ class ExplainRecord(CountRecord, FileRecord):
     presses_apart: Mapping[int, float] = Field(
         default={},
         description="share by which presses that stand apart travel further at the same force than "
-        "a map that meets all others, by id: left out of all else, as nothing is missing beside",
+        "a model that meets all others, by id: left out of all else",
     )
     suspects_left: tuple[int, ...] = Field(
         default=(), description="outliers for the last model too, ids"

@@ -50,7 +50,7 @@ def write_explanation(
     write_programs(assessment, problem.experiment.origin_m, run)
     record.write(run / "result.json")
     version_of(study, explained.final.fit, run / "study.toml", files)
-    if explained.verdict == "unexplained" and explained.apart is None:
+    if explained.fitted_verdict == "unexplained":
         write_own_effect(pattern_of(explained.final.comparison), run / OWN_EFFECT)
     write_explain_files(run, problem, explained, record, source)
 

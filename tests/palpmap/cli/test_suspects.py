@@ -87,6 +87,25 @@ def test_slipped_presses_are_to_be_repeated(record):
 
 
 @pytest.mark.slow
+def test_an_effect_of_all_others_is_found_beside_slipped_presses(tmp_path):
+    """The slips hide it, and it hides them: two of 25 presses slip, and all are declared early."""
+    table = slipped(5)
+    early = replace(table, displacement_m=table.displacement_m + 1.5e-4)
+    record = explain(tmp_path / "both", early)
+    assert record["verdict"] == "unexplained"
+    assert [int(press) for press in record["presses_apart"]] == list(SLIPPED)
+    assert record["added"] == ["contact_offset"]
+    assert record["reliable"]
+    offset, modulus = (
+        record["parameters"][name] for name in ("contact_offset.offset_m", "background_pa")
+    )
+    assert offset["lower95"] < 1.5e-4 < offset["upper95"]
+    assert modulus["lower95"] < TRUE.background_pa < modulus["upper95"]
+    report = (Path(record["run"]) / "report.html").read_text(encoding="utf-8")
+    assert "With contact_offset in the model, the residual is noise." in report
+
+
+@pytest.mark.slow
 def test_a_scan_without_slipped_presses_is_judged_once(tmp_path):
     record = explain(tmp_path / "offset", shifted(4))
     assert record["suspect_presses"] == []

@@ -7,6 +7,8 @@ smallest four fifths are therefore minimised alone.
 Source: P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006) 29-45 (FAST-LTS).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from identify.measurement.linearised import Linearised
@@ -15,7 +17,10 @@ from identify.residual.settings import TRIMMED, TrimmedSettings
 
 
 def presses_apart(
-    model: MeasurementModel, at: Linearised, settings: TrimmedSettings = TRIMMED
+    model: MeasurementModel,
+    at: Linearised,
+    settings: TrimmedSettings = TRIMMED,
+    beside: Sequence[np.ndarray] = (),
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the presses that stand apart from a map that meets the others.
 
@@ -25,10 +30,11 @@ def presses_apart(
     Parameters
     ----------
     at : the model at a map that may be pulled along by these presses
+    beside : whitened columns (m, q) of effects, one of which may act on all presses, too
     """
     press, presses = model.readings.press, model.readings.presses
     own = at.whitened(model.by_log_compliance(at), press)
-    apart = outlying(press, own, at.residual, at.jacobian, settings)
+    apart = outlying(press, own, at.residual, at.jacobian, settings, beside)
     felt, travel = (
         np.bincount(press, model.readings.force_n * column, presses)[apart]
         for column in (at.predicted_m, model.displacement_m)
@@ -42,6 +48,7 @@ def outlying(
     residual: np.ndarray,
     jacobian: np.ndarray,
     settings: TrimmedSettings = TRIMMED,
+    beside: Sequence[np.ndarray] = (),
 ) -> np.ndarray:
     """Return the presses (indices) that a linear model does not meet though it meets the others.
 
@@ -50,18 +57,28 @@ def outlying(
     press : (m,) index of each reading's press
     own : (m,) derivative of the whitened prediction by ln C of its press
     residual, jacobian : (m,) and (m, k) of the whitened residual and prediction
+    beside : further columns (m, q), those of at most one of which are among the unknowns, too: of
+        the one that leaves the smallest sum, ln j counted for each column
     """
     presses = int(press.max()) + 1
     size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
 
-    def per_press(column: np.ndarray) -> np.ndarray:
-        return np.bincount(press, own * column, presses) / size
+    def per_press(columns: np.ndarray) -> np.ndarray:
+        sums = [np.bincount(press, own * column, presses) / size for column in columns.T]
+        return np.column_stack([np.zeros((presses, 0)), *sums])
 
-    columns = [per_press(column) for column in jacobian.T]
-    by_unknowns = np.column_stack([np.zeros((presses, 0)), *columns])
-    if by_unknowns.shape[1] > settings.unknowns * presses:
+    by_unknowns, values = per_press(jacobian), per_press(residual[:, None])[:, 0]
+    best, error = np.inf, None
+    for columns in (jacobian[:, :0], *beside):
+        matrix = np.hstack([by_unknowns, per_press(columns)])
+        if matrix.shape[1] > settings.unknowns * presses:
+            continue
+        left = trimmed_residual(matrix, values, settings)
+        kept = np.sort(left**2)[: int(np.ceil(settings.kept * presses))]
+        if (worth := float(kept.sum() + np.log(presses) * columns.shape[1])) < best:
+            best, error = worth, left
+    if error is None:
         return np.zeros(0, dtype=int)
-    error = trimmed_residual(by_unknowns, per_press(residual), settings)
     scale = 1.4826 * float(np.median(np.abs(error)))
     apart = np.flatnonzero(np.abs(error) > settings.sigmas * max(scale, 1.0))
     few = len(apart) <= (1 - settings.kept) * presses

@@ -9,12 +9,12 @@ If any does not, the selection runs once more without these presses, and an effe
 them is not offered by name.
 """
 
-from collections.abc import Callable, Mapping, MutableMapping
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from identify.effects.base import Effect
 from identify.fit.contact_law import ContactLaw
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
@@ -22,10 +22,10 @@ from identify.measurement.experiment import PlacedExperiment, Progress
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.settings import ResidualSettings
 from identify.residual.trimmed import presses_apart
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.confirm import confirmed
+from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, PressesApart, Verdict
 from identify.select.first_step import follow
 from identify.select.forward_selection import Policy, forward_selection
@@ -33,8 +33,6 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
 from models import InputError
-
-_Answers = MutableMapping[tuple[int, ...], Explanation]  # by the presses left out (ids)
 
 
 @dataclass(frozen=True)
@@ -81,17 +79,17 @@ def explain(
     the explanation, its verdict changed if it rests on these presses, the other one, and the start
     of the explanation: without the presses that stand apart, where these hold all that is missing
     """
-    answers: _Answers = {}
-    rest = _apart(start, start.joint, seed, settings, answers)
+    others = _Others(start, seed, settings)
+    rest = _apart(others, start.joint)
     explained = _selected(start, seed, on_step, settings, rest)
     if not explained.final.comparison.is_noise:
-        rest = rest or _apart(start, explained.final.fit, seed, settings, answers)
+        rest = rest or _apart(others, explained.final.fit)
         if rest is not None:
             if on_step:
                 on_step(rest.answer.final)
             answer = replace(rest.answer, verdict="unexplained", apart=rest.apart)
             return answer, None, rest.start
-    without = without_suspects(start, seed, explained, settings, answers)
+    without = without_suspects(start, seed, explained, settings, others)
     return weighed(explained, without), without, start
 
 
@@ -104,13 +102,41 @@ class _Rest:
     answer: Explanation
 
 
-def _apart(
-    start: StartFit,
-    fit: FitResult,
-    seed: int,
-    settings: SelectionSettings,
-    answers: _Answers,
-) -> _Rest | None:
+@dataclass
+class _Others:
+    """Starts and answers of a scan without some presses (ids), each made once."""
+
+    start: StartFit
+    seed: int
+    settings: SelectionSettings
+    starts: dict[tuple[int, ...], StartFit | None] = field(default_factory=dict)
+    answers: dict[tuple[int, ...], Explanation] = field(default_factory=dict)
+
+    def without(self, presses: tuple[int, ...]) -> StartFit | None:
+        """Return the fit of the map without presses, None where the others are too few."""
+        if presses not in self.starts:
+            start = self.start
+            fewer = start.experiment.without(presses, refill=False)
+            fit = start_fit(_told(fewer, presses), start.catalogue) if fewer.is_determined else None
+            self.starts[presses] = fit
+        return self.starts[presses]
+
+    def answer(self, presses: tuple[int, ...]) -> Explanation:
+        """Return the selection without presses that can be left out."""
+        if presses not in self.answers:
+            others = self.without(presses)
+            assert others is not None
+            self.answers[presses] = _selected(others, self.seed, None, self.settings)
+        return self.answers[presses]
+
+    def apart(self, fit: FitResult) -> tuple[np.ndarray, np.ndarray]:
+        """Return the presses, of all, apart from the map and effects of a fit to some of them."""
+        model = replace(self.start.model, effects=fit.model.started(fit.u).effects)
+        model = model.corrected(fit.u)  # the finer mesh corrects each map otherwise
+        return presses_apart(model, model.linearise(fit.u), self.settings.residual.trimmed)
+
+
+def _apart(others: _Others, fit: FitResult) -> _Rest | None:
     """Return the scan without the presses that stand apart from a map and effects of the others.
 
     None where no press stands apart, or the others have structure that no effect takes. Several
@@ -120,51 +146,53 @@ def _apart(
     Parameters
     ----------
     fit : of all presses, beside whose effects they are sought first
-    answers : those of earlier calls, which are not sought again; further ones are added
     """
+    start, residual = others.start, others.settings.residual
+
+    def is_noise(fit: FitResult, start: StartFit) -> bool:
+        return compare_residual(whitened_fit(fit, start.scan), residual).is_noise
+
     if start.fit.field is not None or start.model.press_error:
         return None
-    residual, ids = settings.residual, start.scan.press_ids
-    bad = compare_residual(whitened_fit(fit, start.scan), residual).bad_presses
-    if not bad:
+    if not compare_residual(whitened_fit(fit, start.scan), residual).bad_presses:
         return None
-    found, _ = presses_apart(fit.model, fit.at, residual.trimmed)
-    if len(found) == 0:  # no map meets the others: something else is missing, too
-        found = np.flatnonzero(np.isin(ids, bad))
+    tried, beside_effects = set(), False
     try:
-        for _ in range(residual.trimmed.rounds):
-            presses = tuple(ids[found].tolist())
-            few = 0 < len(presses) <= (1 - residual.trimmed.kept) * len(ids)
-            fewer = start.experiment.without(presses, refill=False)
-            if not few or presses in answers or not fewer.is_determined:
-                return None
-            others = start_fit(_told(fewer, presses), start.catalogue)
-            rest = others.joint
-            noise = compare_residual(whitened_fit(rest, others.scan), residual).is_noise
-            again, softer = _apart_beside(start, rest, residual)
-            if noise and not np.array_equal(again, found):
-                found = again
+        found, softer = presses_apart(fit.model, fit.at, residual.trimmed)
+        while True:
+            presses = tuple(start.scan.press_ids[found].tolist())
+            rest = others.without(presses) if presses and presses not in tried else None
+            simple = rest is not None and is_noise(rest.joint, rest)
+            if not simple and not beside_effects:
+                beside_effects = True
+                columns = _one_effect(fit, start.catalogue, others)
+                found, softer = presses_apart(fit.model, fit.at, residual.trimmed, columns)
                 continue
-            answer = answers[presses] = _selected(others, seed, None, settings)
-            again, softer = _apart_beside(start, answer.final.fit, residual)
-            if answer.final.comparison.is_noise and np.array_equal(again, found):
-                readings = start.model.readings.some(found)
+            if rest is None or len(tried) == residual.trimmed.rounds:
+                return None
+            tried.add(presses)
+            now = rest.joint
+            if not simple or np.array_equal(found, others.apart(now)[0]):
+                now = others.answer(presses).final.fit
+            again, softer = others.apart(now)
+            if np.array_equal(again, found) and is_noise(now, rest):
+                readings, answer = start.model.readings.some(found), others.answer(presses)
                 apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-                return _Rest(others, apart, answer)
+                return _Rest(rest, apart, answer)
             found = again
     except (InputError, InadmissibleError):
-        pass
-    return None
+        return None
 
 
-def _apart_beside(
-    start: StartFit, fit: FitResult, settings: ResidualSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the presses, of all, that stand apart beside the map and effects of a fit of some."""
-    u = fit.u
-    model = replace(start.model, effects=fit.model.started(u).effects)
-    model = model.corrected(u)  # the finer mesh corrects each map otherwise
-    return presses_apart(model, model.linearise(u), settings.trimmed)
+def _one_effect(fit: FitResult, catalogue: Sequence[Effect], others: _Others) -> list[np.ndarray]:
+    """Return the columns of each effect with a significant score; of a law, not of any curve.
+
+    A curve of any shape bends to the presses that slipped.
+    """
+    laws = [effect for effect in catalogue if not effect.any_shape]
+    others.start.experiment.say("seeking presses that stand apart")
+    scores = diagnose(fit, laws, seed=others.seed, settings=others.settings.diagnosis)
+    return [scores[name].beyond for name in sorted(scores.significant)]
 
 
 def _told(experiment: PlacedExperiment, presses: tuple[int, ...]) -> PlacedExperiment:
@@ -228,11 +256,11 @@ def without_suspects(
     seed: int,
     explained: Explanation,
     settings: SelectionSettings = SELECTION,
-    answers: Mapping[tuple[int, ...], Explanation] = MappingProxyType({}),
+    others: _Others | None = None,
 ) -> WithoutSuspects | None:
     """Return the explanation without the outlying presses; None without any.
 
-    `answers` : selections without some presses that were made before
+    `others` : selections without some presses that were made before
     """
     presses = explained.ladder[0].comparison.bad_presses
     free = start.model.map_uncertainty is not None  # its search weights such presses down itself
@@ -244,8 +272,8 @@ def without_suspects(
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
             if same is not None:
                 return same
-        if presses in answers and experiment.whole is None:
-            return WithoutSuspects.of(presses, answers[presses])
+        if others is not None and presses in others.answers and experiment.whole is None:
+            return WithoutSuspects.of(presses, others.answers[presses])
         fewer = experiment.without(presses)
         if not fewer.is_determined:
             return None

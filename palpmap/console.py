@@ -44,9 +44,9 @@ class Output:
     def say(self, *renderables: "RenderableType") -> None:
         """Print text or rich renderables for a person, unless quiet or json."""
         if not self.quiet and not self.json:
-            from rich.console import Console
+            from palpmap.lasting_console import LastingConsole
 
-            console = Console(highlight=False)
+            console = LastingConsole(highlight=False)
             for renderable in renderables:  # a line each; a path is not broken in two
                 console.print(renderable, soft_wrap=isinstance(renderable, str))
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple, Self
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
@@ -19,6 +18,8 @@ from rich.progress import (
 )
 from rich.table import Column
 from rich.text import Text
+
+from palpmap.lasting_console import LastingConsole
 
 FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
 LINE_S = 5.0  # between two lines of a stage, at least ...
@@ -58,7 +59,7 @@ FIT_AND_SAMPLE = (*FIT[:2], Stage(("drawing",), 30, 80), FIT[2])
 DIAGNOSE = (*_OPEN, Stage(("analysing", "scoring"), 16, 45))
 LIMITS = (*_OPEN, Stage(("computing",), 12), Stage(("planning",), 40, 8))
 EXPLAIN = (
-    *_OPEN, _SCORED, _TRIED, _SCORED, _TRIED,
+    *_OPEN, Stage(("without", "seeking"), 40, 60, asked=True), _SCORED, _TRIED, _SCORED, _TRIED,
     Stage(("testing", "fitting", "without"), 4, 3),
     Stage(("computing",), 25), Stage(("looking",), 3),
 )  # fmt: skip
@@ -152,7 +153,7 @@ class ShownTask:
     """
 
     def __init__(self, stages: Sequence[Stage] = (), *, quiet: bool = False) -> None:
-        console = Console(stderr=True)
+        console = LastingConsole(stderr=True)
         self.print = console.print
         self._course = Course(stages) if stages else None
         self._lines = not quiet and not console.is_terminal

@@ -66,7 +66,9 @@ def explain_record(
         stated_lengths=assessment.confounders,
         finer_cells=finer_cells(problem.study.body) if assessment.finer_mesh else None,
         other_map=assessment.other_map and OtherMapRecord(**vars(assessment.other_map)),
-        next_presses=next_presses_records(assessment, problem.model.readings.presses),
+        next_presses=next_presses_records(
+            assessment, problem.model.readings.presses, apart is not None
+        ),
         limits=tuple(limit_record(limit) for limit in assessment.limits),
         detection_limits={
             one.name: one.smallest_share for one in assessment.limits if one.smallest_share

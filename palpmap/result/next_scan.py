@@ -18,8 +18,13 @@ _MOST = 3
 _HOLD_S, _UNLOAD_S = 0.1, 1.0
 
 
-def next_presses_records(assessment: Assessment, presses: int) -> tuple[NextPressesRecord, ...]:
-    """Return the best proposals for a scan of some presses, and the presses to be repeated."""
+def next_presses_records(
+    assessment: Assessment, presses: int, apart: bool = False
+) -> tuple[NextPressesRecord, ...]:
+    """Return the best proposals for a scan of some presses, and the presses to be repeated.
+
+    These come first where they stand `apart`: the answer leaves them out.
+    """
     records = [
         NextPressesRecord(
             change=_asked(proposal, presses),
@@ -40,7 +45,7 @@ def next_presses_records(assessment: Assessment, presses: int) -> tuple[NextPres
             duration_s=assessment.repeat.duration_s,
             program=REPEAT,
         )
-        records.append(repeat)
+        records.insert(0 if apart else len(records), repeat)
     return tuple(records)
 
 

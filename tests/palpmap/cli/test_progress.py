@@ -1,9 +1,13 @@
 """A command tells its share and the time left: on a bar in a terminal, else a line a stage."""
 
 import io
+import json
 import re
+import subprocess
+import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -21,6 +25,7 @@ from palpmap.progress import (
     scan_stages,
 )
 
+STUDY = Path(__file__).parents[2] / "data" / "twelve_presses" / "study.toml"
 STEPS = ["meshing the body", "fitting the map", "analysing the residual"]
 STEPS += [f"scoring effect_{k}" for k in range(45)]
 
@@ -73,7 +78,7 @@ def test_a_task_that_fails_is_not_told_as_done(capsys):
 def test_on_a_terminal_of_80_columns_share_and_time_left_are_seen_whole(monkeypatch, step):
     screen = io.StringIO()
     made = partial(Console, file=screen, force_terminal=True, width=80, color_system=None)
-    monkeypatch.setattr("palpmap.progress.Console", lambda **_: made())
+    monkeypatch.setattr("palpmap.progress.LastingConsole", lambda **_: made())
     real = time.monotonic
     monkeypatch.setattr(time, "monotonic", lambda: 2000 * real())
     with Output().task(counted(step, 3)) as task:
@@ -97,3 +102,17 @@ def test_durations_in_words():
         "2 min",
         "12 min",
     ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes are closed otherwise there")
+def test_a_run_outlives_a_reader_who_leaves(tmp_path):
+    """`palpmap fit ... 2>&1 | head -1`: the folder is whole, as nothing was lost but lines."""
+    command = [sys.executable, "-m", "palpmap", "fit", str(STUDY), "--out", str(tmp_path / "run")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as run:
+        assert run.stdout is not None
+        assert b"meshing" in run.stdout.readline()
+        run.stdout.close()
+        assert run.wait(120) == 0
+    (entry,) = json.loads((tmp_path / "run" / "run.json").read_text())["runs"]
+    assert entry["outcome"] == "done"
+    assert (tmp_path / "run" / "report.html").exists()

@@ -21,25 +21,60 @@ def presses_apart(
     at: Linearised,
     settings: TrimmedSettings = TRIMMED,
     beside: Sequence[np.ndarray] = (),
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the presses that stand apart from a map that meets the others.
+) -> np.ndarray:
+    """Return the presses (indices) that stand apart from a map that meets the others.
 
-    Their indices, and by which share they travel further at the same force. None where more than
-    the trimmed share stands apart, or where no map meets the others.
+    None where more than the trimmed share stands apart, or where no map meets the others.
 
     Parameters
     ----------
     at : the model at a map that may be pulled along by these presses
     beside : whitened columns (m, q) of effects, one of which may act on all presses, too
     """
-    press, presses = model.readings.press, model.readings.presses
+    press = model.readings.press
     own = at.whitened(model.by_log_compliance(at), press)
-    apart = outlying(press, own, at.residual, at.jacobian, settings, beside)
+    return outlying(press, own, at.residual, at.jacobian, settings, beside)
+
+
+def further(model: MeasurementModel, at: Linearised, presses: np.ndarray) -> np.ndarray:
+    """Return by which share presses (indices) travel further than the model at the same force."""
+    press, count = model.readings.press, model.readings.presses
     felt, travel = (
-        np.bincount(press, model.readings.force_n * column, presses)[apart]
+        np.bincount(press, model.readings.force_n * column, count)[presses]
         for column in (at.predicted_m, model.displacement_m)
     )
-    return apart, travel / felt - 1
+    return travel / felt - 1
+
+
+def missed(
+    model: MeasurementModel,
+    at: Linearised,
+    presses: np.ndarray,
+    settings: TrimmedSettings = TRIMMED,
+) -> np.ndarray:
+    """Return which of some presses (indices) a model fitted to all others does not meet.
+
+    Parameters
+    ----------
+    at : at the estimate of the others, of all presses
+    """
+    press = model.readings.press
+    own = at.whitened(model.by_log_compliance(at), press)
+    columns = np.column_stack([at.jacobian, at.residual])
+    rows = _per_press(press, own, columns)
+    matrix, error = rows[:, :-1], rows[:, -1]
+    others = np.setdiff1d(np.arange(len(rows)), presses)
+    inverse = np.linalg.pinv(matrix[others].T @ matrix[others], hermitian=True)
+    variance = 1 + np.einsum("jk,kl,jl->j", matrix[presses], inverse, matrix[presses])
+    return np.abs(error[presses]) > settings.sigmas * np.sqrt(variance)
+
+
+def _per_press(press: np.ndarray, own: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Rows (j, q) of the readings' columns (m, q) along ln C of each press, in its own errors."""
+    presses = int(press.max()) + 1
+    size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
+    sums = [np.bincount(press, own * column, presses) / size for column in columns.T]
+    return np.column_stack([np.zeros((presses, 0)), *sums])
 
 
 def outlying(
@@ -61,16 +96,11 @@ def outlying(
         the one that leaves the smallest sum, ln j counted for each column
     """
     presses = int(press.max()) + 1
-    size = np.sqrt(np.maximum(np.bincount(press, own**2, presses), 1e-30))
-
-    def per_press(columns: np.ndarray) -> np.ndarray:
-        sums = [np.bincount(press, own * column, presses) / size for column in columns.T]
-        return np.column_stack([np.zeros((presses, 0)), *sums])
-
-    by_unknowns, values = per_press(jacobian), per_press(residual[:, None])[:, 0]
+    by_unknowns = _per_press(press, own, jacobian)
+    values = _per_press(press, own, residual[:, None])[:, 0]
     best, error = np.inf, None
     for columns in (jacobian[:, :0], *beside):
-        matrix = np.hstack([by_unknowns, per_press(columns)])
+        matrix = np.hstack([by_unknowns, _per_press(press, own, columns)])
         if matrix.shape[1] > settings.unknowns * presses:
             continue
         left = trimmed_residual(matrix, values, settings)

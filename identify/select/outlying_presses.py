@@ -9,20 +9,21 @@ If any does not, the selection runs once more without these presses, and an effe
 them is not offered by name.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.effects.base import Effect
 from identify.fit.contact_law import ContactLaw
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.measurement.experiment import PlacedExperiment, Progress
+from identify.measurement.linearised import Linearised
+from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.trimmed import presses_apart
+from identify.residual.trimmed import further, missed, presses_apart
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.confirm import confirmed
 from identify.select.diagnosis import diagnose
@@ -129,11 +130,11 @@ class _Others:
             self.answers[presses] = _selected(others, self.seed, None, self.settings)
         return self.answers[presses]
 
-    def apart(self, fit: FitResult) -> tuple[np.ndarray, np.ndarray]:
-        """Return the presses, of all, apart from the map and effects of a fit to some of them."""
+    def beside(self, fit: FitResult) -> tuple[MeasurementModel, Linearised]:
+        """Return all presses beside the map and effects of a fit to some of them."""
         model = replace(self.start.model, effects=fit.model.started(fit.u).effects)
         model = model.corrected(fit.u)  # the finer mesh corrects each map otherwise
-        return presses_apart(model, model.linearise(fit.u), self.settings.residual.trimmed)
+        return model, model.linearise(fit.u)
 
 
 def _apart(others: _Others, fit: FitResult) -> _Rest | None:
@@ -158,38 +159,40 @@ def _apart(others: _Others, fit: FitResult) -> _Rest | None:
         return None
     tried, beside_effects = set(), False
     try:
-        found, softer = presses_apart(fit.model, fit.at, residual.trimmed)
+        found = presses_apart(fit.model, fit.at, residual.trimmed)
         while True:
             presses = tuple(start.scan.press_ids[found].tolist())
             rest = others.without(presses) if presses and presses not in tried else None
             simple = rest is not None and is_noise(rest.joint, rest)
             if not simple and not beside_effects:
                 beside_effects = True
-                columns = _one_effect(fit, start.catalogue, others)
-                found, softer = presses_apart(fit.model, fit.at, residual.trimmed, columns)
+                columns = _one_effect(fit, others)
+                found = presses_apart(fit.model, fit.at, residual.trimmed, columns)
                 continue
             if rest is None or len(tried) == residual.trimmed.rounds:
                 return None
             tried.add(presses)
-            now = rest.joint
-            if not simple or np.array_equal(found, others.apart(now)[0]):
-                now = others.answer(presses).final.fit
-            again, softer = others.apart(now)
-            if np.array_equal(again, found) and is_noise(now, rest):
-                readings, answer = start.model.readings.some(found), others.answer(presses)
+            now = rest.joint if simple else others.answer(presses).final.fit
+            model, at = others.beside(now)
+            if not is_noise(now, rest):
+                found = presses_apart(model, at, residual.trimmed)
+            elif (still := missed(model, at, found, residual.trimmed)).all():
+                softer, readings = further(model, at, found), start.model.readings.some(found)
+                answer = others.answer(presses)
                 apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-                return _Rest(rest, apart, answer)
-            found = again
+                return _Rest(rest, apart, answer) if answer.final.comparison.is_noise else None
+            else:
+                found = found[still]
     except (InputError, InadmissibleError):
         return None
 
 
-def _one_effect(fit: FitResult, catalogue: Sequence[Effect], others: _Others) -> list[np.ndarray]:
+def _one_effect(fit: FitResult, others: _Others) -> list[np.ndarray]:
     """Return the columns of each effect with a significant score; of a law, not of any curve.
 
     A curve of any shape bends to the presses that slipped.
     """
-    laws = [effect for effect in catalogue if not effect.any_shape]
+    laws = [effect for effect in others.start.catalogue if not effect.any_shape]
     others.start.experiment.say("seeking presses that stand apart")
     scores = diagnose(fit, laws, seed=others.seed, settings=others.settings.diagnosis)
     return [scores[name].beyond for name in sorted(scores.significant)]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from identify.fit.joint_fit import fit_jointly
 from identify.residual.compare import compare_residual
 from identify.residual.settings import TRIMMED
-from identify.residual.trimmed import presses_apart, trimmed_residual
+from identify.residual.trimmed import further, missed, presses_apart, trimmed_residual
 from identify.select.step import whitened_fit
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
@@ -41,12 +41,13 @@ def test_presses_that_slipped_stand_apart_by_as_much_as_they_slipped():
     factor = np.ones(25)
     factor[[3, 12, 20, 21]] = 1.15
     fit = fitted(factor)
-    found, _ = presses_apart(fit.model, fit.at)
+    found = presses_apart(fit.model, fit.at)
     assert set(found) >= {3, 12, 20, 21}
     assert len(found) <= 5
-    found, softer = presses_apart(fit.model, fit.model.linearise(fit.model.start(TRUE)))
+    true = fit.model.linearise(fit.model.start(TRUE))
+    found = presses_apart(fit.model, true)
     assert found.tolist() == [3, 12, 20, 21]
-    assert softer == pytest.approx(0.15, abs=0.03)
+    assert further(fit.model, true, found) == pytest.approx(0.15, abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -60,14 +61,38 @@ def test_a_comparison_names_the_presses_that_slipped_and_no_other(slipped, named
     assert comparison.bad_presses == named
 
 
+def test_of_presses_left_out_those_that_slipped_are_missed():
+    """Two that slipped and two that did not, beside the true map and one fitted to the others."""
+    factor = np.ones(25)
+    factor[[3, 20]] = 1.12
+    fit = fitted(factor)
+    true = fit.model.linearise(fit.model.start(TRUE))
+    left_out = np.array([3, 8, 20, 23])
+    assert missed(fit.model, true, left_out).tolist() == [True, False, True, False]
+
+
+def test_presses_apart_are_found_beside_an_effect_of_all():
+    """A gain that falls along the scan hides them: no map meets the others without it."""
+    factor = np.ones(25)
+    factor[[3, 12, 20, 21]] = 1.15
+    falls = np.linspace(-0.1, 0.1, 25)
+    fit = fitted(factor * (1 + falls))
+    true = fit.model.linearise(fit.model.start(TRUE))
+    press = fit.model.readings.press
+    column = true.whitened(fit.model.by_log_compliance(true), press) * falls[press]
+    assert len(presses_apart(fit.model, true)) == 0
+    other = true.whitened(fit.model.by_log_compliance(true), press) * np.cos(press)
+    found = presses_apart(fit.model, true, beside=[other[:, None], column[:, None]])
+    assert found.tolist() == [3, 12, 20, 21]
+
+
 def test_of_noise_no_press_stands_apart():
     fit = fitted(np.ones(25))
-    found, softer = presses_apart(fit.model, fit.at)
-    assert len(found) == len(softer) == 0
+    assert len(presses_apart(fit.model, fit.at)) == 0
 
 
 def test_where_no_map_meets_the_presses_none_stands_apart():
     rng = np.random.default_rng(2)
     fit = fitted(np.exp(0.2 * rng.standard_normal(25)))
-    assert len(presses_apart(fit.model, fit.at)[0]) == 0
+    assert len(presses_apart(fit.model, fit.at)) == 0
     assert TRIMMED.scale < 10

@@ -216,7 +216,7 @@ def test_an_axis_shows_what_varies_along_it_and_nothing_of_noise():
 
 def test_an_ambiguous_addition_is_not_said_to_be_found(told, tmp_path):
     explained = grouped(told.explained, "hysteresis")
-    record = told.record.changed(verdict="ambiguous", added=())
+    record = told.record.changed(verdict="ambiguous", added=(), ambiguous=explained.ambiguous)
     page = written(replace(told, explained=explained, record=record), tmp_path)
     assert "viscoelasticity or hysteresis" in page.text
     assert "Take neither its name nor its numbers" in page.text

@@ -122,13 +122,15 @@ class _Others:
             self.starts[presses] = fit
         return self.starts[presses]
 
-    def answer(self, presses: tuple[int, ...]) -> Explanation:
-        """Return the selection without presses that can be left out."""
+    def answer(self, presses: tuple[int, ...], rest: StartFit) -> Explanation:
+        """Return the whole selection of the `rest`, the scan without presses."""
         if presses not in self.answers:
-            others = self.without(presses)
-            assert others is not None
-            self.answers[presses] = _selected(others, self.seed, None, self.settings)
+            self.answers[presses] = _selected(rest, self.seed, None, self.settings)
         return self.answers[presses]
+
+    def is_noise(self, fit: FitResult, start: StartFit) -> bool:
+        """Whether the residual of a fit is noise."""
+        return compare_residual(whitened_fit(fit, start.scan), self.settings.residual).is_noise
 
     def beside(self, fit: FitResult) -> tuple[MeasurementModel, Linearised]:
         """Return all presses beside the map and effects of a fit to some of them."""
@@ -142,49 +144,52 @@ def _apart(others: _Others, fit: FitResult) -> _Rest | None:
 
     None where no press stands apart, or the others have structure that no effect takes. Several
     effects, one after the other, would otherwise be fitted to a few presses that slipped. The
-    presses are sought again beside the effects of the others, until they stay.
+    presses are sought again beside the best effect of the others, until they stay.
 
     Parameters
     ----------
     fit : of all presses, beside whose effects they are sought first
     """
-    start, residual = others.start, others.settings.residual
-
-    def is_noise(fit: FitResult, start: StartFit) -> bool:
-        return compare_residual(whitened_fit(fit, start.scan), residual).is_noise
-
+    start, trimmed = others.start, others.settings.residual.trimmed
     if start.fit.field is not None or start.model.press_error:
         return None
-    if not compare_residual(whitened_fit(fit, start.scan), residual).bad_presses:
+    if not compare_residual(whitened_fit(fit, start.scan), others.settings.residual).bad_presses:
         return None
-    tried, beside_effects = set(), False
+    found = presses_apart(fit.model, fit.at, trimmed)
     try:
-        found = presses_apart(fit.model, fit.at, residual.trimmed)
-        while True:
-            presses = tuple(start.scan.press_ids[found].tolist())
-            rest = others.without(presses) if presses and presses not in tried else None
-            simple = rest is not None and is_noise(rest.joint, rest)
-            if not simple and not beside_effects:
-                beside_effects = True
-                columns = _one_effect(fit, others)
-                found = presses_apart(fit.model, fit.at, residual.trimmed, columns)
-                continue
-            if rest is None or len(tried) == residual.trimmed.rounds:
+        rest = others.without(_ids(start, found)) if len(found) else None
+        if rest is None or not others.is_noise(rest.joint, rest):
+            found = presses_apart(fit.model, fit.at, trimmed, _one_effect(fit, others))
+        for _ in range(trimmed.rounds):
+            presses = _ids(start, found)
+            rest = others.without(presses) if presses else None
+            if rest is None:
                 return None
-            tried.add(presses)
-            now = rest.joint if simple else others.answer(presses).final.fit
-            model, at = others.beside(now)
-            if not is_noise(now, rest):
-                found = presses_apart(model, at, residual.trimmed)
-            elif (still := missed(model, at, found, residual.trimmed)).all():
+            answer = _selected(rest, others.seed, None, others.settings, one_effect=True)
+            model, at = others.beside(answer.final.fit)
+            if not answer.final.comparison.is_noise:
+                again = presses_apart(model, at, trimmed)
+                if len(again) and not np.array_equal(again, found):
+                    found = again
+                    continue
+                answer = others.answer(presses, rest)
+                if not answer.final.comparison.is_noise:
+                    return None
+                model, at = others.beside(answer.final.fit)
+            still = missed(model, at, found, trimmed)
+            if still.all():
                 softer, readings = further(model, at, found), start.model.readings.some(found)
-                answer = others.answer(presses)
                 apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-                return _Rest(rest, apart, answer) if answer.final.comparison.is_noise else None
-            else:
-                found = found[still]
+                return _Rest(rest, apart, answer)
+            found = found[still]
     except (InputError, InadmissibleError):
-        return None
+        pass
+    return None
+
+
+def _ids(start: StartFit, found: np.ndarray) -> tuple[int, ...]:
+    """Return the ids of presses (indices)."""
+    return tuple(start.scan.press_ids[found].tolist())
 
 
 def _one_effect(fit: FitResult, others: _Others) -> list[np.ndarray]:
@@ -210,8 +215,15 @@ def _selected(
     on_step: Callable[[Step], None] | None,
     settings: SelectionSettings,
     without: _Rest | None = None,
+    one_effect: bool = False,
 ) -> Explanation:
-    """Select effects; beside those `without` presses that stand apart at most one for all."""
+    """Select effects.
+
+    Parameters
+    ----------
+    without : answer without the presses that stand apart: at most one effect for all follows it
+    one_effect : at most one where it does not leave noise
+    """
     law = start.law
 
     def first(step: Step, say: Progress):
@@ -232,7 +244,7 @@ def _selected(
         on_step=on_step,
         policy=Policy(
             first=first if calls or (without is not None and without.answer.accepted) else None,
-            few_apart=without is not None,
+            few_apart=one_effect or without is not None,
         ),
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
         first=start.joint,

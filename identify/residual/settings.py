@@ -15,7 +15,6 @@ class TrimmedSettings:
     sigmas : error of an outlying press, over the scale of all; one in 150,000 is noise
     scale : largest scale of the others' errors, over the noise: beyond it they are not met either
     unknowns : most of them, as a share of the presses
-    rounds : of fits without the presses apart
     """
 
     kept: float = 0.8
@@ -25,7 +24,6 @@ class TrimmedSettings:
     sigmas: float = 4.5
     scale: float = 3.0
     unknowns: float = 0.5
-    rounds: int = 3
 
 
 TRIMMED = TrimmedSettings()

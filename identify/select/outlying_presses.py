@@ -111,7 +111,7 @@ class _Others:
     seed: int
     settings: SelectionSettings
     starts: dict[tuple[int, ...], StartFit | None] = field(default_factory=dict)
-    answers: dict[tuple[int, ...], Explanation] = field(default_factory=dict)
+    answers: dict[tuple[tuple[int, ...], bool], Explanation] = field(default_factory=dict)
 
     def without(self, presses: tuple[int, ...]) -> StartFit | None:
         """Return the fit of the map without presses, None where the others are too few."""
@@ -122,11 +122,16 @@ class _Others:
             self.starts[presses] = fit
         return self.starts[presses]
 
-    def answer(self, presses: tuple[int, ...], rest: StartFit) -> Explanation:
-        """Return the whole selection of the `rest`, the scan without presses."""
-        if presses not in self.answers:
-            self.answers[presses] = _selected(rest, self.seed, None, self.settings)
-        return self.answers[presses]
+    def answer(
+        self, presses: tuple[int, ...], rest: StartFit, one_effect: bool = False
+    ) -> Explanation:
+        """Return the selection of the `rest`, the scan without presses; see `_selected`."""
+        key = presses, one_effect
+        if key not in self.answers:
+            self.answers[key] = _selected(
+                rest, self.seed, None, self.settings, one_effect=one_effect
+            )
+        return self.answers[key]
 
     def is_noise(self, fit: FitResult, start: StartFit) -> bool:
         """Whether the residual of a fit is noise."""
@@ -143,48 +148,83 @@ def _apart(others: _Others, fit: FitResult) -> _Rest | None:
     """Return the scan without the presses that stand apart from a map and effects of the others.
 
     None where no press stands apart, or the others have structure that no effect takes. Several
-    effects, one after the other, would otherwise be fitted to a few presses that slipped. The
-    presses are sought again beside the best effect of the others, until they stay.
+    effects, one after the other, would otherwise be fitted to a few presses that slipped. First one
+    effect of the others is sought, then all.
 
     Parameters
     ----------
     fit : of all presses, beside whose effects they are sought first
     """
-    start, trimmed = others.start, others.settings.residual.trimmed
+    start = others.start
     if start.fit.field is not None or start.model.press_error:
         return None
-    if not compare_residual(whitened_fit(fit, start.scan), others.settings.residual).bad_presses:
+    bad = compare_residual(whitened_fit(fit, start.scan), others.settings.residual).bad_presses
+    if not bad:
         return None
-    found = presses_apart(fit.model, fit.at, trimmed)
     try:
-        rest = others.without(_ids(start, found)) if len(found) else None
-        if rest is None or not others.is_noise(rest.joint, rest):
-            found = presses_apart(fit.model, fit.at, trimmed, _one_effect(fit, others))
-        for _ in range(trimmed.rounds):
-            presses = _ids(start, found)
-            rest = others.without(presses) if presses else None
-            if rest is None:
-                return None
-            answer = _selected(rest, others.seed, None, others.settings, one_effect=True)
-            model, at = others.beside(answer.final.fit)
-            if not answer.final.comparison.is_noise:
-                again = presses_apart(model, at, trimmed)
-                if len(again) and not np.array_equal(again, found):
-                    found = again
-                    continue
-                answer = others.answer(presses, rest)
-                if not answer.final.comparison.is_noise:
-                    return None
-                model, at = others.beside(answer.final.fit)
-            still = missed(model, at, found, trimmed)
-            if still.all():
-                softer, readings = further(model, at, found), start.model.readings.some(found)
-                apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-                return _Rest(rest, apart, answer)
-            found = found[still]
+        suspected = _suspected(others, fit, bad)
+        for one_effect in (True, False):
+            for found in suspected:
+                rest = _settled(others, found, one_effect)
+                if rest is not None:
+                    return rest
     except (InputError, InadmissibleError):
         pass
     return None
+
+
+def _suspected(others: _Others, fit: FitResult, bad: tuple[int, ...]) -> list[np.ndarray]:
+    """Return presses (indices) that may stand apart: from the map alone, if that meets the others.
+
+    Else those apart beside one effect of all, and the `bad` ones (ids), which no smooth pattern
+    accounts for.
+    """
+    start, trimmed = others.start, others.settings.residual.trimmed
+    found = presses_apart(fit.model, fit.at, trimmed)
+    rest = others.without(_ids(start, found)) if len(found) else None
+    if rest is not None and others.is_noise(rest.joint, rest):
+        return [found]
+    beside = presses_apart(fit.model, fit.at, trimmed, _one_effect(fit, others))
+    worst = np.flatnonzero(np.isin(start.scan.press_ids, bad))
+    few = len(worst) <= (1 - trimmed.kept) * len(start.scan.press_ids)
+    return [beside, worst] if few and not np.array_equal(beside, worst) else [beside]
+
+
+def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | None:
+    """Return the scan without presses (indices) that are sought again until they stay, or None.
+
+    One that the model of the others predicts is taken back, unless structure comes with it.
+
+    Parameters
+    ----------
+    one_effect : beside the best effect of the others alone
+    """
+    start, trimmed = others.start, others.settings.residual.trimmed
+    larger, tried = None, set()
+    while len(found) and (presses := _ids(start, found)) not in tried:
+        tried.add(presses)
+        rest = others.without(presses)
+        if rest is None:
+            break
+        answer = others.answer(presses, rest, one_effect=True)
+        model, at = others.beside(answer.final.fit)
+        if not answer.final.comparison.is_noise and larger is None:
+            again = presses_apart(model, at, trimmed)
+            if not np.array_equal(again, found):
+                found = again
+                continue
+            if not one_effect:
+                answer = others.answer(presses, rest)
+                model, at = others.beside(answer.final.fit)
+        if not answer.final.comparison.is_noise:
+            break
+        still = missed(model, at, found, trimmed)
+        softer, readings = further(model, at, found), start.model.readings.some(found)
+        apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
+        if still.all() or not still.any():
+            return _Rest(rest, apart, answer) if still.any() else larger
+        larger, found = _Rest(rest, apart, answer), found[still]
+    return larger
 
 
 def _ids(start: StartFit, found: np.ndarray) -> tuple[int, ...]:
@@ -287,8 +327,9 @@ def without_suspects(
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
             if same is not None:
                 return same
-        if others is not None and presses in others.answers and experiment.whole is None:
-            return WithoutSuspects.of(presses, others.answers[presses])
+        made = others.answers.get((presses, False)) if others is not None else None
+        if made is not None and experiment.whole is None:
+            return WithoutSuspects.of(presses, made)
         fewer = experiment.without(presses)
         if not fewer.is_determined:
             return None

@@ -208,7 +208,7 @@ def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | No
             break
         answer = others.answer(presses, rest, one_effect=True)
         model, at = others.beside(answer.final.fit)
-        if not answer.final.comparison.is_noise and larger is None:
+        if not answer.final.comparison.is_noise:
             again = presses_apart(model, at, trimmed)
             if not np.array_equal(again, found):
                 found = again
@@ -219,11 +219,13 @@ def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | No
         if not answer.final.comparison.is_noise:
             break
         still = missed(model, at, found, trimmed)
+        if not still.any():
+            break
         softer, readings = further(model, at, found), start.model.readings.some(found)
         apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-        if still.all() or not still.any():
-            return _Rest(rest, apart, answer) if still.any() else larger
         larger, found = _Rest(rest, apart, answer), found[still]
+        if still.all():
+            break
     return larger
 
 

@@ -122,5 +122,5 @@ def test_the_question_arises_beside_an_open_verdict_only(verdict):
         class final:
             fit = None
 
-    Answered.verdict = verdict
+    Answered.fitted_verdict = verdict
     assert other_map(Answered, None, None) is None

@@ -1,4 +1,4 @@
-"""First step of the selection, from the contact law of the presses."""
+"""The selection of a started fit, and its first step, from the contact law of the presses."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,11 +9,71 @@ from identify.fit.free_map_fit import refit_free_map
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
 from identify.map.gaussian_map import GaussianMap
+from identify.measurement.experiment import Progress
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
+from identify.select.explanation import Explanation
+from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION, SelectionSettings
+from identify.select.start_fit import StartFit
 from identify.select.step import Step
+
+
+def selected(
+    start: StartFit,
+    seed: int,
+    on_step: Callable[[Step], None] | None,
+    settings: SelectionSettings,
+    without: Explanation | None = None,
+    one_effect: bool = False,
+) -> Explanation:
+    """Select the effects of a started fit.
+
+    Parameters
+    ----------
+    without : answer without the presses that stand apart: at most one effect for all follows it
+    one_effect : at most one where it does not leave noise
+    """
+    law = start.law
+
+    def first(step: Step, say: Progress):
+        if without is not None and without.accepted:
+            return _refitted(without, step, say)
+        assert law is not None
+        return follow(law, step, start.start, say, settings)
+
+    calls = law is not None and _calls_for_effects(law, start)
+    return forward_selection(
+        start.model,
+        start.start,
+        start.scan,
+        start.catalogue,
+        seed=seed,
+        progress=start.experiment.say,
+        on_step=on_step,
+        policy=Policy(
+            first=first if calls or (without is not None and without.accepted) else None,
+            few_apart=one_effect or without is not None,
+        ),
+        settings=replace(settings, most_effects=0) if start.model.press_error else settings,
+        first=start.joint,
+    )
+
+
+def _refitted(
+    answer: Explanation, step: Step, say: Progress
+) -> tuple[FitResult, list[AcceptedEffect]]:
+    """Fit the effects of an answer to all presses."""
+    say("fitting the effects of the others to all presses")
+    final = answer.final.fit
+    model = replace(step.fit.model, effects=final.model.started(final.u).effects)
+    return fit_jointly(model, final.map), list(answer.accepted)
+
+
+def _calls_for_effects(law: ContactLaw, start: StartFit) -> bool:
+    """Whether the presses call for effects: beside a free map also for those of a partial law."""
+    return bool(law.names) or (law.partial is not None and start.fit.field is not None)
 
 
 def follow(

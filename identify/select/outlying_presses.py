@@ -14,22 +14,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.fit.contact_law import ContactLaw
-from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
-from identify.measurement.experiment import PlacedExperiment, Progress
+from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
 from identify.residual.trimmed import further, missed, presses_apart
-from identify.select.accepted_effect import AcceptedEffect
 from identify.select.confirm import confirmed
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, PressesApart, Verdict
-from identify.select.first_step import follow
-from identify.select.forward_selection import Policy, forward_selection
+from identify.select.first_step import selected
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
@@ -82,7 +78,7 @@ def explain(
     """
     others = _Others(start, seed, settings)
     rest = _apart(others, start.joint)
-    explained = _selected(start, seed, on_step, settings, rest)
+    explained = selected(start, seed, on_step, settings, rest and rest.answer)
     if not explained.final.comparison.is_noise:
         rest = rest or _apart(others, explained.final.fit)
         if rest is not None:
@@ -125,10 +121,10 @@ class _Others:
     def answer(
         self, presses: tuple[int, ...], rest: StartFit, one_effect: bool = False
     ) -> Explanation:
-        """Return the selection of the `rest`, the scan without presses; see `_selected`."""
+        """Return the selection of the `rest`, the scan without presses; see `selected`."""
         key = presses, one_effect
         if key not in self.answers:
-            self.answers[key] = _selected(
+            self.answers[key] = selected(
                 rest, self.seed, None, self.settings, one_effect=one_effect
             )
         return self.answers[key]
@@ -251,63 +247,6 @@ def _told(experiment: PlacedExperiment, presses: tuple[int, ...]) -> PlacedExper
     return replace(experiment, say=lambda text: say(f"without presses {named}: {text}"))
 
 
-def _selected(
-    start: StartFit,
-    seed: int,
-    on_step: Callable[[Step], None] | None,
-    settings: SelectionSettings,
-    without: _Rest | None = None,
-    one_effect: bool = False,
-) -> Explanation:
-    """Select effects.
-
-    Parameters
-    ----------
-    without : answer without the presses that stand apart: at most one effect for all follows it
-    one_effect : at most one where it does not leave noise
-    """
-    law = start.law
-
-    def first(step: Step, say: Progress):
-        if without is not None and without.answer.accepted:
-            return _refitted(without.answer, step, say)
-        assert law is not None
-        return follow(law, step, start.start, say, settings)
-
-    calls = law is not None and calls_for_effects(law, start)
-
-    return forward_selection(
-        start.model,
-        start.start,
-        start.scan,
-        start.catalogue,
-        seed=seed,
-        progress=start.experiment.say,
-        on_step=on_step,
-        policy=Policy(
-            first=first if calls or (without is not None and without.answer.accepted) else None,
-            few_apart=one_effect or without is not None,
-        ),
-        settings=replace(settings, most_effects=0) if start.model.press_error else settings,
-        first=start.joint,
-    )
-
-
-def _refitted(
-    answer: Explanation, step: Step, say: Progress
-) -> tuple[FitResult, list[AcceptedEffect]]:
-    """Fit the effects of an answer to all presses."""
-    say("fitting the effects of the others to all presses")
-    final = answer.final.fit
-    model = replace(step.fit.model, effects=final.model.started(final.u).effects)
-    return fit_jointly(model, final.map), list(answer.accepted)
-
-
-def calls_for_effects(law: ContactLaw, start: StartFit) -> bool:
-    """Whether the presses call for effects: beside a free map also for those of a partial law."""
-    return bool(law.names) or (law.partial is not None and start.fit.field is not None)
-
-
 def without_suspects(
     start: StartFit,
     seed: int,
@@ -336,7 +275,7 @@ def without_suspects(
         if not fewer.is_determined:
             return None
         again = start_fit(fewer, start.catalogue)
-        return WithoutSuspects.of(presses, _selected(again, seed, None, settings))
+        return WithoutSuspects.of(presses, selected(again, seed, None, settings))
     except (InputError, InadmissibleError):
         return None
 

@@ -37,7 +37,12 @@ from identify.select.candidates import (
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, ended_by_presses, verdict_of, within_laws
 from identify.select.model_error import confounded, may_be_left_of_error
-from identify.select.reconsider import reconsider, with_exchanged, without_unneeded
+from identify.select.reconsider import (
+    at_their_ends,
+    reconsider,
+    with_exchanged,
+    without_unneeded,
+)
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step, hides_lead, replaces_map, step_of, whitened_fit
 from models import Scan
@@ -249,6 +254,8 @@ def _refitted(
     """Refit with the last effect; the fit, its effects, those lost and those exchanged."""
     say(f"refitting with {winner.name}")
     fit = found_again(fit_jointly(winner.fit.model, winner.fit.map))
+    fit, last = at_their_ends(fit, accepted[-1], say, settings)
+    accepted = [*accepted[:-1], last]
     fit, lost = policy.prune(fit, [a.name for a in accepted[:-1]], say, settings)
     kept = [a for a in accepted if a.name not in lost]
     # Beside an effect since lost, the last one may have beaten candidates that do as well now

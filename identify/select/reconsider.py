@@ -60,6 +60,45 @@ def reconsider(
     return fit, accepted, exchanged
 
 
+def at_their_ends(
+    fit: FitResult,
+    accepted: AcceptedEffect,
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[FitResult, AcceptedEffect]:
+    """Compare the last effect with its equivalents again where its own fit went on for long.
+
+    Candidates are refitted by few evaluations. Where chi-square falls by more than the margin from
+    there to the end of the winner's fit, it may fall for the others, too: the group is decided by
+    fits that ended, all of them.
+
+    Returns
+    -------
+    The better fit, and the effect with all candidates that were compared.
+    """
+    before = next(c for c in accepted.candidates if c.name == accepted.name)
+    near = [c for c in accepted.candidates if c.name in accepted.equivalents and c is not before]
+    if not near or before.chi2 - fit.chi2 <= settings.margin:
+        return fit, accepted
+    ends = {accepted.name: fit}
+    for candidate in near:
+        say(f"trying {candidate.name} to its end")
+        other = try_fit(candidate.fit.model, candidate.fit.map)
+        if other is not None:
+            ends[candidate.name] = other
+    compared = [
+        Candidate(c.name, ends[c.name].chi2, ends[c.name].bic, ends[c.name])
+        if c.name in ends else c
+        for c in accepted.candidates
+    ]  # fmt: skip
+    candidates = ranked(compared, settings)
+    first = accepted.first_candidates or accepted.candidates
+    accepted = replace(accepted, candidates=candidates, first_candidates=first)
+    if _takes_over(candidates[0], accepted.name, candidates, settings):
+        accepted, fit = replace(accepted, name=candidates[0].name), candidates[0].fit
+    return fit, accepted
+
+
 def with_exchanged(fit: FitResult, exchanged: Mapping[str, str], now: FitResult) -> FitResult:
     """Refit an earlier model with the replacements of its effects."""
     parts = {part.effect.name: part for part in now.model.started(now.u).effects}

@@ -41,7 +41,7 @@ def test_any_inclusion_is_like_one_of_the_candidates(response):
 
     def felt(places):
         moduli = [
-            inclusion.body(STATE, {"weight_pa": 1.0, **p}).added_pa(model.points_m) for p in places
+            inclusion.body(STATE, weight_pa=1.0, **p).added_pa(model.points_m) for p in places
         ]
         return without(solved.compliance, solved.sensitivity @ np.column_stack(moduli))
 

@@ -76,7 +76,7 @@ def test_a_straight_valley_has_the_usual_intervals(share):
     u = np.array([1.0, -2.0, 0.5])
     reach = NORMAL_95 * np.sqrt(total[1, 1])
     slope = noise[:, 1] / noise[1, 1]  # the refits know the noise alone
-    sides = [(side * NORMAL_95, u + side * reach * slope) for side in (-1.0, 1.0)]
+    sides = [[(side * NORMAL_95, u + side * reach * slope)] for side in (-1.0, 1.0)]
     no_bounds = (np.full(3, -np.inf), np.full(3, np.inf))
     valley = Valley(u, 0.0, total, noise, no_bounds, lambda position, start: (0.0, start), 1)
     half = NORMAL_95 * np.sqrt(np.diag(total))

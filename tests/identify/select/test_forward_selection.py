@@ -16,6 +16,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.candidates import Candidate, leaving_noise
 from identify.select.forward_selection import forward_selection
+from identify.select.settings import SELECTION
 from identify.select.verdicts import refit_numbers
 from models import Scan
 from sim.body.true_map import Inclusion, TruthMap
@@ -109,7 +110,8 @@ def test_a_small_effect_is_found_beside_noise_that_is_less_than_stated():
 
 
 @pytest.mark.slow
-def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
+def test_a_ball_is_told_from_a_rigid_tip_by_fits_that_ended():
+    """By few evaluations each, both do as well: a map that ended as a hard grain goes far back."""
     (spot,) = TRUE.inclusions
     ball = Inclusion(spot.weight_pa, (spot.x_m, spot.y_m, spot.z_m), spot.radius_m, ball_share=0.85)
     compliance = true_compliance(TruthMap(TRUE.background_pa, (ball,)))
@@ -117,10 +119,14 @@ def test_a_ball_is_found_though_the_score_at_its_gaussian_says_nothing():
     table = scan(compliance[press] * 4 * force, 4 * force, 8)
     catalogue = [*QUICK, *(CATALOGUE[n] for n in ("inclusion_edge", "rigid_tip"))]
     found = forward_selection(model(table), TRUE, table, catalogue)
-    assert found.ladder[0].diagnosis["inclusion_edge"].p_value > 0.01
     assert found.ladder[0].fit.values["inclusion_1.weight_pa"] > 3 * spot.weight_pa
-    assert "inclusion_edge" in (*found.added, *(n for group in found.ambiguous for n in group))
-    assert found.final.fit.values["inclusion_1.weight_pa"] == pytest.approx(15000, rel=0.2)
+    (accepted,) = found.accepted
+    chi2 = {c.name: c.chi2 for c in accepted.first_candidates}
+    assert chi2["rigid_tip"] < chi2["inclusion_edge"] + SELECTION.margin
+    assert (found.verdict, found.added) == ("explained", ("inclusion_edge",))
+    for key in ("weight_pa", "z_m", "radius_m"):
+        own = found.final.fit.parameters[f"inclusion_1.{key}"]
+        assert own.lower95 < getattr(spot, key) < own.upper95
     assert found.final.fit.chi2_per_dof == pytest.approx(1, abs=0.2)
     told = refit_numbers("inclusion_edge", found)  # what the report says in place of the score
     assert told is not None

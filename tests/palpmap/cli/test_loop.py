@@ -415,8 +415,10 @@ def test_what_hides_behind_the_map_is_never_explained_by_another(case, tmp_path)
 
 @pytest.mark.slow
 def test_a_late_force_channel_is_named(tmp_path):
+    """Beside it the forces of this scan lie 1.1 mN above the true ramps, 4.8 standard errors."""
     record = explain_case("case_j", tmp_path)
-    assert (record["verdict"], record["added"]) == ("explained", ["time_lag"])
+    assert record["added"] == ["time_lag"]
+    assert all("force_bias" in group for group in record["ambiguous"])
     lag = record["parameters"]["time_lag.lag_s"]
     assert lag["value"] == pytest.approx(0.07, abs=0.002)
     assert lag["lower95"] < 0.07 < lag["upper95"]

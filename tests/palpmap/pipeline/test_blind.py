@@ -517,13 +517,20 @@ def test_a_cluster_plays_and_what_fails_on_it_is_a_line(tmp_path):
 
 @pytest.mark.slow  # a grain is left in identify/fit/test_correction, too
 def test_a_deep_inclusion_is_not_taken_for_a_hard_grain(tmp_path):
-    """Here the coarse mesh's own minimum is a grain a hundred times as hard, 11 mm too deep."""
+    """Here the coarse mesh's own minimum is a grain a hundred times as hard, 11 mm too deep.
+
+    Depth and weight answer for each other along a valley that is flat for 10 mm, and much bent.
+    """
     make_trial(tmp_path, Trial(733, (), (), 1, small=True))
     found = pm.fit(pm.read_study(tmp_path / "study.toml"))
     (true,), (inclusion,) = draw_map(733, SMALL).inclusions, found.map.inclusions
     assert not found.at_bound
-    assert inclusion.z_m == pytest.approx(true.centre_m[2], abs=3e-3)
-    assert inclusion.weight_pa == pytest.approx(true.weight_pa, rel=0.3)
+    assert inclusion.weight_pa < 5 * true.weight_pa
+    truth = dict(zip(("x_m", "y_m", "z_m"), true.centre_m, strict=True))
+    truth |= {"weight_pa": true.weight_pa, "radius_m": true.radius_m}
+    for key, value in truth.items():
+        own = found.parameters[f"inclusion_1.{key}"]
+        assert own.lower95 < value < own.upper95, key
 
 
 def softness(scan: Scan) -> np.ndarray:

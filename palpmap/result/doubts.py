@@ -7,7 +7,7 @@ from identify.effects import COUNTED_FROM, length, more, percent
 from identify.select import Explanation
 from palpmap import units
 from palpmap.result.misfit_words import listed
-from palpmap.result.records import CandidateRecord, ExplainRecord, LimitRecord
+from palpmap.result.records import CandidateRecord, ExplainRecord, FormRecord, LimitRecord
 from palpmap.study.open_study import Problem
 
 _NAMED = 3  # effects with the largest unseen shifts
@@ -61,7 +61,7 @@ def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
     free = [name for name in explained.final.fit.map.names if alone[name].free]
     text = (
         f"The form is open: {percent(last.weight)} of the evidence is for the last model, the rest "
-        f"for {beside}. The map's intervals count that."
+        f"for {beside}. {_simplest(others[0], last, explained)}The map's intervals count that."
     )
     if not free or wider(most := max(free, key=wider)) < _FORM_COUNTS:
         return [text]
@@ -71,6 +71,21 @@ def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
         f"{units.interval(own.lower95, own.upper95, own.unit)}; counted it is "
         f"{units.interval(counted.lower95, counted.upper95, counted.unit)}."
     ]
+
+
+def _simplest(heaviest: FormRecord, last: FormRecord, explained: Explanation) -> str:
+    """Say why the last model has the effect that it has where a larger law has more evidence."""
+    if heaviest.weight <= last.weight:
+        return ""
+    accepted = next(a for a in explained.accepted if a.name == heaviest.in_place_of)
+    size = {c.name: len(c.fit.u) for c in accepted.candidates}
+    further = size[heaviest.effect] - size[accepted.name]
+    if further <= 0:
+        return ""
+    return (
+        f"{accepted.name} is named, as it does without {further} parameters of {heaviest.effect} "
+        "that the scan does not call for. "
+    )
 
 
 def _next_forms(explained: Explanation) -> list[str]:

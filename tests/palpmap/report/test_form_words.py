@@ -37,6 +37,26 @@ def test_the_next_form_of_the_cause_is_named_with_its_distance():
     assert form_notes(ALONE, explained([candidate("time_lag", 5.0, 9.0, 7)])) == []
 
 
+def test_a_larger_law_with_more_evidence_is_said_to_need_parameters_that_nothing_calls_for():
+    found = explained([
+        candidate("viscoelasticity", 500.0, 550.0, 8), candidate("local_creep", 490.0, 570.0, 11),
+    ])  # fmt: skip
+    found.final.fit.parameters = {}
+    found.final.fit.map = SimpleNamespace(names=())
+
+    def shares(last: float, other: float) -> Any:
+        form = SimpleNamespace(in_place_of="viscoelasticity", effect="local_creep", weight=other)
+        return SimpleNamespace(
+            forms=(SimpleNamespace(in_place_of="", effect="", weight=last), form)
+        )
+
+    (says,) = form_notes(shares(0.2, 0.8), found)
+    named = "viscoelasticity is named, as it does without 3 parameters of local_creep"
+    assert named in says
+    (says,) = form_notes(shares(0.8, 0.2), found)
+    assert named not in says
+
+
 def test_where_the_travel_counts_from_is_said_where_it_is_not_stated():
     swings = [candidate("breathing_from_touch", 1.0, 2.0, 9)]
     (says,) = counting_notes(explained(swings))

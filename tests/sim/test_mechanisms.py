@@ -36,8 +36,9 @@ TOLERANCE = {"form_fat_loop": 0.04}  # a corner with an infinite slope at the tu
 AS_TYPICAL = (
     "force_saturation", "time_lag", "form_filtered_force", "form_guide_friction", "form_fat_loop",
     "free_loop", "form_full_range_sensor", "form_twice_filtered_force", "form_averaged_force",
+    "form_loaded_amplifier", "hysteresis",
 )  # fmt: skip
-"""Three times as much of them is a fault that the watchdogs see, or no monotonic law."""
+"""Three times as much of them is a fault that the watchdogs see, or hardly a monotonic law."""
 
 OWN_TOUCH = (
     "breathing_from_touch", "breathing_harmonics_from_touch", "creep_recovery",

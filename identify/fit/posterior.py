@@ -270,35 +270,22 @@ def _marginal(draws: np.ndarray, laplace: list[float]) -> SampledParameter:
 
 
 class _Proposal:
-    """Student's t distribution of places z (k,), now and then a wider one about the same middle.
+    """Student's t distribution of places z (k,)."""
 
-    Where the posterior has more weight than its proposal, a chain stays for long: at the deep end
-    of a valley. Wider tails take less than they give there (defensive mixture: T. Hesterberg,
-    Technometrics 37 (1995) 185).
-    """
-
-    def __init__(
-        self, middle: np.ndarray, covariance: np.ndarray, settings: PosteriorSettings
-    ) -> None:
-        self._middle, self._settings = middle, settings
+    def __init__(self, middle: np.ndarray, covariance: np.ndarray, freedom: float) -> None:
+        self._middle, self._freedom = middle, freedom
         self._root = np.linalg.cholesky(covariance)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return a place."""
-        how = self._settings
-        wide = np.sqrt(how.freedom / rng.chisquare(how.freedom))
-        if rng.uniform() < how.wider_share:
-            wide *= how.wider
+        wide = np.sqrt(self._freedom / rng.chisquare(self._freedom))
         return self._middle + wide * self._root @ rng.normal(size=len(self._middle))
 
     def log_density(self, z: np.ndarray) -> float:
         """Return the logarithm of the density at a place, but for a constant."""
-        how, k = self._settings, len(z)
         away = np.linalg.solve(self._root, z - self._middle)
-        square, power = float(away @ away) / how.freedom, -0.5 * (how.freedom + k)
-        narrow = (1 - how.wider_share) * (1 + square) ** power
-        far = how.wider_share * how.wider**-k * (1 + square / how.wider**2) ** power
-        return float(np.log(narrow + far))
+        nu, k = self._freedom, len(z)
+        return -0.5 * (nu + k) * float(np.log1p(away @ away / nu))
 
 
 def _chains(
@@ -311,7 +298,7 @@ def _chains(
 ) -> np.ndarray:
     """Return draws z (c, n, k) of independent chains, which begin within the posterior."""
     first, *streams = np.random.default_rng(seed).spawn(settings.chains + 1)
-    proposal, starts = _Proposal(np.zeros(k), np.eye(k), settings), np.zeros((1, k))
+    proposal, starts = _Proposal(np.zeros(k), np.eye(k), settings.freedom), np.zeros((1, k))
     for _ in range(settings.rounds):
         proposal, starts = _nearer(target, proposal, k, first, settings)
     z = np.empty((settings.chains, size, k))
@@ -350,4 +337,4 @@ def _nearer(
     middle = count / (count + held) * weight @ z
     spread = (z - middle).T @ (weight[:, None] * (z - middle))
     covariance = (count * spread + held * np.eye(k)) / (count + held)
-    return _Proposal(middle, covariance, settings), z[rng.choice(len(z), 50, p=weight)]
+    return _Proposal(middle, covariance, settings.freedom), z[rng.choice(len(z), 50, p=weight)]

@@ -102,6 +102,25 @@ def test_a_valley_with_a_flat_floor_and_steep_walls_has_intervals_up_to_its_wall
     assert_allclose(ends, [[-wall, wall], [-3 * wall, 3 * wall]], rtol=0.3)
 
 
+def test_what_lies_between_the_ends_of_a_valley_is_within_the_intervals():
+    """The weight is least half way to the upper end, where a parabola through both ends is not."""
+
+    def weight(depth):
+        return 0.4 * np.expm1(-depth) + 0.15 * depth**2 * (depth > 0)
+
+    def refit(position, start):
+        return 0.5 * start[1] ** 2, np.array([weight(start[1]), start[1]])
+
+    narrow, slope = 1e-6, -0.4  # across the valley, and along it at the minimum
+    total = np.array([[slope**2 + narrow, slope], [slope, 1.0]])
+    no_bounds = (np.full(2, -np.inf), np.full(2, np.inf))
+    names = ("inclusion_1.weight_pa", "inclusion_1.z_m")
+    ends = bent_intervals(Valley(np.zeros(2), 0.0, total, total, no_bounds, refit, 6), names)
+    along = weight(np.linspace(-NORMAL_95, NORMAL_95, 401))
+    assert along.argmin() not in (0, 400)
+    assert ends[0] == pytest.approx([along.min(), along.max()], rel=0.1)
+
+
 def test_a_floor_that_is_flat_up_to_a_bound_ends_there():
     """Without a rise of chi-square on the way to a bound, the others end where they are there."""
 

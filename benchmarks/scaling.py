@@ -44,7 +44,7 @@ def measure(divisions: tuple[int, int, int]) -> tuple[int, int, float, float, fl
     solved = time.perf_counter()
     sensitivity = response.sensitivity
     end = time.perf_counter()
-    assert sensitivity.shape == (len(contacts), len(mesh.cells))
+    assert sensitivity.shape == (len(contacts), len(model.points_m))
     memory = peak_mb() / 1024
     return (len(mesh.cells), len(body.loads), built - start, solved - built, end - solved, memory)
 

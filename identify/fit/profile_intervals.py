@@ -171,11 +171,11 @@ def _along(valley: Valley, position: int, side: float) -> list[Place]:
         (a, before), (b, after) = near, far
         part = np.clip((1 - before) / (after - before), 0.25, 0.75)
         step = a + part * (b - a) if np.isfinite(b) else 2 * a
-    way: list[Place] = []
-    for moved, t, found in sorted(places, key=lambda place: place[0]):
-        if moved <= places[-1][0] and abs(t) > _APART * abs(way[-1][0] if way else 0.0):
+    way: list[Place] = []  # from the last one inwards
+    for moved, t, found in sorted(places, key=lambda place: -place[0]):
+        if moved <= places[-1][0] and (not way or _APART * abs(t) < abs(way[-1][0])):
             way.append((t, found))
-    return way
+    return way[::-1]
 
 
 def _scaled(way: list[Place]) -> list[Place]:
@@ -215,18 +215,14 @@ def _across(valley: Valley, position: int) -> np.ndarray:
     return np.sqrt(np.maximum(cross, 0.0))
 
 
-def _parabola(u: np.ndarray, first: Place, last: Place) -> Callable[[np.ndarray], np.ndarray]:
-    """Return Lagrange's parabola (k, n) over t (n,) through two places and the minimum between."""
+def _parabola(u: np.ndarray, first: Place, last: Place, t: np.ndarray) -> np.ndarray:
+    """Lagrange's parabola (k, n) at t (n,) through two places and the minimum between."""
     (a, before), (b, after) = first, last
-
-    def path(t: np.ndarray) -> np.ndarray:
-        return (
-            u[:, None] * (t - a) * (t - b) / (a * b)
-            + before[:, None] * t * (t - b) / (a * (a - b))
-            + after[:, None] * t * (t - a) / (b * (b - a))
-        )
-
-    return path
+    return (
+        u[:, None] * (t - a) * (t - b) / (a * b)
+        + before[:, None] * t * (t - b) / (a * (a - b))
+        + after[:, None] * t * (t - a) / (b * (b - a))
+    )
 
 
 def _range(valley: Valley, sides: list[list[Place]], position: int) -> np.ndarray:
@@ -235,7 +231,7 @@ def _range(valley: Valley, sides: list[list[Place]], position: int) -> np.ndarra
     below, above = sides
     (a, _), (b, _) = below[-1], above[-1]
     t = np.clip(NORMAL_95 * np.cos(_ANGLES), 1.5 * a, 1.5 * b)  # a parabola bears no more
-    path = _parabola(u, below[-1], above[-1])(t)
+    path = _parabola(u, below[-1], above[-1], t)
     if len(below) + len(above) > 2:
         places = [*below[::-1], (0.0, u), *above]
         spline = CubicSpline([t for t, _ in places], np.array([place for _, place in places]))

@@ -273,13 +273,8 @@ def _accepted(
     now, winner = ladder[-1], candidates[0]
     left = (MODEL_ERROR,) * may_be_left_of_error(ladder, accepted, winner, settings)
     alike = {c.name: confounded(now, c.name, settings) or left for c in candidates}
-    return AcceptedEffect(
-        winner.name,
-        candidates,
-        confounded=alike,
-        chi2_before=now.fit.chi2,
-        settings=settings,
-    )
+    return AcceptedEffect(winner.name, candidates, confounded=alike,
+                          chi2_before=now.fit.chi2, settings=settings)  # fmt: skip
 
 
 def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:

@@ -17,7 +17,7 @@ from identify.body.coarse_solutions import CoarseSolutions, keep, plain_state, s
 from identify.body.discretization_error import FineModel
 from identify.body.linear_ratio import LinearRatio
 from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
-from identify.body.state import BodyState, ChangedMap
+from identify.body.state import BodyState, ChangedMap, has_skin
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
@@ -122,7 +122,8 @@ class OtherModels(CoarseSolutions):
     ) -> np.ndarray:
         """Logarithm (j,) of the compliance of another model over `base`.
 
-        Kept by its name; near the map of its last solution linear in the modulus. With much slack,
+        Kept by its name; near the body of its last solution linear in modulus, fibres, skin and
+        springs. With much slack,
         that of a body without fibres, skin and springs: they change the ratio little, and it need
         not be made anew for each of their values.
         """
@@ -134,7 +135,7 @@ class OtherModels(CoarseSolutions):
         if key in self._ratios:
             return self._ratios[key]
         changed = ChangedMap(stiffness, state)
-        kind = (which, solved_state(state).without_modulus_changes)
+        kind = (which, _has(state))
         tolerance = self.settings.ratio_error * max(slack, 1.0)
         for name, linear in reversed(self._linear.items()):
             if name[:2] == kind:
@@ -149,7 +150,7 @@ class OtherModels(CoarseSolutions):
         else:
             other = self.solve(model(), stiffness, state)
             linear = LinearRatio.of(self.solved(stiffness, state), other, changed)
-            keep(self._linear, (*kind, stiffness), linear, _KEPT_LINEAR)
+            keep(self._linear, (*kind, stiffness, solved_state(state)), linear, _KEPT_LINEAR)
         ratio = other.compliance / base
         if not (np.isfinite(ratio).all() and ratio.min() > 0):
             raise InadmissibleError("the map is finer than the mesh of the body resolves")
@@ -167,3 +168,8 @@ class OtherModels(CoarseSolutions):
         model = self._others.get(nu) or self.at_poisson_ratio(nu)
         keep(self._others, nu, model, _KEPT_OTHERS)
         return model
+
+
+def _has(state: BodyState) -> tuple[bool, bool, bool]:
+    """Whether a body has fibres, springs under it, and a skin."""
+    return bool(state.fibre_share), any(state.base_m_per_pa), has_skin(state)

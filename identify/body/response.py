@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fem import Mesh, PalpationModel
-from fem.palpation import Response, fibre_weights
+from fem.palpation import Response
 from fem.reduced import ReducedResponse
 from identify.body.shifted_block import Shift
-from identify.body.state import BodyState, ChangedMap
+from identify.body.state import BodyState, ChangedMap, fibres_of
 from identify.map import FreeMap, GaussianMap
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class BodyResponse:
             change += by_support
             if correction.support is not None:
                 change += self.compliance * correction.support.of(by_support / self.compliance)
-        fibres = _fibres(state) - _fibres(old)
+        fibres = fibres_of(state) - fibres_of(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
         if _skin(state) != _skin(old):
@@ -252,11 +252,6 @@ def _gradient(
         by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
         gradient += state.fibre_share * (by_fibres @ by_parameter)
     return gradient
-
-
-def _fibres(state: BodyState) -> np.ndarray:
-    """Share of the fibres times the weights (6,) of their strain products."""
-    return state.fibre_share * fibre_weights(state.fibre_angle_rad)
 
 
 def _skin(state: BodyState) -> tuple[float, float]:

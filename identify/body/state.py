@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.palpation import fibre_weights
 from identify.map.gaussian_map import GAUSSIAN, GaussianMap, Inclusion, Shape
 
 Field = Callable[[np.ndarray], np.ndarray]
@@ -110,3 +111,13 @@ class ChangedMap:
         """Return its derivative by the map's k parameters at points (p, 3), (p, k)."""
         gradient = self.stiffness.gradient(points, self.state.inclusion_shape)
         return gradient * self.state.factor(points)[:, None]
+
+
+def fibres_of(state: BodyState) -> np.ndarray:
+    """Share of the fibres times the weights (6,) of their strain products."""
+    return state.fibre_share * fibre_weights(state.fibre_angle_rad)
+
+
+def has_skin(state: BodyState) -> bool:
+    """Whether a skin differs from the body below it."""
+    return state.skin_thickness_m > 0 and state.skin_factor != 1

@@ -143,7 +143,8 @@ class OtherModels(CoarseSolutions):
                 if near is not None:
                     keep(self._linear, name, linear, _KEPT_LINEAR)
                     return near
-        if slack > 1 and self._is_reducible(stiffness, state):
+        has_law = any(kind[1])  # bounds of bases are wide then, for each of its values
+        if slack > 1 and not has_law and self._is_reducible(stiffness, state):
             if which not in self._sides:
                 keep(self._sides, which, ReducedBases(model(), 1, _SIDE_BYTES), _KEPT_SIDES)
             other = self._reduced(self._sides[which], stiffness, state, tolerance)

@@ -25,6 +25,7 @@ from identify.optimize.result import InadmissibleError, OptimizeResult
 
 _HARD, _PLAIN_WEIGHT = 8.0, 4.0  # over the background
 _PLAIN_RADIUS, _PLAIN_DEPTH = 1.3, 2.0  # over the tip's radius
+_SAME = 0.1  # scaled coordinate: two corrections move a minimum that far
 
 
 def fit_jointly(
@@ -95,7 +96,10 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
     try:
         u = fit.model.start(fit.map.changed(plain))
         model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
-        other = fit_from(search, model, u)
+        result, _ = search.minimum(model, u)
+        if _is_same_place(fit, result.x):
+            return fit  # further corrections would lead to this very minimum
+        other = fit_from(search, model, result.x)
         if other.chi2 > fit.chi2 - SEARCH.raised * max(fit.chi2_per_dof, 1.0):
             return fit  # another minimum, or the same one
         search = Search(SEARCH, progress=callback)
@@ -104,6 +108,12 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
     except (InadmissibleError, SolverError):
         return fit
     return fit if other.chi2 > fit.chi2 else other
+
+
+def _is_same_place(fit: FitResult, u: np.ndarray) -> bool:
+    """Whether scaled coordinates u (k,) are within a standard error of a fit."""
+    std = np.sqrt(np.diag(fit.covariance_scaled))
+    return bool(np.all(np.abs(u - fit.u) <= np.maximum(std, _SAME)))
 
 
 def _nearer(fit: FitResult, centre_m: np.ndarray, tip_m: float) -> list[float]:

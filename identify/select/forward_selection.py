@@ -115,11 +115,16 @@ def forward_selection(
 
 @dataclass
 class _Path:
-    """Steps, accepted effects and dropped ones so far; `settled` without candidates for noise."""
+    """Steps, accepted effects and dropped ones so far.
+
+    `failed` are effects that did not bring at the end of their fit what its beginning promised;
+    `settled` is a path without candidates for noise.
+    """
 
     ladder: list[Step]
     accepted: list[AcceptedEffect]
     dropped: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
     settled: bool = False
 
 
@@ -153,7 +158,8 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
             return
         if ended_by_presses(first, now.fit, path.accepted, settings, noise):
             return
-        candidates = policy.propose(now, effects, say, path.dropped, settings)
+        tried = [*path.dropped, *path.failed]
+        candidates = policy.propose(now, effects, say, tried, settings)
         if not candidates:
             path.settled = now.comparison.is_noise
             return
@@ -170,6 +176,10 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         if replaces_map(now.fit, fit):
             path.accepted, path.dropped = before[1:]
             return
+        if fit.bic >= now.fit.bic:  # it was refitted beside the correction of another map
+            path.accepted, path.dropped = before[1:]
+            path.failed.append(candidates[0].name)
+            continue
         path.dropped.extend([*lost, *exchanged])
         for number, step in enumerate(ladder):
             if exchanged.keys() & set(step.fit.effect_names):  # the steps lead to the last model

@@ -8,7 +8,7 @@ a tip is positive inwards.
 """
 
 from fem.contact.contacts import Contacts
-from fem.errors import MeshError, SolverError
+from fem.errors import FoldedSurfaceError, MeshError, SolverError
 from fem.linear.support import Support
 from fem.mesh.block import block_mesh, paper_mesh
 from fem.mesh.checks import check_mesh
@@ -24,6 +24,7 @@ from fem.solve.direct import default_solver
 __all__ = [
     "Contacts",
     "Fibres",
+    "FoldedSurfaceError",
     "Mesh",
     "MeshError",
     "PalpationModel",

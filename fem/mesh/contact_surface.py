@@ -25,7 +25,7 @@ from scipy.interpolate import RBFInterpolator, RectBivariateSpline
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull, KDTree
 
-from fem.errors import MeshError
+from fem.errors import FoldedSurfaceError, MeshError
 
 FEWEST_POINTS = 10
 STEEPEST_DEG = 75.0  # between two points: a steeper surface is folded, or a point is wrong
@@ -210,11 +210,12 @@ def _refuse(points: np.ndarray) -> None:
         one, place = np.argwhere(folded)[int(np.argmax((rise / distance)[folded]))]
         two = other[one, place]
         at = [", ".join(f"{1e3 * c:.1f}" for c in points[k]) for k in (one, two)]
-        raise MeshError(
+        raise FoldedSurfaceError(
             f"the contact points ({at[0]}) and ({at[1]}) mm lie nearly one above the other "
             f"({int(folded.any(axis=1).sum())} such of {len(points)}): the surface would be "
             "folded; remove presses that touched too early or too late, or give a closed surface "
-            '(shape = "surface")'
+            '(shape = "surface")',
+            points[[one, two]],
         )
 
 

@@ -25,7 +25,7 @@ from identify.optimize.result import InadmissibleError, OptimizeResult
 
 _HARD, _PLAIN_WEIGHT = 8.0, 4.0  # over the background
 _PLAIN_RADIUS, _PLAIN_DEPTH = 1.3, 2.0  # over the tip's radius
-_SAME = 0.1  # scaled coordinate: two corrections move a minimum that far
+_SAME = 0.05  # scaled coordinate: so near its end a search is at the same minimum
 
 
 def fit_jointly(
@@ -95,11 +95,10 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
     search.history = list(fit.history)
     try:
         u = fit.model.start(fit.map.changed(plain))
+        if _is_same_place(fit, search.minimum(fit.model, u)[0].x):
+            return fit
         model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
-        result, _ = search.minimum(model, u)
-        if _is_same_place(fit, result.x):
-            return fit  # further corrections would lead to this very minimum
-        other = fit_from(search, model, result.x)
+        other = fit_from(search, model, u)
         if other.chi2 > fit.chi2 - SEARCH.raised * max(fit.chi2_per_dof, 1.0):
             return fit  # another minimum, or the same one
         search = Search(SEARCH, progress=callback)

@@ -284,6 +284,37 @@ def ended_by_presses(
     return ""
 
 
+def is_more_missing(
+    ladder: Sequence[Step],
+    accepted: Sequence[AcceptedEffect],
+    settings: SelectionSettings = SELECTION,
+) -> bool:
+    """Whether the significant effects of the last step call for a further step.
+
+    If the residual is noise, a trace does not: it may be the inaccuracy of an effect's law, or the
+    difference between the members of an ambiguous group.
+    """
+    now = ladder[-1]
+    strongest = max(
+        (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
+    )
+    enough = now.comparison.is_noise or within_laws(ladder[0].fit, now.fit, accepted, settings)
+    if strongest == 0 or not accepted or not enough:
+        return strongest > 0
+    explained = ladder[0].fit.chi2 - now.fit.chi2
+    return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
+
+
+def further_missing(
+    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> str:
+    """Return the best-scored effect that is missing though the residual is noise, or nothing."""
+    last = ladder[-1]
+    if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
+        return ""
+    return max(last.diagnosis.significant, key=lambda name: last.diagnosis[name].statistic)
+
+
 def _share(before: FitResult, after: FitResult) -> float:
     """Share of the excess chi-square of a fit that another one removes."""
     excess = before.chi2 - before.dof

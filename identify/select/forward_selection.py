@@ -35,7 +35,14 @@ from identify.select.candidates import (
     shortlist,
 )
 from identify.select.diagnosis import diagnose
-from identify.select.explanation import Explanation, ended_by_presses, verdict_of, within_laws
+from identify.select.explanation import (
+    Explanation,
+    ended_by_presses,
+    further_missing,
+    is_more_missing,
+    verdict_of,
+    within_laws,
+)
 from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import (
     at_their_ends,
@@ -99,7 +106,7 @@ def forward_selection(
     if settings.most_effects and fit.field is None and not _ended_apart(path, policy):
         path = _with_unknown_cause(path, catalogue, selection)
     ladder, accepted = path.ladder, path.accepted
-    further = "" if path.settled else _further(ladder, accepted, settings)
+    further = "" if path.settled else further_missing(ladder, accepted, settings)
     names = dict.fromkeys(path.dropped)
     gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
     within = within_laws(ladder[0].fit, ladder[-1].fit, accepted, settings)
@@ -290,37 +297,6 @@ def _accepted(
 def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
     """Whether a fit takes its share of the excess; any does without an excess."""
     return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
-
-
-def is_more_missing(
-    ladder: Sequence[Step],
-    accepted: Sequence[AcceptedEffect],
-    settings: SelectionSettings = SELECTION,
-) -> bool:
-    """Whether the significant effects of the last step call for a further step.
-
-    If the residual is noise, a trace does not: it may be the inaccuracy of an effect's law, or the
-    difference between the members of an ambiguous group.
-    """
-    now = ladder[-1]
-    strongest = max(
-        (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
-    )
-    enough = now.comparison.is_noise or within_laws(ladder[0].fit, now.fit, accepted, settings)
-    if strongest == 0 or not accepted or not enough:
-        return strongest > 0
-    explained = ladder[0].fit.chi2 - now.fit.chi2
-    return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
-
-
-def _further(
-    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
-) -> str:
-    """Return the best-scored effect that is missing though the residual is noise, or nothing."""
-    last = ladder[-1]
-    if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
-        return ""
-    return max(last.diagnosis.significant, key=lambda name: last.diagnosis[name].statistic)
 
 
 @dataclass(frozen=True)

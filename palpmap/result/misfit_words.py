@@ -10,6 +10,7 @@ from palpmap import units
 from palpmap.result.evidence import added_names
 
 _HARD = 0.7  # of the middle compliance
+_AS_NOISE = 1.05  # times the noise: as large as it, to two digits
 _LISTED = 6  # presses
 _MOST_KEPT = 0.5  # of a misfit: what no map takes
 
@@ -55,8 +56,17 @@ def few_presses_words(explained: Explanation) -> str:
     names = listed([effect.name for effect in explained.accepted])
     return (
         f"These presses hold {percent(min(share, 1.0))} of it{where} ({said}{more}). With {names}, "
-        f"the residual of all others is {times:.2g} times the noise.{_with_any_map(explained, few)}"
+        f"the residual of all others is {beyond_noise(times)}.{_with_any_map(explained, few)}"
     )
+
+
+def beyond_noise(times: float) -> str:
+    """Return how large a residual is, by its ratio to the noise.
+
+    >>> beyond_noise(1.03), beyond_noise(1.26)
+    ('no larger than the noise', '1.3 times the noise')
+    """
+    return "no larger than the noise" if times < _AS_NOISE else f"{times:.2g} times the noise"
 
 
 def _with_any_map(explained: Explanation, few: np.ndarray) -> str:

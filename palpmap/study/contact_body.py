@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem import MeshError
+from fem import FoldedSurfaceError, MeshError
 from models import InputError, read_scan, touching
 from palpmap.study.body import Body
 
@@ -137,6 +137,10 @@ def _made(
         )
     try:
         through = ContactSurface.through(points, directions)
+    except FoldedSurfaceError as error:
+        apart = np.linalg.norm(points - error.points_m[:, None], axis=2)
+        one, two = (scan.press_ids[j] for j in apart.argmin(axis=1))
+        raise InputError(f"{file}, presses {one} and {two}: {error}") from error
     except MeshError as error:
         raise InputError(f"{file}: {error}") from error
     low, high = points[:, :2].min(axis=0) - margin_m, points[:, :2].max(axis=0) + margin_m

@@ -52,6 +52,7 @@ def test_few_presses_that_no_map_meets_are_told():
     assert "100 % of it, where the body is 4.0 times as hard" in says
     assert "90 % of their misfit remains beside touch_threshold: no map takes it" in says
     assert "no map" not in few_of_twenty(0.3)
+    assert "the residual of all others is no larger than the noise." in says
 
 
 def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alone():

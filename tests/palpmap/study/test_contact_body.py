@@ -1,6 +1,7 @@
 """A body from a scan's contacts: its place, its moduli, its copy in a run folder, refusals."""
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -150,6 +151,10 @@ def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):
     assert "expected at least 0.0" in new(tmp_path, scan, "--thickness", "0.004", code=2)
     aside = scan.replace(direction=np.tile([1.0, 0, 0], (len(scan), 1)))
     assert "degrees off straight down" in new(tmp_path, aside, "--thickness", "0.02", code=2)
+    point_m = scan.point_m.copy()
+    point_m[scan.press == 3] = scan.contact_points[4] + [3e-4, 0, 0.006]
+    folded = new(tmp_path, scan.replace(point_m=point_m), "--thickness", "0.02", code=2)
+    assert re.search("presses (3 and 4|4 and 3): .* one above the other", folded)
     few = scan.rows(scan.press < 8)
     assert "needs at least 10 different places, found 8" in new(
         tmp_path, few, "--thickness", "0.02", code=2

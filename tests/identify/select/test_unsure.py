@@ -214,6 +214,27 @@ def test_the_newest_addition_is_compared_again_once_an_earlier_one_is_lost(expla
     assert asked == [True]
 
 
+def test_an_effect_that_brings_nothing_at_the_end_of_its_fit_is_not_added(explained_case):
+    case, last = explained_case, explained_case.explained.final.fit
+    effect = CATALOGUE["hysteresis"]
+    model = last.model.with_effect(effect, effect.null, last.at.state)
+    fit = fit_jointly(model, last.map)
+    assert fit.bic > last.bic
+    promised = candidates.Candidate("hysteresis", last.chi2 - 50, last.bic - 40, fit)
+    excluded = []
+
+    def proposed(step, effects, say, exclude, settings):
+        excluded.append(list(exclude))
+        return () if "hysteresis" in exclude else (promised,)
+
+    policy = explain.Policy(propose=proposed, worthwhile=lambda *_: True, goes_on=lambda *_: True)
+    found = explain.forward_selection(
+        last.model, last.map, case.problem.scan, case.problem.catalogue, policy=policy, first=last
+    )
+    assert excluded[:2] == [[], ["hysteresis"]]
+    assert (len(found.ladder), found.accepted, found.dropped) == (1, (), ())
+
+
 def test_what_the_map_s_own_error_absorbs_is_compared_in_units_of_the_noise_alone(explained_case):
     """Residual and derivatives that `compare` gets are both whitened with the noise alone."""
     model = explained_case.explained.ladder[0].fit.model

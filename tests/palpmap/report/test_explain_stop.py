@@ -10,8 +10,7 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.select.candidates import best_candidates
 from identify.select.diagnosis import Diagnosis
-from identify.select.explanation import verdict_of
-from identify.select.explanation import is_more_missing
+from identify.select.explanation import is_more_missing, verdict_of
 from identify.select.model_error import confounded
 from identify.select.score_test import Score
 

@@ -41,6 +41,7 @@ from identify.catalogue.rigid_tip import RigidTip
 from identify.catalogue.sensitivity_drift import SensitivityDrift
 from identify.catalogue.sensitivity_wander import SensitivityWander
 from identify.catalogue.several_plays import SeveralPlays
+from identify.catalogue.side_creep import SideCreep
 from identify.catalogue.side_gradient import SideGradient
 from identify.catalogue.skin_layer import SkinLayer
 from identify.catalogue.spherical_tip import SphericalTip
@@ -79,6 +80,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         PowerLawCreep(),
         LocalCreep(),
         CreepRecovery(),
+        SideCreep(),
         Preconditioning(),
         PreconditioningNearby(),
         Hysteresis(),

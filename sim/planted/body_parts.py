@@ -31,6 +31,7 @@ from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import STIFFENED, levelling, sphere_travel
 from sim.planted.foreign_forms import of_locking, of_square, of_toe
 from sim.planted.instrument_in_loop import PlantScene
+from sim.planted.jumps import on_side
 from sim.planted.response import half_space_nearness, softened_nearby
 
 Values = Mapping[str, float]
@@ -175,6 +176,11 @@ def _local_creep(scene: PlantScene, v: Values) -> Part:
     return _creep([v["share"]], [v["time_constant_s"]], lambda press, u: float(near[press]))
 
 
+def _side_creep(scene: PlantScene, v: Values) -> Part:
+    side = on_side(scene.bench, v)
+    return _creep([v["share"]], [v["time_constant_s"]], lambda press, u: float(side[press]))
+
+
 def _recovers(scene: PlantScene, v: Values) -> Part:
     nearness = half_space_nearness(scene.bench.points_m, v["reach_m"])
     return RecoveringCreep(np.array([v["share"]]), np.array([v["time_constant_s"]]), nearness)
@@ -220,6 +226,7 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "creep_recovery": _recovers,
     "outside_creeping_inclusion": _inclusion_creeps,
     "local_creep": _local_creep,
+    "side_creep": _side_creep,
     "free_loop": lambda s, v: Loop(lambda x: v["share"] * x**2 * (1 - x) * 27 / 4),
     "play": lambda s, v: Play(
         v["share"], lambda press: v["width"] * np.array([s.deepest_m(press)])

@@ -15,6 +15,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         response.two_time_creep,
         response.power_law_creep,
         jumps.local_creep,
+        jumps.side_creep,
         response.creep_recovery,
         contact.finite_strain,
         contact.strain_stiffening,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from sim.planted.bench import Bench
@@ -78,3 +80,29 @@ def local_creep(bench, travel_m, values):
     near = np.exp(-away / (2 * values["radius_m"] ** 2))
     delayed = follow(travel_m, bench.within_s, values["time_constant_s"])
     return travel_m + values["share"] * near[:, None] * delayed
+
+
+def _border(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    angle = float(rng.uniform(0, 2 * np.pi))
+    middle = rng.uniform(0.4, 0.6, 2) * np.array(bench.body.size_m[:2])
+    return {
+        "angle_rad": angle,
+        "edge_m": float(middle @ (np.cos(angle), np.sin(angle))),
+        "width_m": float(rng.uniform(0.001, 0.01)),
+        "time_constant_s": float(rng.uniform(0.4, 1.2)),
+    }
+
+
+@on_response("structured", "u + share z / (1 + exp(-(s - edge)/width)), tau dz/dt = u - z", "share",
+             0.15, limit=3.0, draw=_border)  # fmt: skip
+def side_creep(bench, travel_m, values):
+    """One side of the body creeps, the other is elastic."""
+    delayed = follow(travel_m, bench.within_s, values["time_constant_s"])
+    return travel_m + values["share"] * on_side(bench, values)[:, None] * delayed
+
+
+def on_side(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
+    """Share (j,) of a border's far side at each press."""
+    angle = values["angle_rad"]
+    along = bench.points_m @ (np.cos(angle), np.sin(angle))
+    return 1 / (1 + np.exp(-(along - values["edge_m"]) / values["width_m"]))

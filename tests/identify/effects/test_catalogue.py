@@ -21,7 +21,7 @@ NAMES = (
     "breathing_from_touch", "local_creep", "free_loop", "guide_friction", "backlash", "force_jump",
     "displacement_jump", "several_plays", "preconditioning_nearby", "breathing_harmonics",
     "breathing_harmonics_from_touch", "creep_recovery", "breathing_drifting",
-    "sensitivity_wander", "free_stiffening", "free_saturation",
+    "sensitivity_wander", "free_stiffening", "free_saturation", "side_creep",
 )  # fmt: skip
 
 
@@ -71,7 +71,7 @@ def test_effects_that_can_only_go_one_way_are_known():
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
         "touch_threshold", "rigid_tip", "power_law_creep", "play", "local_creep",
-        "preconditioning_nearby", "creep_recovery",
+        "preconditioning_nearby", "creep_recovery", "side_creep",
     }  # fmt: skip
 
 

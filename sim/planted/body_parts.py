@@ -29,7 +29,7 @@ from sim.planted.body_in_loop import (
 )
 from sim.planted.catalogue import HIDDEN
 from sim.planted.contact import STIFFENED, levelling, sphere_travel
-from sim.planted.foreign_forms import of_locking, of_square, of_toe
+from sim.planted.foreign_forms import of_locking, of_square, of_toe, rising
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.jumps import on_side
 from sim.planted.response import half_space_nearness, softened_nearby
@@ -173,12 +173,12 @@ def _levelled(scene: PlantScene) -> Callable[[int, float], float]:
 def _local_creep(scene: PlantScene, v: Values) -> Part:
     away = np.sum((scene.bench.points_m - (v["x_m"], v["y_m"])) ** 2, axis=1)
     near = np.exp(-away / (2 * v["radius_m"] ** 2))
-    return _creep([v["share"]], [v["time_constant_s"]], lambda press, u: float(near[press]))
+    return _creep_by(near, v["share"], v["time_constant_s"])
 
 
-def _side_creep(scene: PlantScene, v: Values) -> Part:
-    side = on_side(scene.bench, v)
-    return _creep([v["share"]], [v["time_constant_s"]], lambda press, u: float(side[press]))
+def _creep_by(place: np.ndarray, share: float, tau_s: float) -> Part:
+    """Return creep whose share differs from press to press, (j,)."""
+    return _creep([share], [tau_s], lambda press, u: float(place[press]))
 
 
 def _recovers(scene: PlantScene, v: Values) -> Part:
@@ -223,10 +223,11 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "form_broad_creep": lambda s, v: _creep(v["share"] * _bell()[0], _bell()[1]),
     "form_levelling_creep": lambda s, v: _creep([v["share"]], [0.8], _levelled(s)),
     "form_recovering_creep": _fades,
+    "form_creep_on_one_side": lambda s, v: _creep_by(rising(s.bench, v), v["share"], 0.8),
     "creep_recovery": _recovers,
     "outside_creeping_inclusion": _inclusion_creeps,
     "local_creep": _local_creep,
-    "side_creep": _side_creep,
+    "side_creep": lambda s, v: _creep_by(on_side(s.bench, v), v["share"], v["time_constant_s"]),
     "free_loop": lambda s, v: Loop(lambda x: v["share"] * x**2 * (1 - x) * 27 / 4),
     "play": lambda s, v: Play(
         v["share"], lambda press: v["width"] * np.array([s.deepest_m(press)])

@@ -5,9 +5,13 @@ The family is the right answer.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from sim.planted.bench import Bench
 from sim.planted.effect import on_contact, on_response
+from sim.planted.jumps import border
 from sim.planted.response import follow, lag_behind, recovering
 
 CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep", "creep_recovery")
@@ -57,6 +61,21 @@ def form_recovering_creep(bench, travel_m, values):
         delayed = follow(travel_m, bench.within_s, tau)
         more += delayed + recovering(bench, delayed[:, -1], np.exp(-away / 0.012), tau)
     return travel_m + values["share"] * more / 2
+
+
+@on_response("form", "u + share z clip(1/2 + (s - edge)/(4 width), 0, 1)", "share", 0.15,
+             limit=3.0, draw=border, kin=("side_creep",))  # fmt: skip
+def form_creep_on_one_side(bench, travel_m, values):
+    """Creep that begins at a line over the surface and grows evenly from there."""
+    delayed = follow(travel_m, bench.within_s, 0.8)
+    return travel_m + values["share"] * rising(bench, values)[:, None] * delayed
+
+
+def rising(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
+    """Share (j,) of a side that begins and ends in kinks, at each press."""
+    angle = values["angle_rad"]
+    along = bench.points_m @ (np.cos(angle), np.sin(angle))
+    return np.clip(0.5 + (along - values["edge_m"]) / (4 * values["width_m"]), 0, 1)
 
 
 # ---- loops -----------------------------------------------------------------------------------
@@ -181,6 +200,7 @@ FORMS_OF_THE_BODY = (
     form_broad_creep,
     form_levelling_creep,
     form_recovering_creep,
+    form_creep_on_one_side,
     form_several_plays,
     form_fat_loop,
     form_late_loop,

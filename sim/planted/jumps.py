@@ -82,7 +82,8 @@ def local_creep(bench, travel_m, values):
     return travel_m + values["share"] * near[:, None] * delayed
 
 
-def _border(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+def border(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a line over the middle of the body that divides it."""
     angle = float(rng.uniform(0, 2 * np.pi))
     middle = rng.uniform(0.4, 0.6, 2) * np.array(bench.body.size_m[:2])
     return {
@@ -94,7 +95,7 @@ def _border(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
 
 
 @on_response("structured", "u + share z / (1 + exp(-(s - edge)/width)), tau dz/dt = u - z", "share",
-             0.15, limit=3.0, draw=_border)  # fmt: skip
+             0.15, limit=3.0, draw=border)  # fmt: skip
 def side_creep(bench, travel_m, values):
     """One side of the body creeps, the other is elastic."""
     delayed = follow(travel_m, bench.within_s, values["time_constant_s"])

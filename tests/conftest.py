@@ -265,5 +265,5 @@ def explained_case(tmp_path_factory) -> Explained:
     record = explain_record(explained, problem, assessment)
     with RunFolder("explain", folder / "run", seed=0, inputs=[study.scan]) as run:
         record.write(run / "result.json")
-        write_explain_files(run.path, problem, explained, record)
+        write_explain_files(run.path, problem, explained, assessment, record)
     return Explained(folder / "run", problem, explained, assessment, record)

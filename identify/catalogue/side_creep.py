@@ -129,10 +129,10 @@ class SideCreep(Effect):
         middle = readings.point_m[:, :2].mean(axis=0)
         x, y = 1e3 * (middle + (values["edge_m"] - middle @ towards) * towards)
         return (
-            f"Beyond a line through ({x:.0f}, {y:.0f}) mm, {math.degrees(angle) % 360:.0f} degrees "
-            f"from the x axis, the tip keeps sinking under a held force, by {percent(values['g'])} "
-            f"in the end with a time constant of {seconds(values['tau_s'])}; on this side of it "
-            "it does not."
+            f"The tip keeps sinking under a held force on one side of the body: beyond a line "
+            f"through ({x:.0f}, {y:.0f}) mm, in the direction {math.degrees(angle) % 360:.0f} "
+            f"degrees from the x axis, by {percent(values['g'])} in the end with a time constant "
+            f"of {seconds(values['tau_s'])}. On this side of the line it does not."
         )
 
 

@@ -72,6 +72,11 @@ class Solution:
             self.settings,
         )  # fmt: skip
 
+    @cached_property
+    def unseen_inclusions(self) -> tuple[int, ...]:
+        """Numbers, from one, of the inclusions without all of which the fit is as good."""
+        return unseen_inclusions(self.model, self.u, self.at)
+
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
@@ -99,7 +104,7 @@ class FitResult:
     model_error : (j,) estimated relative error of the finer model, None where there was none
     derivative_m : (m, k) derivative of `predicted_m` by the free parameters; None of a map alone
         under a flat tip, where it follows from the compliances'
-    estimates : parameters of a fit that was read from a file
+    estimates : parameters of a fit that was read from a file, or with intervals made elsewhere
     solution : the model behind the fit, None of one that was read from a file
     field : of a free map, whose unknowns stand there and not among `covariance_names`
     at_bound : names of the unknowns on a bound of the search
@@ -243,11 +248,10 @@ class FitResult:
             live.settings,
         )
 
-    @cached_property
+    @property
     def unseen_inclusions(self) -> tuple[int, ...]:
         """Numbers, from one, of the inclusions without all of which the fit is as good."""
-        live = self._live
-        return unseen_inclusions(live.model, live.u, live.at)
+        return self._live.unseen_inclusions
 
     def intervals(self, curved: bool) -> dict[str, Estimate]:
         """Return all parameters with 95 % intervals, `curved` or from the covariance alone.
@@ -256,7 +260,8 @@ class FitResult:
         noise: the intervals are then the covariance's. An inclusion that is not seen may be
         anywhere: its intervals are all that the search allows.
         """
-        live, unseen = self._live, tuple(f"inclusion_{n}." for n in self.unseen_inclusions)
+        live = self._live
+        unseen = tuple(f"inclusion_{n}." for n in live.unseen_inclusions)
         ends = live.curved_ends if curved and not self.is_gross else live.straight_ends
         low, high = live.model.bounds
         ends = np.clip(ends, low[:, None], high[:, None])

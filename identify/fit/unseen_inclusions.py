@@ -17,6 +17,8 @@ from identify.measurement.model import MeasurementModel
 from identify.optimize.gauss_newton import covariance
 from identify.optimize.result import InadmissibleError
 
+_SURE = 100.0  # chi-square that no end of a search brings: tolerances are thousandths
+
 
 def unseen_inclusions(
     model: MeasurementModel, u: np.ndarray, at: Linearised, settings: FitSettings = SEARCH
@@ -87,8 +89,10 @@ class _End:
         fewer = parameter_space(stiffness, self.model.mechanics.coarse.mesh.box_m, free)
         model, search = replace(self.model.started(self.u), space=fewer), Search(settings)
         try:
-            result, _ = search.minimum(model, model.start(stiffness))
-            result, _ = search.finished(model, result)
+            result, at = search.minimum(model, model.start(stiffness))
+            price = len(self.u) * float(np.log(len(self.at.residual)))
+            if at.chi2 < self.at.chi2 + price + _SURE:
+                result, _ = search.finished(model, result)
             return _End(model, result.x, search.linearise(model, result.x))
         except (InadmissibleError, SolverError):
             return None

@@ -213,11 +213,18 @@ def study_outline(study: Study) -> Outline:
     return Outline(lower, upper, inside)
 
 
-def step_finding(run: Path, problem: Problem, step: Step) -> Finding:
-    """Return a step of an explanation as a finding; its map is fitted jointly with the effects."""
+def step_finding(
+    run: Path, problem: Problem, step: Step, estimates: Mapping[str, Estimate] | None = None
+) -> Finding:
+    """Return a step of an explanation as a finding; its map is fitted jointly with the effects.
+
+    Parameters
+    ----------
+    estimates : of the step, with the intervals that the answer states; None for its fit's own
+    """
     note = _BALL if problem.body.coarse.contacts.profile == "hertz" else problem.body.note
     # Steps of refits are no convergence of a search
-    fit = replace(step.fit, history=())
+    fit = replace(step.fit, history=(), estimates=estimates)
     origin_m = problem.experiment.origin_m
     found = Finding.of(problem.study, fit, problem.scan, origin_m, step.comparison, note)
     truth = read_truth(problem.study.scan.with_name(TRUTH), foreign=True)

@@ -52,13 +52,14 @@ def write_explanation(
     version_of(study, explained.final.fit, run / "study.toml", files)
     if explained.fitted_verdict == "unexplained":
         write_own_effect(pattern_of(explained.final.comparison), run / OWN_EFFECT)
-    write_explain_files(run, problem, explained, record, source)
+    write_explain_files(run, problem, explained, assessment, record, source)
 
 
 def write_explain_files(
     run: Path,
     problem: Problem,
     explained: Explanation,
+    assessment: Assessment,
     record: ExplainRecord,
     source: Path | None = None,
 ) -> None:
@@ -70,7 +71,7 @@ def write_explain_files(
     record : result.json
     source : file of the study
     """
-    finding = step_finding(run, problem, explained.final)
+    finding = step_finding(run, problem, explained.final, assessment.parameters)
     write_fit(finding.fit, run / "fit.json")
     finding.comparison.write(run / "comparison.json")
     pictures = explain_pictures(finding, explained, record)

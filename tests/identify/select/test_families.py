@@ -5,7 +5,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.select.forward_selection import forward_selection
-from tests.identify.select.loop_problem import TRUE, model
+from tests.identify.select.loop_problem import TRUE, model, points
 from tests.identify.select.test_forward_selection import planted
 
 
@@ -21,6 +21,20 @@ def three_times(d, f, t, phase, press):
             age = np.maximum(t[row] - begin[: i + 1], 0)
             kernel = sum(1 - np.exp(-age / tau) for tau in (0.08, 0.5, 3.0))
             out[row] += 0.05 * np.sum(rises[: i + 1] * kernel)
+    return out, f
+
+
+def one_side(d, f, t, phase, press):
+    """Creep of 30 % with 0.6 s where x + y / 2 exceeds 40 mm, and none elsewhere."""
+    place = points()[press]
+    out = d.copy()
+    for j in np.unique(press[place[:, 0] + place[:, 1] / 2 > 0.04]):
+        own = np.flatnonzero(press == j)
+        rises = np.diff(d[own], prepend=0.0)
+        begin = t[own] - 0.5 * np.diff(t[own], prepend=t[own][0] - (t[own][1] - t[own][0]))
+        for i, row in enumerate(own):
+            age = np.maximum(t[row] - begin[: i + 1], 0)
+            out[row] += 0.3 * np.sum(rises[: i + 1] * (1 - np.exp(-age / 0.6)))
     return out, f
 
 
@@ -67,6 +81,16 @@ def test_a_foreign_form_is_named_by_its_family(change, family):
     assert {CATALOGUE[name].family for name in found.added} == {family}
     assert found.verdict == "explained"
     assert all(effect.decided for effect in found.accepted)
+
+
+def test_creep_on_one_side_is_named_with_its_side():
+    table = planted(8, one_side)
+    found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
+    assert (found.verdict, found.added) == ("explained", ("side_creep",))
+    values = found.final.fit.at.values["side_creep"]
+    towards = np.array([np.cos(values["angle_rad"]), np.sin(values["angle_rad"])])
+    creeps = points()[:, :2] @ towards > values["edge_m"]
+    assert np.mean(creeps == (points()[:, :2] @ (1, 0.5) > 0.04)) >= 0.95
 
 
 @pytest.mark.slow

@@ -77,9 +77,9 @@ class _End:
 
     def without(self, at: int, settings: FitSettings) -> _End | None:
         """Fit again without an inclusion; held parameters stay held. None where that fails."""
-        found, space = self.model.map(self.u), self.model.space
-        kept = [i for i in range(len(found.inclusions)) if i != at]
-        stiffness = GaussianMap(found.background_pa, tuple(found.inclusions[i] for i in kept))
+        whole, space = self.model.map(self.u), self.model.space
+        kept = [i for i in range(len(whole.inclusions)) if i != at]
+        stiffness = GaussianMap(whole.background_pa, tuple(whole.inclusions[i] for i in kept))
         was = {f"inclusion_{new}": f"inclusion_{old + 1}" for new, old in enumerate(kept, start=1)}
         free = []
         for name in stiffness.names:
@@ -89,9 +89,9 @@ class _End:
         fewer = parameter_space(stiffness, self.model.mechanics.coarse.mesh.box_m, free)
         model, search = replace(self.model.started(self.u), space=fewer), Search(settings)
         try:
-            result, at = search.minimum(model, model.start(stiffness))
+            result, found = search.minimum(model, model.start(stiffness))
             price = len(self.u) * float(np.log(len(self.at.residual)))
-            if at.chi2 < self.at.chi2 + price + _SURE:
+            if found.chi2 < self.at.chi2 + price + _SURE:
                 result, _ = search.finished(model, result)
             return _End(model, result.x, search.linearise(model, result.x))
         except (InadmissibleError, SolverError):

@@ -17,6 +17,8 @@ from palpmap.report.explain_console import explain_summary
 from palpmap.report.explain_report import write_explain_report
 from palpmap.result.explain_record import explain_record
 from palpmap.result.finding import step_finding
+from palpmap.run_files.explain_run import write_explain_files
+from palpmap.run_folder import RunFolder
 
 HEADLINES = {
     "Explained": "explained",
@@ -228,6 +230,18 @@ def test_the_faces_agree_on_every_verdict(explained_case, tmp_path, verdict):
     assert agree(in_terminal(explained, record, case.problem), wanted)
     assert agree(in_report(report), wanted)
     assert agree(in_recording(about_text("a scan", explained, record)), wanted)
+
+
+def test_fit_json_states_the_intervals_of_the_result(explained_case, tmp_path):
+    case, name = explained_case, "background_pa"
+    own = case.assessment.parameters[name]
+    wide = {**case.assessment.parameters, name: replace(own, lower95=0.5 * own.lower95)}
+    assessment = replace(case.assessment, parameters=wide)
+    record = explain_record(case.explained, case.problem, assessment)
+    with RunFolder("explain", tmp_path / "run", seed=0, inputs=[]) as run:
+        write_explain_files(run.path, case.problem, case.explained, assessment, record)
+    said = json.loads((tmp_path / "run" / "fit.json").read_text())["parameters"][name]
+    assert said["lower95"] == record.parameters[name].lower95 == 0.5 * own.lower95
 
 
 def test_another_form_is_told_from_another_cause():

@@ -49,7 +49,9 @@ class SideCreep(Effect):
             "angle_rad", "rad", "direction towards the creeping side, from the x axis", None,
             -math.pi, 3 * math.pi, math.pi / 4,
         ),
-        EffectParameter("edge_m", "m", "border, from the origin that way", None, -1.0, 1.0, 0.01),
+        EffectParameter(
+            "edge_m", "m", "border, from the middle of the presses that way", None, -1.0, 1.0, 0.01
+        ),
         EffectParameter("width_m", "m", "of the border", None, 1e-4, 0.5, 0.01, log=True),
     )  # fmt: skip
     needs = ("time", "several presses")
@@ -59,7 +61,7 @@ class SideCreep(Effect):
             "The travel rises by 1 mm/s from a touch at t = 0; z is t - tau (1 - exp(-t / tau)): "
             "0.36788 mm at 1 s, 1.13534 mm at 2 s for 1 s. One width beyond the border 7.311 % of "
             "it are added.",
-            {"g": 0.1, "tau_s": 1.0, "angle_rad": 0.0, "edge_m": 0.01, "width_m": 0.005},
+            {"g": 0.1, "tau_s": 1.0, "angle_rad": 0.0, "edge_m": -0.005, "width_m": 0.005},
             {
                 "time_s": (1.0, 2.0),
                 "point_m": ((0.015, 0.0, 0.0), (0.015, 0.0, 0.0)),
@@ -107,7 +109,7 @@ class SideCreep(Effect):
             return self.parameters
         shortest, longest = time_constants(readings)
         size = _size(readings)
-        reach = float(np.linalg.norm(readings.point_m[:, :2], axis=1).max())
+        reach = float(np.linalg.norm(_beside(readings), axis=1).max())
         return (
             g,
             replace(tau, lower=shortest / 2, upper=2 * longest),
@@ -126,8 +128,7 @@ class SideCreep(Effect):
         """Say on which side the body creeps, how much and how slowly."""
         angle = values["angle_rad"]
         towards = np.array([math.cos(angle), math.sin(angle)])
-        middle = readings.point_m[:, :2].mean(axis=0)
-        x, y = 1e3 * (middle + (values["edge_m"] - middle @ towards) * towards)
+        x, y = 1e3 * (readings.scales.middle_m[:2] + values["edge_m"] * towards)
         return (
             f"The tip keeps sinking under a held force on one side of the body: beyond a line "
             f"through ({x:.0f}, {y:.0f}) mm, in the direction {math.degrees(angle) % 360:.0f} "
@@ -138,7 +139,12 @@ class SideCreep(Effect):
 
 def _along(readings: Readings, angle_rad: float) -> np.ndarray:
     """Place of each reading in a direction over the surface, (m,) m."""
-    return readings.point_m[:, :2] @ (math.cos(angle_rad), math.sin(angle_rad))
+    return _beside(readings) @ (math.cos(angle_rad), math.sin(angle_rad))
+
+
+def _beside(readings: Readings) -> np.ndarray:
+    """Place of each reading beside the middle of the presses, (m, 2) m."""
+    return (readings.point_m - readings.scales.middle_m)[:, :2]
 
 
 def _size(readings: Readings) -> float:

@@ -18,6 +18,7 @@ from palpmap.result.history import VersionRecord, read_history, write_history
 from palpmap.result.presses_words import counted, left_out_sentences
 from palpmap.result.records import CountRecord
 from palpmap.result.tables import ladder_table, parameter_table
+from palpmap.study.frame import evidence
 from palpmap.study.open_study import Problem
 from palpmap.study.study import load_study
 from palpmap.study.versions import history_file, next_version, version_of
@@ -73,7 +74,12 @@ def run_add(*, study: Path, name: str, seed: int, effects: Sequence[Path], outpu
         record,
         console(ladder_table(steps, ("before", "after"), "error")),
         console(parameter_table(found, before=old, title="change of the parameters")),
-        catalogue[name].evidence(fit.at.values[name], problem.model.readings),
+        evidence(
+            catalogue[name],
+            fit.at.values[name],
+            problem.model.readings,
+            problem.experiment.origin_m,
+        ),
         *([] if earns else [f"{name} does not earn its place: chi-square hardly falls."]),
         *left_out_sentences(CountRecord(**counted(problem))),
         f"Next version: {target}",

@@ -24,6 +24,7 @@ from palpmap.result.records import (
     ValueRecord,
     WithoutSuspectsRecord,
 )
+from palpmap.study.frame import evidence
 from palpmap.study.open_study import Problem
 
 
@@ -211,12 +212,13 @@ def candidate_record(
 
 
 def _evidence(score: Score, problem: Problem, final: Step | None) -> str:
-    effect, readings = problem.catalogue[score.name], problem.model.readings
+    values: Mapping[str, float] = score.values
     if final is not None and score.name in final.fit.at.values:
-        return effect.evidence(final.fit.at.values[score.name], readings)
-    if score.untestable is not None:
+        values = final.fit.at.values[score.name]
+    elif score.untestable is not None:
         return f"Cannot be tested: {score.untestable}."
-    return effect.evidence(score.values, readings)
+    effect, origin_m = problem.catalogue[score.name], problem.experiment.origin_m
+    return evidence(effect, values, problem.model.readings, origin_m)
 
 
 def parameters_of(

@@ -22,6 +22,7 @@ from palpmap.result.misfit_words import (
 )
 from palpmap.result.presses_words import first_readings_sentence
 from palpmap.result.records import ExplainRecord, OtherMapRecord
+from palpmap.study.frame import evidence
 from palpmap.study.open_study import Problem
 
 VERDICTS = {  # but see `headline`
@@ -254,8 +255,9 @@ def step_evidence(explained: Explanation, problem: Problem, number: int) -> str:
     for name in added_names(steps[number - 1], steps[number]):
         having = [step for step in steps[number:] if name in step.fit.effect_names]
         values = having[-1].fit.at.values[name]
-        text = explained.effect(name).evidence(values, problem.model.readings)
-        if "touch" in explained.effect(name).hooks:
+        effect, origin_m = explained.effect(name), problem.experiment.origin_m
+        text = evidence(effect, values, problem.model.readings, origin_m)
+        if "touch" in effect.hooks:
             text = f"{text} {first_readings_sentence(problem.scan)}".strip()
         sure = name in (*explained.added, *explained.unknown)
         says.append(text if sure else f"If it were {name}: {text}")

@@ -1,0 +1,44 @@
+"""One frame: what is said and listed of places is in the frame of the scan."""
+
+import re
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.effects.conformance.example_scan import trial
+from palpmap.study.frame import evidence, frame_shift_m
+
+ORIGIN_M = np.array([0.2, -0.1, 0.05])
+
+
+def places(sentence: str) -> list[float]:
+    """Numbers of the first two places in mm that a sentence names."""
+    pair = re.search(r"\(([-\d.]+), ([-\d.]+)\) mm|x = ([-\d.]+) mm, y = ([-\d.]+) mm", sentence)
+    assert pair, sentence
+    return [float(number) for number in pair.groups() if number]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("local_creep", {"g": 0.1, "tau_s": 1.0, "x_m": 0.03, "y_m": 0.02, "radius_m": 0.01}),
+        ("side_creep", {"g": 0.1, "tau_s": 1.0, "angle_rad": 0.6, "edge_m": 0.004,
+                        "width_m": 0.005}),
+        ("extra_inclusion", {"weight_pa": 5e3, "x_m": 0.03, "y_m": 0.02, "z_m": 0.03,
+                             "radius_m": 0.01}),
+    ],
+)  # fmt: skip
+def test_evidence_names_places_in_the_frame_of_the_scan(name, values):
+    effect, readings = CATALOGUE[name], trial().readings
+    own = effect.evidence(values, readings)
+    said = evidence(effect, values, readings, ORIGIN_M)
+    moved = np.subtract(places(said), places(own))
+    np.testing.assert_allclose(moved, 1e3 * ORIGIN_M[:2], atol=1.0)
+    rest = [re.sub(r"\([-\d.]+, [-\d.]+\)|[xy] = [-\d.]+", "", text) for text in (own, said)]
+    assert rest[0] == rest[1]  # sizes, depths and directions are the same
+
+
+def test_a_shift_of_the_body_is_no_place():
+    assert frame_shift_m("body_shift.x_m", ORIGIN_M) == 0.0
+    assert frame_shift_m("local_creep.x_m", ORIGIN_M) == 0.2

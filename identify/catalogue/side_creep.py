@@ -133,7 +133,7 @@ class SideCreep(Effect):
             f"The tip keeps sinking under a held force on one side of the body: beyond a line "
             f"through ({x:.0f}, {y:.0f}) mm, in the direction {math.degrees(angle) % 360:.0f} "
             f"degrees from the x axis, by {percent(values['g'])} in the end with a time constant "
-            f"of {seconds(values['tau_s'])}. On this side of the line it does not."
+            f"of {seconds(values['tau_s'])}. On the other side it does not."
         )
 
 

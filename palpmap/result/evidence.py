@@ -103,16 +103,24 @@ def kept(explained: Explanation, name: str) -> AcceptedEffect | None:
     return next((a for a in explained.accepted if a.name == name), None)
 
 
-def evidences(explained: Explanation) -> tuple[Evidence, ...]:
-    """Return the evidence of every step of the ladder."""
-    return tuple(evidence_of(name, before, after) for name, before, after in steps(explained))
+def evidences(explained: Explanation, origin_m: np.ndarray) -> tuple[Evidence, ...]:
+    """Return the evidence of every step of the ladder, with places in the scan's frame."""
+    found = steps(explained)
+    return tuple(evidence_of(name, before, after, origin_m) for name, before, after in found)
 
 
-def evidence_of(name: str, before: Step, after: Step, most: int = 2) -> Evidence:
-    """Find the axes along which a step of the ladder shows best."""
+def evidence_of(
+    name: str, before: Step, after: Step, origin_m: np.ndarray, most: int = 2
+) -> Evidence:
+    """Find the axes along which a step of the ladder shows best.
+
+    Parameters
+    ----------
+    origin_m : (3,) origin of the body's frame in the scan's frame
+    """
     change = before.fit.residual_m - after.fit.residual_m
     weight = 1 / before.fit.at.sigma_m**2
-    axes = axes_of(before, after.fit.at.values.get(name, {}))
+    axes = axes_of(before, after.fit.at.values.get(name, {}), origin_m)
     press = before.fit.model.readings.press
     shares = [shown_share(bins_of(axis, press), change, weight) for axis in axes]
     worth = [s - _SPLIT * (len(a.curves) > 1) for s, a in zip(shares, axes, strict=True)]
@@ -121,7 +129,7 @@ def evidence_of(name: str, before: Step, after: Step, most: int = 2) -> Evidence
     return Evidence(name, before, after, shown, float(shares[best[0]]))
 
 
-def axes_of(step: Step, values: Mapping[str, float]) -> list[Axis]:
+def axes_of(step: Step, values: Mapping[str, float], origin_m: np.ndarray) -> list[Axis]:
     """Return the axes that a scan has; forces are the best estimates of the true ones.
 
     Sorted by the measured force, pure noise shows a slope (`identify.residual.whitened`).
@@ -129,6 +137,7 @@ def axes_of(step: Step, values: Mapping[str, float]) -> list[Axis]:
     Parameters
     ----------
     values : found for the effect; a frequency folds the time of the scan
+    origin_m : (3,) origin of the body's frame in the scan's frame
     """
     fit, readings = step.fit, step.fit.model.readings
     none = np.zeros(len(readings.press), int)
@@ -147,8 +156,8 @@ def axes_of(step: Step, values: Mapping[str, float]) -> list[Axis]:
         )
     for axis in range(3):
         if np.ptp(readings.point_m[:, axis]) > 1e-3:
-            where = 1e3 * readings.point_m[:, axis]
-            axes.append(Axis("xyz"[axis], f"{'xyz'[axis]} in the body's frame, mm", where, none))
+            where = 1e3 * (readings.point_m[:, axis] + origin_m[axis])
+            axes.append(Axis("xyz"[axis], f"{'xyz'[axis]}, mm", where, none))
     if readings.time_s is not None:
         axes += _in_time(readings, phase, values)
     return axes

@@ -99,7 +99,7 @@ def explain_pictures(
         }
         if len(explained.ladder) > 1:  # one dot is no picture
             pictures["ladder"] = png(draw_ladder(explained))
-        for number, evidence in enumerate(evidences(explained), start=1):
+        for number, evidence in enumerate(evidences(explained, finding.origin_m), start=1):
             pictures[f"evidence_{number}"] = png(draw_evidence(evidence))
         parameters = draw_parameters(finding, explained, record)
         if parameters is not None:

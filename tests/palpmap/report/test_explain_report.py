@@ -186,7 +186,7 @@ def test_texts_from_files_are_escaped(told, tmp_path):
 
 def test_the_evidence_of_creep_is_the_time_within_the_press(explained_case):
     before, after = explained_case.explained.ladder
-    evidence = evidence_of("viscoelasticity", before, after)
+    evidence = evidence_of("viscoelasticity", before, after, np.zeros(3))
     axis, (curve,) = evidence.shown[0]
     assert axis.name == "time"
     assert evidence.share > 0.5

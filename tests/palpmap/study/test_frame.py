@@ -7,6 +7,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.conformance.example_scan import trial
+from palpmap.result.evidence import axes_of
 from palpmap.study.frame import evidence, frame_shift_m
 
 ORIGIN_M = np.array([0.2, -0.1, 0.05])
@@ -42,3 +43,12 @@ def test_evidence_names_places_in_the_frame_of_the_scan(name, values):
 def test_a_shift_of_the_body_is_no_place():
     assert frame_shift_m("body_shift.x_m", ORIGIN_M) == 0.0
     assert frame_shift_m("local_creep.x_m", ORIGIN_M) == 0.2
+
+
+def test_pictures_of_the_evidence_have_the_frame_of_the_scan(explained_case):
+    step = explained_case.explained.ladder[0]
+    own, there = (axes_of(step, {}, origin) for origin in (np.zeros(3), ORIGIN_M))
+    for name, shift in (("x", 200.0), ("y", -100.0)):
+        (one,), (other,) = ([a for a in axes if a.name == name] for axes in (own, there))
+        np.testing.assert_allclose(other.at - one.at, shift)
+        assert other.label == f"{name}, mm"

@@ -1,6 +1,6 @@
 """From a study and its scan to the experiment that is fitted, and to the selection's start."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -69,8 +69,8 @@ def open_study(
     used, origin_m = placement.scan.used(), placement.origin_m
     say("meshing the body")
 
-    def in_body_frame(values: dict[str, float]) -> dict[str, float]:
-        return {name: value - frame_shift_m(name, origin_m) for name, value in values.items()}
+    def in_body_frame(values: Mapping[str, float], prefix: str = "") -> dict[str, float]:
+        return {k: v - frame_shift_m(prefix + k, origin_m) for k, v in values.items()}
 
     body = build_body_model(study, used)
     regions = _regions(study, body.coarse, origin_m)
@@ -87,7 +87,10 @@ def open_study(
             else FieldGuess(study.map.length_m, study.map.spread, regions),
             study.map.kind == "auto",
         ),
-        tuple((catalogue[entry.name], entry.initial) for entry in study.effects),
+        tuple(
+            (catalogue[entry.name], in_body_frame(entry.initial, f"{entry.name}."))
+            for entry in study.effects
+        ),
         origin_m,
         placement.onto_another_shape,
         None if part is measured else (measured, whole.scan),

@@ -8,9 +8,12 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from identify.effects import UNKNOWN
 from identify.fit import FitResult
 from models import InputError
+from palpmap.study.frame import frame_shift_m
 from palpmap.study.study import Effect, Study, write_study
 
 _VERSION = re.compile(r"^(?P<stem>.+?)(?:\.v(?P<number>\d+))?\.toml$")
@@ -21,17 +24,23 @@ def version_of(
 ) -> Study:
     """Write a study that has the effects of a fit, starting from its values; return it.
 
+    Their places are in the scan's frame there, as those of the map.
+
     Parameters
     ----------
     files : of the user's own effects, by name; where they stand now, whatever the study's folder
     """
     kept = {entry.name: entry.file for entry in study.effects}
+    origin_m = np.array(study.body.origin_m)
     known = {**kept, **{name: file.resolve() for name, file in (files or {}).items()}}
     entries = tuple(
         Effect(
             name=part.effect.name,
             file=known.get(part.effect.name),
-            initial={k: float(v) for k, v in fit.at.values[part.effect.name].items()},
+            initial={
+                name: float(value) + frame_shift_m(f"{part.effect.name}.{name}", origin_m)
+                for name, value in fit.at.values[part.effect.name].items()
+            },
         )
         for part in fit.model.effects
         if part.effect.family != UNKNOWN

@@ -7,8 +7,13 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.conformance.example_scan import trial
+from identify.fit import fit_jointly
+from models import read_scan, write_scan
+from palpmap.experiment import read_study
 from palpmap.result.evidence import axes_of
 from palpmap.study.frame import evidence, frame_shift_m
+from palpmap.study.study import load_study
+from palpmap.study.versions import version_of
 
 ORIGIN_M = np.array([0.2, -0.1, 0.05])
 
@@ -52,3 +57,21 @@ def test_pictures_of_the_evidence_have_the_frame_of_the_scan(explained_case):
         (one,), (other,) = ([a for a in axes if a.name == name] for axes in (own, there))
         np.testing.assert_allclose(other.at - one.at, shift)
         assert other.label == f"{name}, mm"
+
+
+def test_a_study_states_places_of_effects_in_the_frame_of_the_scan(explained_case, tmp_path):
+    problem = explained_case.problem
+    study, effect = problem.study, CATALOGUE["local_creep"]
+    body = study.body.model_copy(update={"origin_m": tuple(ORIGIN_M.tolist())})
+    there = study.model_copy(update={"body": body, "scan": tmp_path / "scan.csv"})
+    write_scan(read_scan(study.scan).moved(ORIGIN_M), there.scan)
+    values = {"g": 0.1, "tau_s": 1.0, "x_m": 0.03, "y_m": 0.02, "radius_m": 0.02}
+    model = problem.model.with_effect(effect, values, problem.model.mechanics.state())
+    fit = fit_jointly(model, problem.start, rounds=0, max_evaluations=1)
+    version_of(there, fit, tmp_path / "study.toml")
+    (entry,) = load_study(tmp_path / "study.toml").effects
+    found = fit.at.values["local_creep"]
+    away = {name: entry.initial[name] - found[name] for name in values}
+    assert away == pytest.approx({"g": 0, "tau_s": 0, "x_m": 0.2, "y_m": -0.1, "radius_m": 0})
+    ((_, initial),) = read_study(tmp_path / "study.toml").opened().effects
+    assert initial == pytest.approx(found)

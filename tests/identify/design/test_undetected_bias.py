@@ -9,9 +9,12 @@ from identify.design.detection_limits import Limit, detection_limits
 from identify.design.settings import DETECTION
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.fit.joint_fit import fit_jointly
+from identify.fit.settings import SEARCH
 from tests.identify.select.loop_problem import TRUE, model, scan, timing, uncorrected
 
 SHARE = DETECTION.bias_share
+# A depth moves by an eighth of its standard error, a search ends within a seventh
+TO_ITS_END = replace(SEARCH, ftol=1e-5, rtol=0.0)
 
 
 def limit(name: str, share: float | None, most: float | None = None, **bias: float) -> Limit:
@@ -40,7 +43,7 @@ def test_an_effect_too_small_to_be_seen_moves_the_map_as_foretold(name):
     press, _, _, force = timing(0)
     body = uncorrected()
     table = scan(body.evaluate(TRUE, body.state()).compliance[press] * force, force, 0)
-    fit = fit_jointly(model(table, body), TRUE)
+    fit = fit_jointly(model(table, body), TRUE, settings=TO_ITS_END)
     (own,) = detection_limits(fit, [effect for effect in CATALOGUE if effect.name == name])
     foretold = undetected_biases([own])
     share = foretold["background_pa"].share
@@ -50,7 +53,7 @@ def test_an_effect_too_small_to_be_seen_moves_the_map_as_foretold(name):
     # By formulas of this test: a spring in series, and a first touch that is declared late
     added = size * force if name == "tool_compliance" else -size
     planted = replace(table, displacement_m=table.displacement_m + added)
-    moved = fit_jointly(model(planted, body), fit.map)
+    moved = fit_jointly(model(planted, body), fit.map, settings=TO_ITS_END)
     for parameter in ("background_pa", "inclusion_1.weight_pa", "inclusion_1.z_m"):
         done = abs(moved.values[parameter] - fit.values[parameter])
         assert done == pytest.approx(foretold[parameter].shift, rel=0.4), parameter

@@ -9,32 +9,32 @@ from tests.identify.select.loop_problem import TRUE, model, points
 from tests.identify.select.test_forward_selection import planted
 
 
+def crept(d, t, own, share, taus):
+    """Travel of one press with creep after a step to each force, added step by step."""
+    out, rises = d[own].copy(), np.diff(d[own], prepend=0.0)
+    # each rise is spread over its step in time: its middle
+    begin = t[own] - 0.5 * np.diff(t[own], prepend=t[own][0] - (t[own][1] - t[own][0]))
+    for i, row in enumerate(own):
+        age = np.maximum(t[row] - begin[: i + 1], 0)
+        out[i] += share * np.sum(rises[: i + 1] * sum(1 - np.exp(-age / tau) for tau in taus))
+    return out
+
+
 def three_times(d, f, t, phase, press):
-    """Creep with 0.08, 0.5 and 3 s after a step to each force, added step by step."""
+    """Creep with 0.08, 0.5 and 3 s."""
     out = d.copy()
     for j in np.unique(press):
         own = np.flatnonzero(press == j)
-        rises = np.diff(d[own], prepend=0.0)
-        # each rise is spread over its step in time: its middle
-        begin = t[own] - 0.5 * np.diff(t[own], prepend=t[own][0] - (t[own][1] - t[own][0]))
-        for i, row in enumerate(own):
-            age = np.maximum(t[row] - begin[: i + 1], 0)
-            kernel = sum(1 - np.exp(-age / tau) for tau in (0.08, 0.5, 3.0))
-            out[row] += 0.05 * np.sum(rises[: i + 1] * kernel)
+        out[own] = crept(d, t, own, 0.05, (0.08, 0.5, 3.0))
     return out, f
 
 
 def one_side(d, f, t, phase, press):
     """Creep of 30 % with 0.6 s where x + y / 2 exceeds 40 mm, and none elsewhere."""
-    place = points()[press]
-    out = d.copy()
+    place, out = points()[press], d.copy()
     for j in np.unique(press[place[:, 0] + place[:, 1] / 2 > 0.04]):
         own = np.flatnonzero(press == j)
-        rises = np.diff(d[own], prepend=0.0)
-        begin = t[own] - 0.5 * np.diff(t[own], prepend=t[own][0] - (t[own][1] - t[own][0]))
-        for i, row in enumerate(own):
-            age = np.maximum(t[row] - begin[: i + 1], 0)
-            out[row] += 0.3 * np.sum(rises[: i + 1] * (1 - np.exp(-age / 0.6)))
+        out[own] = crept(d, t, own, 0.3, (0.6,))
     return out, f
 
 

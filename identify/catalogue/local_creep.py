@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.catalogue.viscoelasticity import lagging, time_constants
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.catalogue.placed_creep import PlacedCreep, few_times, surface, within_scan
+from identify.catalogue.viscoelasticity import lagging
+from identify.effects.base import EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import percent, seconds
 
-_TIMES = 4  # time constants of the grid
 _WIDTHS = (0.15, 0.3)  # radii of the grid, of the pressed surface's larger edge
 _SMALLEST = 0.12  # radius, likewise: no single press
 _APART = 0.9  # of a radius: between centres of the grid
 
 
-class LocalCreep(Effect):
+class LocalCreep(PlacedCreep):
     """Linear creep with one relaxation time whose share falls off around a place."""
 
     name = "local_creep"
@@ -37,7 +37,6 @@ class LocalCreep(Effect):
         "bell is the simplest place"
     )
     gives_away = "the tip sinks under a held force at some places, and not at the others"
-    cure = "Hold each press for several time constants and take the last readings."
     parameters = (
         EffectParameter("g", "1", "creep in the end at the centre, as a share", 0.0, 0.0, 5.0, 0.1),
         EffectParameter("tau_s", "s", "time constant", None, 1e-3, 1e3, 1.0, log=True),
@@ -45,8 +44,6 @@ class LocalCreep(Effect):
         EffectParameter("y_m", "m", "centre", None, -1.0, 1.0, 0.01),
         EffectParameter("radius_m", "m", "of the place", None, 1e-3, 0.5, 0.01, log=True),
     )
-    needs = ("time", "several presses")
-    contains = ("viscoelasticity",)
     examples = (
         WorkedExample(
             "The travel rises by 1 mm/s from a touch at t = 0; z is t - tau (1 - exp(-t / tau)): "
@@ -82,9 +79,8 @@ class LocalCreep(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Few time constants, at places that cover the pressed surface."""
-        low, high = self._surface(readings)
+        low, high = surface(readings)
         edge = float(max(high - low))
-        taus = np.geomspace(*time_constants(readings), _TIMES + 2)[1:-1]
         found = []
         for width in _WIDTHS:
             radius = width * edge
@@ -92,7 +88,7 @@ class LocalCreep(Effect):
             xs, ys = (np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True))
             found += [
                 {"tau_s": tau, "x_m": x, "y_m": y, "radius_m": radius}
-                for tau in taus.tolist()
+                for tau in few_times(readings)
                 for x in xs.tolist()
                 for y in ys.tolist()
             ]
@@ -103,27 +99,15 @@ class LocalCreep(Effect):
         g, tau, x, y, radius = self.parameters
         if readings.time_s is None:
             return self.parameters
-        shortest, longest = time_constants(readings)
-        low, high = self._surface(readings)
+        low, high = surface(readings)
         edge = float(max(high - low))
         return (
             g,
-            replace(tau, lower=shortest / 2, upper=2 * longest),
+            within_scan(tau, readings),
             replace(x, lower=float(low[0]), upper=float(high[0]), typical=edge / 5),
             replace(y, lower=float(low[1]), upper=float(high[1]), typical=edge / 5),
             replace(radius, lower=_SMALLEST * edge, upper=10 * edge, typical=0.2 * edge),
         )
-
-    def untestable(self, readings: Readings) -> str | None:
-        """Name the lack of the scan for placing the creep."""
-        lacking = super().untestable(readings)
-        low, high = self._surface(readings)
-        return lacking or ("all presses are at one line" if min(high - low) <= 0 else None)
-
-    @staticmethod
-    def _surface(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
-        points = readings.point_m[:, :2]
-        return points.min(axis=0), points.max(axis=0)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say where the body creeps, how much and how slowly."""

@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
-from identify.catalogue.viscoelasticity import lagging, time_constants
-from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
+from identify.catalogue.placed_creep import PlacedCreep, few_times, surface, within_scan
+from identify.catalogue.viscoelasticity import lagging
+from identify.effects.base import EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import percent, seconds
 
-_TIMES = 4  # time constants of the grid
 _DIRECTIONS = 8  # over a whole turn
 _EDGES = (0.3, 0.5, 0.7)  # of the pressed surface across the edge
 _WIDTH = 0.05  # of the pressed surface's larger edge
 _NARROWEST = 0.02  # likewise: far below the distance of two presses
 
 
-class SideCreep(Effect):
+class SideCreep(PlacedCreep):
     """Linear creep with one relaxation time on one side of a line over the surface."""
 
     name = "side_creep"
@@ -41,7 +41,6 @@ class SideCreep(Effect):
         "logistic step is the simplest border"
     )
     gives_away = "the tip sinks under a held force on one side of the body, and not on the other"
-    cure = "Hold each press for several time constants and take the last readings."
     parameters = (
         EffectParameter("g", "1", "creep in the end far beyond it, as a share", 0.0, 0.0, 5.0, 0.1),
         EffectParameter("tau_s", "s", "time constant", None, 1e-3, 1e3, 1.0, log=True),
@@ -54,8 +53,6 @@ class SideCreep(Effect):
         ),
         EffectParameter("width_m", "m", "of the border", None, 1e-4, 0.5, 0.01, log=True),
     )  # fmt: skip
-    needs = ("time", "several presses")
-    contains = ("viscoelasticity",)
     examples = (
         WorkedExample(
             "The travel rises by 1 mm/s from a touch at t = 0; z is t - tau (1 - exp(-t / tau)): "
@@ -91,13 +88,12 @@ class SideCreep(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Few time constants, and narrow borders that divide the pressed surface all ways."""
-        taus = np.geomspace(*time_constants(readings), _TIMES + 2)[1:-1]
         width, found = _WIDTH * _size(readings), []
         for angle in (np.arange(_DIRECTIONS) * 2 * math.pi / _DIRECTIONS).tolist():
             along = _along(readings, angle)
             found += [
                 {"tau_s": tau, "angle_rad": angle, "edge_m": edge, "width_m": width}
-                for tau in taus.tolist()
+                for tau in few_times(readings)
                 for edge in np.quantile([along.min(), along.max()], _EDGES).tolist()
             ]
         return found
@@ -107,22 +103,15 @@ class SideCreep(Effect):
         g, tau, angle, edge, width = self.parameters
         if readings.time_s is None:
             return self.parameters
-        shortest, longest = time_constants(readings)
         size = _size(readings)
         reach = float(np.linalg.norm(_beside(readings), axis=1).max())
         return (
             g,
-            replace(tau, lower=shortest / 2, upper=2 * longest),
+            within_scan(tau, readings),
             angle,
             replace(edge, lower=-reach, upper=reach, typical=size / 5),
             replace(width, lower=_NARROWEST * size, upper=size, typical=0.1 * size),
         )
-
-    def untestable(self, readings: Readings) -> str | None:
-        """Name the lack of the scan for placing the border."""
-        lacking = super().untestable(readings)
-        spans = np.ptp(readings.point_m[:, :2], axis=0)
-        return lacking or ("all presses are at one line" if spans.min() <= 0 else None)
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say on which side the body creeps, how much and how slowly."""
@@ -149,4 +138,5 @@ def _beside(readings: Readings) -> np.ndarray:
 
 def _size(readings: Readings) -> float:
     """Larger edge of the pressed surface, m."""
-    return float(np.ptp(readings.point_m[:, :2], axis=0).max())
+    low, high = surface(readings)
+    return float(max(high - low))

@@ -120,7 +120,7 @@ def contact_law(
     if count < _MANY * settings.searched:
         fits = search_sets(presses, plain, catalogue, say, settings)
     else:
-        few = _spread(presses, settings.searched)
+        few = well_spread_presses(presses, settings.searched)
         quick = replace(settings, margin=settings.margin * few.readings.presses / count)
         before = few.fit(stated)
         trials, fits = search_sets(few, before, catalogue, say, quick), {}
@@ -160,7 +160,7 @@ def _one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
     return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)
 
 
-def _spread(presses: FreeCompliance, most: int) -> FreeCompliance:
+def well_spread_presses(presses: FreeCompliance, most: int) -> FreeCompliance:
     """Return so many presses that met resistance, well spread over the surface and the tips."""
     felt, r = np.flatnonzero(presses.felt), presses.readings
     place = r.point_m[r.first[felt]] / max(float(r.between_m.max()), 1e-9)

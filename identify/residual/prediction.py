@@ -37,7 +37,8 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import lag_error_m
 from identify.residual.fitted_model import carried_as, fitted_model, unit_compliance
-from identify.residual.law_error import law_error
+from identify.residual.law_error import law_error, unevenness
+from identify.residual.law_forms import law_forms
 from identify.residual.own_errors import OwnErrors, Places, map_error, own_errors, shared_places
 from models import Catalogue, Scan
 
@@ -160,7 +161,14 @@ def predict(
     at = model.linearise(u)
     at = model.around(at.body, u, np.exp(shared @ own.change))
     doubt = _doubt(fit, there, own, error, model, at, u, shared)
-    laws = law_error(experiment, seen, there, min(depth_m / _depth_m(used), 1.0))
+    reach = min(depth_m / _depth_m(used), 1.0)
+    here, log_c = fitted.contact_points, np.log(_softness(seen, there))
+    laws = law_error(experiment, seen, there, reach, unevenness(here, log_c, here, log_c))
+    uneven = unevenness(used.contact_points, np.log(_softness(model, at)), here, log_c)
+    laws_own = laws.of_each(uneven)
+    forms = np.zeros((len(model.readings.press), 0))
+    if reach < 1:
+        forms = law_forms(experiment, seen, catalogue, model, at)
     press, columns = model.readings.press, doubt.columns
     off = doubt.own[press] * model.by_log_compliance(at) ** 2 + noise.touch_m**2
     off += lag_error_m(noise, model.readings, used.displacement_m) ** 2
@@ -168,12 +176,14 @@ def predict(
         "noise": at.sigma_m**2,
         "map and effects": np.einsum("mk,kl,ml->m", columns, doubt.covariance, columns),
         "own error of the map": off,
-        "laws": (laws.common**2 + laws.own**2) * used.displacement_m**2,
+        "laws": (laws.common**2 + laws_own[press] ** 2) * used.displacement_m**2
+        + np.sum(forms**2, axis=1),
     }
     residual_m, near = used.displacement_m - at.predicted_m, used.near_largest_force
-    travel, middle = (_means(x, near, press) for x in (used.displacement_m, columns))
+    travel, middle, other = (_means(x, near, press) for x in (used.displacement_m, columns, forms))
     covariance = middle @ doubt.covariance @ middle.T + laws.common**2 * np.outer(travel, travel)
-    alone = _means(off, near, press) + (laws.own * travel) ** 2
+    covariance += other @ other.T
+    alone = _means(off, near, press) + (laws_own * travel) ** 2
     alone += _means(at.sigma_m**2, near, press) / np.bincount(press, near)
     covariance[np.diag_indices_from(covariance)] += alone
     press_error_m = _means(residual_m, near, press)
@@ -246,6 +256,11 @@ def _depth_m(scan: Scan) -> float:
     deepest = np.zeros(len(scan.press_ids))
     np.maximum.at(deepest, scan.press_index, scan.displacement_m)
     return float(np.median(deepest))
+
+
+def _softness(model: MeasurementModel, at: Linearised) -> np.ndarray:
+    """Compliance (j,) of the presses times the radius of their contacts, 1/Pa."""
+    return at.compliance * model.mechanics.coarse.contacts.radius_m
 
 
 def _slope(model: MeasurementModel, at: Linearised) -> np.ndarray:

@@ -22,7 +22,8 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.residual import Prediction, predict
 from identify.residual.fitted_model import fitted_model as model_of_fit
-from models import Scan
+from identify.residual.law_error import _sizes, unevenness
+from models import Catalogue, Scan
 
 SIZE_M = (0.06, 0.06, 0.03)
 NOISE = Noise(2e-5, 5e-3)
@@ -206,3 +207,38 @@ def test_a_sensor_that_saturates_does_so_at_the_force_of_the_scan_that_showed_it
     found = predict(experiment_of(seen), fit, CATALOGUE, lighter, NOISE)
     largest = lighter.near_largest_force
     assert abs(np.mean(found.residual_m[largest] / found.predicted_m[largest])) < 0.01
+
+
+def test_a_law_that_shallow_presses_cannot_tell_from_the_fits_widens_the_bands_of_deeper_ones():
+    """A flat tip whose body stiffens by less than the noise as far as it was pressed."""
+    rng, model = np.random.default_rng(7), fitted_model()
+    scan = scan_of(model, TRUTH, rng)
+    fit, experiment = fitted(scan), experiment_of(scan)
+    own = {effect.name: effect for effect in CATALOGUE if "contact" not in effect.hooks}
+    found = [
+        predict(experiment, fit, known, scan_of(model, TRUTH, rng, reach=reach), NOISE)
+        for reach, known in ((2.0, CATALOGUE), (2.0, Catalogue(own.values())), (1.0, CATALOGUE))
+    ]
+    forms, alone, again = (p.parts_m["laws"][p.scan.near_largest_force].mean() for p in found)
+    assert forms > 2 * max(alone, again)
+    assert forms > NOISE.displacement_m
+    assert found[0].verdict != "too narrow"
+
+
+@pytest.mark.parametrize(("own", "growth"), [(0.0, 0.0), (0.04, 0.0), (0.0, 0.08)])
+def test_sizes_of_an_error_of_laws_are_found_beside_noise(own, growth):
+    rng = np.random.default_rng(8)
+    noise, uneven = np.full(400, 0.02**2), rng.exponential(0.5, 400)
+    sd = np.sqrt(noise + own**2 + (growth * uneven) ** 2)
+    found = _sizes(sd * rng.standard_normal(400), noise, uneven)
+    assert found == pytest.approx((own, growth), abs=0.015)
+
+
+def test_a_press_is_uneven_where_its_neighbours_are_of_another_hardness():
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(6.0), np.arange(6.0)))
+    points, log_c = np.column_stack([x, y, 0 * x]), np.where(x > 2.5, -1.0, 0.0)
+    own = unevenness(points, log_c, points, log_c)
+    assert set(own[(x == 2) | (x == 3)]) == {1.0}
+    assert set(own[(x < 1) | (x > 4)]) == {0.0}
+    between = unevenness(np.array([[2.5, 2.5, 0.0]]), np.array([-0.4]), points, log_c)
+    assert between == pytest.approx(0.6)

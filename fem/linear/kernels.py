@@ -138,3 +138,17 @@ def energies(out, u, cells, gradients, derivatives, weights, lam, mu):
                 squares = d[0, j] ** 2 + d[1, j] ** 2 + d[2, j] ** 2
                 shears = d[3, j] ** 2 + d[4, j] ** 2 + d[5, j] ** 2
                 out[e, q, j] = w * (lam * trace**2 + mu * (2 * squares + shears))
+
+
+_TILE = 64  # rows, whose lines the processor's cache holds at once
+
+
+@numba.njit(cache=True, parallel=True)
+def transpose(out, source):
+    """Write to the first m columns of out (j, n) the transpose of source (m, j)."""
+    rows, columns = source.shape
+    for tile in numba.prange((rows + _TILE - 1) // _TILE):
+        first, last = tile * _TILE, min((tile + 1) * _TILE, rows)
+        for j in range(columns):
+            for i in range(first, last):
+                out[j, i] = source[i, j]

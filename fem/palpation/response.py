@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fem.linear.kernels import transpose
 from fem.linear.modulus_samples import CLOSE_SAMPLES
 from fem.near_field.enrichment import sample_basis
 from fem.palpation.fibres import HORIZONTAL
@@ -58,28 +59,29 @@ class Response:
         stiffness = self._body.stiffness
         nodal = stiffness.prolong(self._free)
         presses, enrichment = len(nodal), self.model.enrichment
+        skin, own = self._material.skin, len(stiffness.points_m)
         spare = presses if enrichment is None else 0  # else they come behind the close samples
-        result = stiffness.energies(nodal, self.model.close_cells, spare)
-        by_press = nodal
-        if enrichment is not None:  # by press in memory, as they are read and added to
-            result, by_press = np.ascontiguousarray(result), np.ascontiguousarray(nodal)
-            by_cell = result.reshape(presses, -1, stiffness.samples)
+        whole = stiffness.energies(nodal, self.model.close_cells, spare)
+        if enrichment is not None:
+            by_press = np.ascontiguousarray(nodal)
+            close = self._material.close.by_asked(self._close_energies(nodal, by_press))
+            close = close.reshape(presses, -1)
+            energies, whole = whole, np.zeros((presses, own + close.shape[1] + presses))
+            transpose(whole, energies.T)  # by press in memory, as they are read and added to
+            by_cell = whole[:, :own].reshape(presses, -1, stiffness.samples)
             for part in enrichment.ordinary:
                 part.add_energies(by_cell, stiffness.mesh.cells, by_press, self.amplitude)
-        np.negative(result, out=result)
-        skin, own = self._material.skin, len(stiffness.points_m)
+            whole[:, own:-presses] = close
+        np.negative(whole, out=whole)
         by_local = np.zeros((presses, presses))
         if skin is not None:
             near = self._body.near_skin(skin)
             np.fill_diagonal(by_local, -near.value / self._material.local**2)
             membrane = self._body.membrane
             stretched = membrane.strains(nodal)
-            result[:, membrane.samples] -= skin.stretch_m * membrane.energies(stretched, stretched)
-        if enrichment is None:
-            result[:, own:] = by_local
-            return result
-        close = self._material.close.by_asked(self._close_energies(nodal, by_press))
-        return np.hstack([result, -close.reshape(presses, -1), by_local])
+            whole[:, membrane.samples] -= skin.stretch_m * membrane.energies(stretched, stretched)
+        whole[:, -presses:] = by_local
+        return whole
 
     def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
         """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s).

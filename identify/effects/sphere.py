@@ -70,11 +70,11 @@ def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> 
     return _travels(law) * force_n / smooth
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def _travels(law):
     """Travel (m,) m under forces, by the rows of `law`: see `_travel`."""
     travel = np.empty(law.shape[1])
-    for i in range(law.shape[1]):
+    for i in numba.prange(law.shape[1]):
         travel[i] = _travel(law[0, i], law[1, i], law[2, i], law[3, i], law[4, i], law[5, i])
     return travel
 

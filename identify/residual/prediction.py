@@ -161,29 +161,25 @@ def predict(
     at = model.linearise(u)
     at = model.around(at.body, u, np.exp(shared @ own.change))
     doubt = _doubt(fit, there, own, error, model, at, u, shared)
-    reach = min(depth_m / _depth_m(used), 1.0)
-    here, log_c = fitted.contact_points, np.log(_softness(seen, there))
-    laws = law_error(experiment, seen, there, reach, unevenness(here, log_c, here, log_c))
-    uneven = unevenness(used.contact_points, np.log(_softness(model, at)), here, log_c)
-    laws_own = laws.of_each(uneven)
-    forms = np.zeros((len(model.readings.press), 0))
-    if reach < 1:
-        forms = law_forms(experiment, seen, catalogue, model, at)
     press, columns = model.readings.press, doubt.columns
+    common_m, own_m = _law_errors_m(experiment, seen, there, used, model, at)
+    forms_m = np.zeros((len(press), 0))
+    if _depth_m(used) > depth_m:
+        forms_m = law_forms(experiment, seen, catalogue, model, at)
     off = doubt.own[press] * model.by_log_compliance(at) ** 2 + noise.touch_m**2
     off += lag_error_m(noise, model.readings, used.displacement_m) ** 2
     variance = {
         "noise": at.sigma_m**2,
         "map and effects": np.einsum("mk,kl,ml->m", columns, doubt.covariance, columns),
         "own error of the map": off,
-        "laws": (laws.common**2 + laws_own[press] ** 2) * used.displacement_m**2
-        + np.sum(forms**2, axis=1),
+        "laws": common_m**2 + own_m**2 + np.sum(forms_m**2, axis=1),
     }
     residual_m, near = used.displacement_m - at.predicted_m, used.near_largest_force
-    travel, middle, other = (_means(x, near, press) for x in (used.displacement_m, columns, forms))
-    covariance = middle @ doubt.covariance @ middle.T + laws.common**2 * np.outer(travel, travel)
-    covariance += other @ other.T
-    alone = _means(off, near, press) + (laws_own * travel) ** 2
+    middle, forms, common, laws = (
+        _means(part, near, press) for part in (columns, forms_m, common_m, own_m)
+    )
+    covariance = middle @ doubt.covariance @ middle.T + forms @ forms.T + np.outer(common, common)
+    alone = _means(off, near, press) + laws**2
     alone += _means(at.sigma_m**2, near, press) / np.bincount(press, near)
     covariance[np.diag_indices_from(covariance)] += alone
     press_error_m = _means(residual_m, near, press)
@@ -258,9 +254,40 @@ def _depth_m(scan: Scan) -> float:
     return float(np.median(deepest))
 
 
-def _softness(model: MeasurementModel, at: Linearised) -> np.ndarray:
-    """Compliance (j,) of the presses times the radius of their contacts, 1/Pa."""
-    return at.compliance * model.mechanics.coarse.contacts.radius_m
+def _law_errors_m(
+    experiment: PlacedExperiment,
+    seen: MeasurementModel,
+    there: Linearised,
+    scan: Scan,
+    model: MeasurementModel,
+    at: Linearised,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of the laws in each predicted reading, (m,) m: common to all, and of its press alone.
+
+    Of the curves' shape down to the depth of the fit's presses; beyond, the error at the greater
+    depth comes in with its logarithm.
+    """
+    press, travel = model.readings.press, model.displacement_m
+    (near_m, near_log_c), predicted = (_felt(*one) for one in ((seen, there), (model, at)))
+    uneven = unevenness(near_m, near_log_c, near_m, near_log_c)
+    there_uneven = unevenness(*predicted, near_m, near_log_c)
+    shape = law_error(experiment, seen, there, 1.0, uneven)
+    common, own = np.full_like(travel, shape.common), shape.of_each(there_uneven)[press]
+    depth_m = _depth_m(experiment.scan.used())
+    reach = depth_m / _depth_m(scan)
+    if reach < 1:
+        deeper = law_error(experiment, seen, there, reach, uneven)
+        beyond = np.log(np.maximum(travel / depth_m, 1.0)) / -np.log(reach)
+        grown = np.minimum(beyond, 1.0)
+        common = np.maximum(common, grown * deeper.common)
+        own = np.maximum(own, grown * deeper.of_each(there_uneven)[press])
+    return common * travel, own * travel
+
+
+def _felt(model: MeasurementModel, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+    """Places (j, 3) m of the presses, and logarithm (j,) of what is felt: compliance by radius."""
+    contacts = model.mechanics.coarse.contacts
+    return contacts.points_m, np.log(at.compliance * contacts.radius_m)
 
 
 def _slope(model: MeasurementModel, at: Linearised) -> np.ndarray:

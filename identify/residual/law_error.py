@@ -119,7 +119,7 @@ def _sizes(share: np.ndarray, noise: np.ndarray, uneven: np.ndarray) -> tuple[fl
 
 
 def _first_half(press: np.ndarray, travel: np.ndarray) -> np.ndarray:
-    """Readings (m,) bool of the shallower half of each press, the middle one with it."""
+    """Return (m,) bool: readings of the shallower half of each press, the middle one with it."""
     order = np.lexsort((travel, press))
     count = np.bincount(press)
     place = np.empty(len(press))

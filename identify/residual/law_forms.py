@@ -101,17 +101,20 @@ def _changed(
 ) -> np.ndarray:
     """Change (m,) m of the predicted travels by another law, the compliances fitted anew with it.
 
-    The ratio of both compliances is a straight line over the logarithm of a compliance.
+    The ratio of both compliances is a straight line over the logarithm of what is felt, compliance
+    by radius, as far as the presses go.
     """
-    felt = presses.felt
-    log_c = np.log(found.compliance)
-    ratio = np.log(law.compliance) - log_c
-    slope, level = np.polyfit(log_c[felt], ratio[felt], 1)
+    felt = np.log(found.compliance * presses.contacts.radius_m)[presses.felt]
+    ratio = np.log(law.compliance / found.compliance)[presses.felt]
+    here = np.log(at.point.compliance * model.mechanics.coarse.contacts.radius_m)
+    here = np.clip(here, felt.min(), felt.max())
+    own = felt - felt.mean()
+    slope = own @ ratio / max(own @ own, 1e-12)
+    log_ratio = ratio.mean() + slope * (here - felt.mean())
     force, modulus = at.point.force_n, at.point.modulus
     predicted = []
-    for fit, of_ratio in ((found, 0.0), (law, 1.0)):
-        here = np.log(at.point.compliance)
-        c = np.exp(here + of_ratio * (level + slope * here))
+    for fit, share in ((found, 0.0), (law, 1.0)):
+        c = at.point.compliance * np.exp(share * log_ratio)
         unseen = [e for e in model.chain.effects if e.name not in found.names]
         chain = replace(model.chain, effects=[*unseen, *(part.effect for part in fit.parts)])
         values = {**at.point.values, **fit.values}

@@ -178,6 +178,26 @@ def test_a_law_that_fails_deeper_is_foreseen_by_the_fits_own_presses():
     assert np.sqrt(np.mean(deeper.press_error_m**2)) > 5 * NOISE.displacement_m
 
 
+def test_readings_no_deeper_than_the_fits_have_the_error_of_its_curves_alone():
+    """Of a body that stiffens, deeper presses of the same places, by laws of no other contact."""
+    rng, model = np.random.default_rng(4), fitted_model()
+    scan, other = scan_of(model, TRUTH, rng), scan_of(model, TRUTH, rng, reach=1.5)
+    scan, other = (
+        s.replace(displacement_m=s.displacement_m / (1 + s.displacement_m / 0.02))
+        for s in (scan, other)
+    )
+    own = Catalogue(effect for effect in CATALOGUE if "contact" not in effect.hooks)
+    fit, experiment = fitted(scan), experiment_of(scan)
+    deeper, again = (predict(experiment, fit, own, s, NOISE) for s in (other, scan))
+    share, known = (p.parts_m["laws"] / p.scan.displacement_m for p in (deeper, again))
+    first = np.unique(scan.press_index, return_index=True)[1]
+    known = known[first][other.press_index]
+    seen = other.displacement_m < 0.5 * np.median(scan.displacement_m[scan.near_largest_force])
+    assert known.max() > 0
+    assert share[seen] == pytest.approx(known[seen])
+    assert share[other.near_largest_force].mean() > 1.2 * known.mean()
+
+
 def test_an_effect_that_nobody_knows_is_refused_by_name():
     scan = scan_of(fitted_model(), TRUTH, np.random.default_rng(5))
     fit = fitted(scan)

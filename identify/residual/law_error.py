@@ -1,26 +1,24 @@
-"""Error of the laws of a fit at depths that its scan has not reached."""
+"""Error of the laws of a fit in a prediction, above all at depths that its scan has not reached."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.free_compliance_start import free_compliance
 from identify.measurement.chain import judge
 from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-
-LEAST_REACH, DEEP = 0.35, 0.8  # shares of a press's depth
-UNEVEN = 0.5  # part of a common error of the laws that may differ from press to press
-NEIGHBOURS = 6  # among which a press's unevenness is told
-TAIL = 4.0  # degrees of freedom of Student's t, by which single presses count less
-SIZES = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 40)])  # of an error of the laws
-TOLD = 0.3  # largest error of a compliance by the shallow readings that predicts deep ones
+from identify.residual.law_forms import law_forms
+from identify.residual.settings import LAW_ERROR, LawErrorSettings
+from models import Scan
 
 
 class LawError(NamedTuple):
@@ -39,12 +37,75 @@ class LawError(NamedTuple):
         return np.hypot(self.own, self.by_unevenness * unevenness)
 
 
+class LawsOff(NamedTuple):
+    """Errors of the laws in m predicted readings, standard deviations.
+
+    `shared_m` (m, s) by s causes that all presses share, `own_m` (m,) of each press alone.
+    """
+
+    shared_m: np.ndarray
+    own_m: np.ndarray
+
+
+def laws_off(
+    experiment: PlacedExperiment,
+    seen: MeasurementModel,
+    there: Linearised,
+    catalogue: Sequence[Effect],
+    scan: Scan,
+    model: MeasurementModel,
+    at: Linearised,
+    settings: LawErrorSettings = LAW_ERROR,
+) -> LawsOff:
+    """Return the errors of a fit's laws in a predicted scan.
+
+    Down to the depth of the fit's presses that of the curves' shape. Beyond, the error at the
+    greater depth comes in with its logarithm, and so do other laws (`identify.residual.law_forms`).
+
+    Parameters
+    ----------
+    experiment, seen, there : of the fit
+    catalogue : the effects
+    scan, model, at : predicted
+    """
+    press, travel = model.readings.press, model.displacement_m
+    (near_m, near_log_c), predicted = (_felt(*one) for one in ((seen, there), (model, at)))
+    uneven = unevenness(near_m, near_log_c, near_m, near_log_c, settings)
+    there_uneven = unevenness(*predicted, near_m, near_log_c, settings)
+    shape = law_error(experiment, seen, there, 1.0, uneven, settings)
+    common, own = np.full_like(travel, shape.common), shape.of_each(there_uneven)[press]
+    depth_m = middle_depth_m(experiment.scan.used())
+    reach = depth_m / middle_depth_m(scan)
+    if reach >= 1:
+        return LawsOff((common * travel)[:, None], own * travel)
+    deeper = law_error(experiment, seen, there, reach, uneven, settings)
+    grown = np.minimum(np.log(np.maximum(travel / depth_m, 1.0)) / -np.log(reach), 1.0)
+    common = np.maximum(common, grown * deeper.common)
+    own = np.maximum(own, grown * deeper.of_each(there_uneven)[press])
+    forms = law_forms(experiment, seen, catalogue, model, at)
+    return LawsOff(np.column_stack([common * travel, forms]), own * travel)
+
+
+def middle_depth_m(scan: Scan) -> float:
+    """Return the largest travel of the middle press, m."""
+    deepest = np.zeros(len(scan.press_ids))
+    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
+    return float(np.median(deepest))
+
+
+def _felt(model: MeasurementModel, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+    """Places (j, 3) m of the presses, and logarithm (j,) of what is felt: compliance by radius."""
+    contacts = model.mechanics.coarse.contacts
+    return contacts.points_m, np.log(at.compliance * contacts.radius_m)
+
+
 def law_error(
     experiment: PlacedExperiment,
     model: MeasurementModel,
     at: Linearised,
     reach: float,
     uneven: np.ndarray,
+    settings: LawErrorSettings = LAW_ERROR,
 ) -> LawError:
     """Error that the laws of a fit make at depths that it has not seen.
 
@@ -61,11 +122,11 @@ def law_error(
     travel, own = model.displacement_m, model.by_log_compliance(at) / at.sigma_m
     deepest = np.zeros(presses)
     np.maximum.at(deepest, press, travel)
-    shallow = travel <= max(reach, LEAST_REACH) * deepest[press]
+    shallow = travel <= max(reach, settings.least_reach) * deepest[press]
     shallow |= _first_half(press, travel)  # of few readings, less would tell no compliance
-    deep = ~shallow if reach < 1 else travel >= DEEP * deepest[press]
+    deep = ~shallow if reach < 1 else travel >= settings.deep * deepest[press]
     square = np.bincount(press, shallow * own**2, presses)
-    known = square > TOLD**-2
+    known = square > settings.told**-2
     if not known.any():
         return LawError(0.0, 0.0, 0.0)
     weight = shallow * own / np.maximum(square, 1e-30)[press]
@@ -81,18 +142,22 @@ def law_error(
     noise += pull**2 / np.maximum(square, 1e-30)
     share, noise = (mean / deepest)[known], (noise / deepest**2)[known]
     common, middle = float(np.median(share)), float(np.median(noise))
-    own, growth = _sizes(share - common, noise, uneven[known])
+    own, growth = _sizes(share - common, noise, uneven[known], settings)
     # What noise makes is none: two standard deviations of the median
     made = 2 * np.sqrt(np.pi / 2 * middle / len(share))
     common = abs(common) if abs(common) > made else 0.0
-    own = float(np.hypot(own, UNEVEN * common))
+    own = float(np.hypot(own, settings.uneven * common))
     # The predicted presses are deeper than these by 1/reach. An error of the exponent is the same
     # at every depth, one of a law in powers of the depth grows as that: the middle of both
     return LawError(*(float(size / np.sqrt(reach)) for size in (common, own, growth)))
 
 
 def unevenness(
-    points_m: np.ndarray, log_c: np.ndarray, near_m: np.ndarray, near_log_c: np.ndarray
+    points_m: np.ndarray,
+    log_c: np.ndarray,
+    near_m: np.ndarray,
+    near_log_c: np.ndarray,
+    settings: LawErrorSettings = LAW_ERROR,
 ) -> np.ndarray:
     """Largest difference (j,) of the logarithm of a compliance to the nearest presses of a fit.
 
@@ -101,19 +166,26 @@ def unevenness(
     points_m, log_c : (j, 3) m and (j,)
     near_m, near_log_c : (k, 3) m and (k,) of the fit's presses
     """
-    count = min(NEIGHBOURS + 1, len(near_m))  # a press of the fit is its own neighbour
+    count = min(settings.neighbours + 1, len(near_m))  # a press of the fit is its own neighbour
     nearest = KDTree(near_m).query(points_m, count)[1].reshape(len(points_m), count)
     return np.abs(near_log_c[nearest] - log_c[:, None]).max(axis=1)
 
 
-def _sizes(share: np.ndarray, noise: np.ndarray, uneven: np.ndarray) -> tuple[float, float]:
+def _sizes(
+    share: np.ndarray,
+    noise: np.ndarray,
+    uneven: np.ndarray,
+    settings: LawErrorSettings = LAW_ERROR,
+) -> tuple[float, float]:
     """Error of each press, and its growth with the unevenness, for which shares (j,) ask.
 
     The most likely ones beside a `noise` (j,) of the squared share.
     """
-    own, growth = (axis.ravel() for axis in np.meshgrid(SIZES, SIZES, indexing="ij"))
+    sizes = np.geomspace(settings.least_size, settings.largest_size, settings.sizes)
+    sizes, tail = np.append(0.0, sizes), settings.tail
+    own, growth = (axis.ravel() for axis in np.meshgrid(sizes, sizes, indexing="ij"))
     variance = noise + own[:, None] ** 2 + (growth[:, None] * uneven) ** 2
-    likely = -0.5 * np.log(variance) - (TAIL + 1) / 2 * np.log1p(share**2 / variance / TAIL)
+    likely = -0.5 * np.log(variance) - (tail + 1) / 2 * np.log1p(share**2 / variance / tail)
     best = int(np.argmax(likely.sum(axis=1)))
     return float(own[best]), float(growth[best])
 

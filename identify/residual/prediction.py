@@ -3,7 +3,8 @@
 The fitted map, with the fitted effects at their estimates, is pressed as the other scan was. The
 band of a reading holds the noise of both its columns; the covariance of the map (parameters, or the
 field's posterior) and of the effects, jointly; the map's own error of each press, which holds that
-of the meshes; and the error of the laws at depths that the fit has not seen (`law_error`).
+of the meshes; and the error of the laws, above all at depths that the fit has not seen
+(`identify.residual.law_error`).
 
 Where a fitted press stood at the same place, what its readings ask for beside the map is known, and
 belongs to the prediction; elsewhere the map's own error is part of the band.
@@ -37,8 +38,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import lag_error_m
 from identify.residual.fitted_model import carried_as, fitted_model, unit_compliance
-from identify.residual.law_error import law_error, unevenness
-from identify.residual.law_forms import law_forms
+from identify.residual.law_error import laws_off, middle_depth_m
 from identify.residual.own_errors import OwnErrors, Places, map_error, own_errors, shared_places
 from models import Catalogue, Scan
 
@@ -140,21 +140,10 @@ def predict(
     seen = fitted_model(experiment, fit, catalogue)
     u = seen.start(fit.map)
     there = seen.linearise(u)
-    used, depth_m = scan.used(), _depth_m(experiment.scan.used())
-    body = experiment.body.under(used, depth_m)
-    other = replace(
-        seen,
-        readings=replace(Readings.of(scan), stated=seen.readings.scales),
-        displacement_m=used.displacement_m,
-        noise=noise.of_readings,
-        mechanics=BodyMechanics.of(body.coarse, body.fine),
-        press_error=0.0,
-        unit_compliance=unit_compliance(body.coarse, fit),
-    )
-    model = carried_as(fit, other, u)
+    used, fitted = scan.used(), experiment.scan.used()
+    model = _pressed(experiment, fit, seen, scan, noise)
     error = fit.field.hyper.error if fit.field is not None else map_error(seen, there)
     own = own_errors(seen, there, u, error)
-    fitted = experiment.scan.used()
     shared = shared_places(*(
         Places(s.contact_points, s.contact_directions, s.contact_radii) for s in (fitted, used)
     ))  # fmt: skip
@@ -162,24 +151,19 @@ def predict(
     at = model.around(at.body, u, np.exp(shared @ own.change))
     doubt = _doubt(fit, there, own, error, model, at, u, shared)
     press, columns = model.readings.press, doubt.columns
-    common_m, own_m = _law_errors_m(experiment, seen, there, used, model, at)
-    forms_m = np.zeros((len(press), 0))
-    if _depth_m(used) > depth_m:
-        forms_m = law_forms(experiment, seen, catalogue, model, at)
+    of_laws = laws_off(experiment, seen, there, catalogue, used, model, at)
     off = doubt.own[press] * model.by_log_compliance(at) ** 2 + noise.touch_m**2
     off += lag_error_m(noise, model.readings, used.displacement_m) ** 2
     variance = {
         "noise": at.sigma_m**2,
         "map and effects": np.einsum("mk,kl,ml->m", columns, doubt.covariance, columns),
         "own error of the map": off,
-        "laws": common_m**2 + own_m**2 + np.sum(forms_m**2, axis=1),
+        "laws": of_laws.own_m**2 + np.sum(of_laws.shared_m**2, axis=1),
     }
     residual_m, near = used.displacement_m - at.predicted_m, used.near_largest_force
-    middle, forms, common, laws = (
-        _means(part, near, press) for part in (columns, forms_m, common_m, own_m)
-    )
-    covariance = middle @ doubt.covariance @ middle.T + forms @ forms.T + np.outer(common, common)
-    alone = _means(off, near, press) + laws**2
+    middle, laws = (_means(part, near, press) for part in (columns, of_laws.shared_m))
+    covariance = middle @ doubt.covariance @ middle.T + laws @ laws.T
+    alone = _means(off, near, press) + _means(of_laws.own_m, near, press) ** 2
     alone += _means(at.sigma_m**2, near, press) / np.bincount(press, near)
     covariance[np.diag_indices_from(covariance)] += alone
     press_error_m = _means(residual_m, near, press)
@@ -193,6 +177,24 @@ def predict(
         press_sd_m=np.sqrt(np.diag(covariance)),
         chi2=float(press_error_m @ cho_solve(cho_factor(covariance), press_error_m)),
     )
+
+
+def _pressed(
+    experiment: PlacedExperiment, fit: FitResult, seen: MeasurementModel, scan: Scan, noise: Noise
+) -> MeasurementModel:
+    """Return the model `seen` of a fit under the presses of another scan."""
+    used = scan.used()
+    body = experiment.body.under(used, middle_depth_m(experiment.scan.used()))
+    other = replace(
+        seen,
+        readings=replace(Readings.of(scan), stated=seen.readings.scales),
+        displacement_m=used.displacement_m,
+        noise=noise.of_readings,
+        mechanics=BodyMechanics.of(body.coarse, body.fine),
+        press_error=0.0,
+        unit_compliance=unit_compliance(body.coarse, fit),
+    )
+    return carried_as(fit, other, seen.start(fit.map))
 
 
 class _Doubt(NamedTuple):
@@ -245,49 +247,6 @@ def _free_covariance(
     data = FieldData.of(sums, there.body.by_field(), field)
     prior = hyper.prior(fit.map.grid)
     return FieldPosterior(data, prior, hyper.error).predicted_covariance(at.body.by_field(), shared)
-
-
-def _depth_m(scan: Scan) -> float:
-    """Largest travel of the middle press, m."""
-    deepest = np.zeros(len(scan.press_ids))
-    np.maximum.at(deepest, scan.press_index, scan.displacement_m)
-    return float(np.median(deepest))
-
-
-def _law_errors_m(
-    experiment: PlacedExperiment,
-    seen: MeasurementModel,
-    there: Linearised,
-    scan: Scan,
-    model: MeasurementModel,
-    at: Linearised,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of the laws in each predicted reading, (m,) m: common to all, and of its press alone.
-
-    Of the curves' shape down to the depth of the fit's presses; beyond, the error at the greater
-    depth comes in with its logarithm.
-    """
-    press, travel = model.readings.press, model.displacement_m
-    (near_m, near_log_c), predicted = (_felt(*one) for one in ((seen, there), (model, at)))
-    uneven = unevenness(near_m, near_log_c, near_m, near_log_c)
-    there_uneven = unevenness(*predicted, near_m, near_log_c)
-    shape = law_error(experiment, seen, there, 1.0, uneven)
-    common, own = np.full_like(travel, shape.common), shape.of_each(there_uneven)[press]
-    depth_m = _depth_m(experiment.scan.used())
-    reach = depth_m / _depth_m(scan)
-    if reach < 1:
-        deeper = law_error(experiment, seen, there, reach, uneven)
-        beyond = np.log(np.maximum(travel / depth_m, 1.0)) / -np.log(reach)
-        grown = np.minimum(beyond, 1.0)
-        common = np.maximum(common, grown * deeper.common)
-        own = np.maximum(own, grown * deeper.of_each(there_uneven)[press])
-    return common * travel, own * travel
-
-
-def _felt(model: MeasurementModel, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-    """Places (j, 3) m of the presses, and logarithm (j,) of what is felt: compliance by radius."""
-    contacts = model.mechanics.coarse.contacts
-    return contacts.points_m, np.log(at.compliance * contacts.radius_m)
 
 
 def _slope(model: MeasurementModel, at: Linearised) -> np.ndarray:

@@ -30,6 +30,38 @@ TRIMMED = TrimmedSettings()
 
 
 @dataclass(frozen=True)
+class LawErrorSettings:
+    """Settings of the error of a fit's laws in a prediction (`identify.residual.law_error`).
+
+    Measured on scans cut at a depth and predicted beyond it: docs/real_measurements.md.
+
+    Attributes
+    ----------
+    least_reach : smallest share of a press's depth that is taken as its shallow part
+    deep : share of a press's depth from which on its readings are deep, where nothing is cut
+    uneven : part of a common error of the laws that may differ from press to press; with none,
+        two of eight such predictions had bands that were too narrow
+    neighbours : nearest presses by which the unevenness of a place is told
+    tail : degrees of freedom of Student's t, by which single presses count less
+    least_size, largest_size, sizes : errors of the laws that are tried, as shares of the travel
+    told : largest error of ln C by the shallow readings of a press that predicts its deep ones
+    """
+
+    least_reach: float = 0.35
+    deep: float = 0.8
+    uneven: float = 0.5
+    neighbours: int = 6
+    tail: float = 4.0
+    least_size: float = 2e-3
+    largest_size: float = 1.0
+    sizes: int = 40
+    told: float = 0.3
+
+
+LAW_ERROR = LawErrorSettings()
+
+
+@dataclass(frozen=True)
 class ResidualSettings:
     """Levels, sample sizes and thresholds of `identify.residual.compare`.
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 
-from models import InputError, Scan, read_scan, replaced, scan_findings, touching
+from models import InputError, Scan, read_scan, replaced, scan_findings, touching, write_scan
 from palpmap.importing.importing import checked_study, commented
 from palpmap.study.body import Body
-from palpmap.study.contact_body import surface_notes
+from palpmap.study.contact_body import STEEPEST_DEG, steepness_deg, surface_notes
 from palpmap.study.faults import fault_sentence
 from palpmap.study.kept_inputs import copied, copy_file
 from palpmap.study.placement import place_scan
@@ -29,6 +31,7 @@ FLAGS = {
 }
 """What a scan cannot tell: flag and question by name."""
 ON_TOP_M = 1e-3
+LEANING_DEG = 30.0  # between the presses and an axis of their frame that is taken for them
 
 
 @dataclass(frozen=True)
@@ -109,17 +112,26 @@ def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[s
         raise InputError(
             f"{study_file}: is already there and is not overwritten; choose another --out"
         )
-    said = [_told(scan)]
+    said, upright = [_told(scan)], None
+    if facts.thickness_m is not None and (upright := _upright(scan)) is not None:
+        scan = scan.turned(upright)
+        said.append(_turned(upright, touching(scan)))
     study = _study(scan, scan_file, study_file, facts)
     folder.mkdir(parents=True, exist_ok=True)
-    copy_file(scan_file, folder / scan_file.name)
+    if upright is None:
+        copy_file(scan_file, folder / scan_file.name)
+    else:
+        write_scan(scan, folder / scan_file.name)
     if facts.surface:
         body = copied(study.body, folder / facts.surface.name)
         study = study.model_copy(update={"body": body})
     checked_study(study, study_file)
     text = commented(
         study_file.read_text(encoding="utf-8"),
-        f"# Made by palpmap new from {scan_file.name}; palpmap check looks at each press.",
+        "\n".join(
+            [f"# Made by palpmap new from {scan_file.name}; palpmap check looks at each press."]
+            + [f"# {line}" for sentence in said[1:] for line in wrap(sentence, 96)]
+        ),
     )
     with replaced(study_file) as beside:
         beside.write_text(text, encoding="utf-8")
@@ -164,6 +176,45 @@ def _study(scan: Scan, scan_file: Path, study_file: Path, facts: Facts) -> Study
         )
     except ValidationError as error:
         raise InputError(fault_sentence(study_file, error, Study)) from error
+
+
+def _upright(scan: Scan) -> Rotation | None:
+    """Return the rotation that makes the presses point down, where one is too steep as it is.
+
+    By right angles where these come near, so that scans of one body get one frame.
+    """
+    directions = touching(scan).contact_directions
+    if not len(directions) or steepness_deg(directions).max() < STEEPEST_DEG:
+        return None
+    along = directions.mean(axis=0)
+    longest = np.abs(along) == np.abs(along).max()
+    right, least = (_downwards(v) for v in (np.where(longest, along, 0.0), along))
+    return right if np.degrees((least * right.inv()).magnitude()) < LEANING_DEG else least
+
+
+def _downwards(vector: np.ndarray) -> Rotation:
+    """Return the least rotation of a vector (3,) to -z."""
+    axis = np.cross(vector, (0, 0, -1.0))
+    length = float(np.linalg.norm(axis))
+    axis = axis / length if length > 0 else np.array([1.0, 0.0, 0.0])
+    return Rotation.from_rotvec(np.arctan2(length, -vector[2]) * axis)
+
+
+def _turned(rotation: Rotation, scan: Scan) -> str:
+    """Say how a scan, turned by now, was turned, and how to turn results back."""
+    along = scan.contact_directions.mean(axis=0) @ rotation.as_matrix()
+    angle = np.linalg.norm(vector := rotation.as_rotvec())
+    direction, axis = (
+        ", ".join(f"{part:.3g}" for part in np.round(v / np.linalg.norm(v), 4) + 0.0)
+        for v in (along, vector)
+    )
+    w, x, y, z = (np.round(rotation.inv().as_quat(scalar_first=True), 6) + 0.0).tolist()
+    return (
+        f"The robot presses along ({direction}), not down: the study's copy of the scan is turned "
+        f"by {np.degrees(angle):.4g} degrees about the axis ({axis}) through the origin, so that z "
+        "points up. Results are in the turned frame; the rotation back is the quaternion (w, x, y, "
+        f"z) = ({w:g}, {x:g}, {y:g}, {z:g})."
+    )
 
 
 def _told(scan: Scan) -> str:

@@ -93,6 +93,15 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
     return tuple(notes)
 
 
+def steepness_deg(directions: np.ndarray) -> np.ndarray:
+    """Return the angles (j,) of directions (j, 3) to straight down, degrees.
+
+    >>> steepness_deg(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])).tolist()
+    [90.0, 0.0]
+    """
+    return np.degrees(np.arccos(np.clip(-directions[:, 2], -1, 1)))
+
+
 def contact_body(body: Body) -> ContactBody:
     """Return the body that a study's table [body] and its scan of contacts make.
 
@@ -126,14 +135,14 @@ def _made(
 
     scan = touching(read_scan(file, units_checked=True))
     points, directions = scan.contact_points, scan.contact_directions
-    tilt = np.degrees(np.arccos(np.clip(-directions[:, 2], -1, 1)))
+    tilt = steepness_deg(directions)
     if tilt.max() >= STEEPEST_DEG:
         j = int(tilt.argmax())
         raise InputError(
             f"{file}, press {scan.press_ids[j]}, columns nx, ny, nz: found a direction "
             f"{tilt[j]:.0f} degrees off straight down (-z), expected at most {STEEPEST_DEG:g} "
-            "for a body from contacts; turn the scan's frame so that z "
-            'points up, or give a closed surface (shape = "surface")'
+            "for a body from contacts; turn the scan's frame so that z points up (palpmap new does "
+            'it), or give a closed surface (shape = "surface")'
         )
     try:
         through = ContactSurface.through(points, directions)

@@ -223,11 +223,18 @@ class BallSearch:
             there = replace(there, power=there.power - scale[:, None] * across**2, match=match)
         return replace(there, evidence=beside.evidence, weights=beside.weights)
 
+    def gains(self, beside: Beside) -> np.ndarray:
+        """Log evidence (k, h, c) of one ball more of each of k kinds, over that without it."""
+        found = []
+        for amplitude, share in self.settings.kinds:
+            known = 1 + amplitude**2 * beside.power
+            gain = 0.5 * (amplitude**2 * beside.match**2 / known - np.log(known))
+            found.append(np.log(share) + gain)
+        return np.array(found)
+
     def gain(self, beside: Beside) -> np.ndarray:
-        """Log evidence (h, c) of one ball more, over that without it."""
-        v = self.settings.amplitude**2
-        known = 1 + v * beside.power
-        return 0.5 * (v * beside.match**2 / known - np.log(known))
+        """Log evidence (h, c) of one ball more, of whatever kind, over that without it."""
+        return np.logaddexp.reduce(self.gains(beside), axis=0)
 
     def log_odds(self, beside: Beside) -> np.ndarray:
         """Log odds (c,) of one ball more of each kind against none, over all priors."""
@@ -244,7 +251,9 @@ class BallSearch:
 
     def added(self, beside: Beside, ball: Balls) -> Beside:
         """Return all balls beside one more that is known to be there."""
-        v, there = self.settings.amplitude**2, self.instead(beside, ball)
+        there = self.instead(beside, ball)
+        likelier = self.gains(there)[:, :, 0].argmax(axis=0)
+        v = np.array([amplitude**2 for amplitude, _ in self.settings.kinds])[likelier]
         weight, scale = self.weight(beside, ball), v / (1 + v * there.power[:, 0])
         across = weight @ beside.balls.pattern
         return Beside(

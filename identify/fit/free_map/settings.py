@@ -111,7 +111,9 @@ class SpotSettings:
     largest_radius : ... and the largest in the body's width
     apart : distance of balls of a radius, in it
     expected : balls that are expected in a body before any reading, among those that may show
-    amplitude : standard deviation of their change of ln E
+    kinds : standard deviation of the change of ln E, and share, of two kinds of balls: of other
+        tissue, and as good as rigid or as holes, which a field of every roughness passes for if
+        they are thought improbable
     shows : standard deviations of the readings' noise from which on a ball may show
     scales : of the prior's spread and of the map's error, those that were fitted being 1
     longer : exponents of the way from the prior's length to the longest
@@ -130,7 +132,7 @@ class SpotSettings:
     largest_radius: float = 0.2
     apart: float = 0.7
     expected: float = 1.0
-    amplitude: float = 1.2
+    kinds: tuple[tuple[float, float], ...] = ((1.2, 0.8), (2.0, 0.2))
     shows: float = 3.0
     scales: tuple[float, ...] = (2.0, 1.0, 0.5, 0.2, 0.0)
     longer: tuple[float, ...] = (0.5, 1.0)

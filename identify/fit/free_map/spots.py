@@ -124,12 +124,12 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
     finer = beside.balls
     # Draws of prior and ball, and of the change of ln E, which is normal for each of them
     rng = np.random.default_rng(0)
-    joint = beside.evidence[:, None] + search.gain(beside) + finer.log_prior
-    joint = np.exp(joint - joint.max()).ravel()
-    chosen = rng.choice(joint.size, s.draws, p=joint / joint.sum())
-    drawn = chosen % len(finer.radius_m)
-    precision = (beside.power + s.amplitude**-2).ravel()[chosen]
-    change = beside.match.ravel()[chosen] / precision
+    joint = beside.evidence[:, None] + search.gains(beside) + finer.log_prior
+    joint = np.exp(joint - joint.max())
+    chosen = rng.choice(joint.size, s.draws, p=joint.ravel() / joint.sum())
+    kind, prior, drawn = np.unravel_index(chosen, joint.shape)
+    precision = beside.power[prior, drawn] + np.array([a**-2 for a, _ in s.kinds])[kind]
+    change = beside.match[prior, drawn] / precision
     change = change + rng.standard_normal(s.draws) / np.sqrt(precision)
     kind = _likelier_kind(change)
     there, drawn, change = there * float(np.mean(kind)), drawn[kind], change[kind]

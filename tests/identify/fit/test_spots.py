@@ -13,12 +13,12 @@ from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import SPOTS
 from identify.fit.free_map.spots import _likelier_kind, find_spots
-from identify.map import GaussianMap, Grid
+from identify.map import GaussianMap, Grid, MaternField
 
 SIZE_M, NOISE, LONGEST_M = (0.06, 0.06, 0.03), 0.003, 0.06
 HYPER = Hyper(0.02, 0.2, 0.003)
 QUICK = replace(SPOTS, apart=1.0, largest_radius=0.15, growth=1.6)
-ONE = replace(QUICK, scales=(1.0,), longer=())
+ONE = replace(QUICK, scales=(1.0,), longer=(), kinds=((1.2, 1.0),))
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +39,14 @@ def by_field(grid) -> np.ndarray:
     return by_log / response.compliance[:, None]
 
 
-def posterior(by_field, grid, of_press, doubt: np.ndarray | float = 0.0) -> FieldPosterior:
+def posterior(
+    by_field, grid, of_press, doubt: np.ndarray | float = 0.0, hyper: Hyper = HYPER
+) -> FieldPosterior:
     """Posterior of readings that give each ln C (j,) with a standard deviation of NOISE."""
     precision = np.full((len(of_press), 1, 1), NOISE**-2)
     sums = PressSums(precision, of_press[:, None] / NOISE**2, np.zeros(len(of_press)))
     data = FieldData.of(sums, by_field, np.zeros(len(grid)), doubt=doubt)
-    return FieldPosterior(data, HYPER.prior(grid), HYPER.error)
+    return FieldPosterior(data, hyper.prior(grid), hyper.error)
 
 
 def spots(by_field, grid, of_press, seed=0, doubt: np.ndarray | float = 0.0):
@@ -73,7 +75,7 @@ def test_the_gain_of_a_ball_is_a_ratio_of_evidences_also_beside_others(by_field,
     found = posterior(by_field, grid, of_press)
     search = BallSearch(found, HYPER, LONGEST_M, ONE)
     first, second = np.argsort(-search.log_odds(search.alone))[[0, 40]]
-    size = ONE.amplitude**2 * np.einsum("jc,kc->cjk", *[search.balls.pattern] * 2)
+    size = 1.2**2 * np.einsum("jc,kc->cjk", *[search.balls.pattern] * 2)
     root = found.data.root
     base = np.eye(len(root)) + root.T @ (found.of_field + HYPER.error**2 * np.eye(len(root))) @ root
 
@@ -95,6 +97,38 @@ def test_the_gain_of_a_ball_is_a_ratio_of_evidences_also_beside_others(by_field,
     moved = root.T @ by_field @ change
     shown = np.sqrt(moved @ np.linalg.solve(base, moved))
     assert search.shown_by(change) == pytest.approx(shown, rel=1e-6)
+
+
+def test_a_ball_of_two_kinds_is_as_probable_as_their_shares_make_it(by_field, grid):
+    found = posterior(by_field, grid, 0.02 * np.random.default_rng(2).standard_normal(36))
+    kinds = ((0.5, 0.7), (2.5, 0.3))
+    search = BallSearch(found, HYPER, LONGEST_M, replace(ONE, kinds=kinds))
+    apart = [
+        BallSearch(found, HYPER, LONGEST_M, replace(ONE, kinds=((amplitude, 1.0),)))
+        for amplitude, _ in kinds
+    ]
+    ratios = [np.exp(one.gain(one.alone)) for one in apart]
+    expected = kinds[0][1] * ratios[0] + kinds[1][1] * ratios[1]
+    np.testing.assert_allclose(np.exp(search.gain(search.alone)), expected, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_balls_as_good_as_rigid_are_found_more_often_if_they_are_thought_of(by_field, grid):
+    """A rough field passes them for roughness otherwise."""
+    rng, rough = np.random.default_rng(4), Hyper(0.008, 0.5, 0.01)
+    kinds = {"tissue": ((1.2, 1.0),), "both": SPOTS.kinds}
+    found = dict.fromkeys(kinds, 0)
+    for _ in range(12):
+        centre = np.append(rng.uniform(0.018, 0.042, 2), 0.023)
+        field = MaternField(grid, rough.length_m, rough.spread).draws(rng, 1)[0]
+        of_press = by_field @ (field + 3.5 * ball(grid, centre, 0.006))
+        of_press = of_press + NOISE * rng.standard_normal(36)
+        seen = posterior(by_field, grid, of_press, hyper=rough)
+        for name, kind in kinds.items():
+            search = BallSearch(seen, rough, LONGEST_M, replace(QUICK, kinds=kind))
+            spots = find_spots(search, seen)
+            found[name] += any(spot.found and off(spot, centre) < 0.006 for spot in spots)
+    assert found["both"] > found["tissue"] > 0, found
 
 
 def test_parts_of_the_lattice_fill_what_they_split(by_field, grid):

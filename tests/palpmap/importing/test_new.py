@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from models.scan_file import read_scan, write_scan
@@ -91,3 +92,42 @@ def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):
     assert [q[: q.index(",")] for q in asked[1::2]] == [
         "--tip: found 'ball'", "--thickness: found 'thick'", "--poisson: found 1.2"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle", "back"),
+    [
+        ((0, 1, 0), -90, (0.707107, 0, -0.707107, 0)),  # pressed along x
+        ((1, 0, 0), 180, (0, -1, 0, 0)),  # from below
+        ((1, 1, 0), 125, None),  # beside all axes
+    ],
+)
+def test_a_scan_from_another_side_is_turned_until_z_points_up(axis, angle, back, tmp_path):
+    """Places, directions, forces and poses turn with it, and the rotation said turns them back."""
+    turn = Rotation.from_rotvec(np.radians(angle) * np.array(axis) / np.linalg.norm(axis))
+    own = read_scan(LAB / "case_c" / "scan.csv")
+    own = own.replace(
+        force_vector_n=own.force_n[:, None] * own.direction,
+        tip_pose=np.column_stack([own.point_m, np.tile([1.0, 0, 0, 0], (len(own), 1))]),
+    )
+    write_scan(own.turned(turn), tmp_path / "scan.csv")
+    words = ("--tip", "flat", "--thickness", 0.048, "--poisson", 0.49, "--out", tmp_path / "s")
+    record = json.loads(run(tmp_path / "scan.csv", *words, "--json").stdout)
+    (said,) = (sentence for sentence in record["said"] if "is turned by" in sentence)
+    quaternion = [float(q) for q in said.split("(w, x, y, z) = (")[1].split(")")[0].split(",")]
+    if back:
+        assert quaternion == pytest.approx(back, abs=1e-5)
+    found = read_scan(tmp_path / "s" / "scan.csv")
+    assert (np.degrees(np.arccos(-found.direction[:, 2])) < 1).all()
+    again = found.turned(Rotation.from_quat(quaternion, scalar_first=True))
+    for name in ("point_m", "direction", "force_vector_n"):
+        expected = getattr(own.turned(turn), name)
+        assert getattr(again, name) == pytest.approx(expected, abs=2e-6), name
+    pose, expected = again.tip_pose, own.turned(turn).tip_pose
+    assert pose is not None
+    assert expected is not None
+    assert pose[:, :3] == pytest.approx(expected[:, :3], abs=2e-6)
+    assert np.abs(np.sum(pose[:, 3:] * expected[:, 3:], axis=1)) == pytest.approx(1, abs=1e-6)
+    study = (tmp_path / "s" / "study.toml").read_text()
+    assert "# The robot presses along" in study
+    assert check_study(tmp_path / "s" / "study.toml").can_be_fitted

@@ -86,7 +86,7 @@ def _grid(table: Table, narrowed: int) -> "RenderableType":
         grid.add_column(
             fill(heading, widest or len(heading), break_long_words=False) if narrowed else heading,
             justify="right" if column.right else "left",
-            no_wrap=column.right,
+            no_wrap=column.right or widest <= longest,  # else rich narrows what cannot fold
             min_width=widest if column.right else longest,
             overflow="fold",
         )

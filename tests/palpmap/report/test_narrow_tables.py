@@ -11,7 +11,7 @@ from identify.fit import Spot
 from palpmap.report.draw import console
 from palpmap.result.field_tables import _spot_table
 from palpmap.result.records import ParameterRecord
-from palpmap.result.tables import parameter_table
+from palpmap.result.tables import Table, number, parameter_table
 
 
 def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
@@ -57,3 +57,20 @@ def test_parameters_keep_their_words_in_a_terminal_of_80_columns(unseen):
     assert {"threshold_n", "compliance_m_per_n", "9.89", "10.09", "mm", "0.1010", "mm/N"} <= words
     assert {"at", "its", "bound", "mN"} <= words
     assert not unseen or {"(preconditioning_", "nearby)"} <= words
+
+
+@pytest.mark.parametrize("width", range(70, 90))
+def test_nothing_is_cut_however_wide_the_terminal_is(width):
+    rows = [
+        ("strain_stiffening.b", "0.432", "0.394 to 0.470", "± 0.49 (free_saturation)"),
+        ("touch_threshold.threshold_n", "87 mN", "70 to 88 mN", "± 12 mN (force_bias)"),
+    ]
+    head = ("Parameter", number("Found"), number("95 % interval"), "Unseen effect")
+    out = io.StringIO()
+    Console(file=out, width=width).print(console(Table.of(head, rows)))
+    shown = sorted(character for character in out.getvalue() if character not in " \n─")
+    assert shown == sorted("".join(["".join(row) for row in rows] + _texts(head)).replace(" ", ""))
+
+
+def _texts(head) -> list[str]:
+    return [getattr(column, "heading", column) for column in head]

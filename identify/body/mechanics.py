@@ -82,6 +82,11 @@ class BodyMechanics(OtherModels):
         own = {"_solutions": other._solutions, "_bases": other._bases}
         return replace(self, narrower=other.narrower or self.narrower, **own)
 
+    @property
+    def contacts(self) -> Contacts:
+        """The presses' contacts (j,)."""
+        return self.coarse.contacts
+
     @cached_property
     def local_points(self) -> np.ndarray:
         """Points of the local modulus under each tip, (j, 3) m."""

@@ -50,6 +50,16 @@ class BodyResponse:
     _narrower: BodyResponse | None = None  # under narrower contacts, of balls
     _exact: dict[BodyState, tuple[float, np.ndarray, np.ndarray]] = field(default_factory=dict)
 
+    @property
+    def mechanics(self) -> BodyMechanics:
+        """The mechanics that solved."""
+        return self._mechanics
+
+    def serves(self, stiffness: GaussianMap, state: BodyState, slack: float) -> bool:
+        """Whether this is the response to a map and a state, as exact as asked."""
+        same = stiffness is self._map or stiffness == self._map
+        return same and state == self._state and self._slack <= slack
+
     @cached_property
     def by_map(self) -> np.ndarray:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""

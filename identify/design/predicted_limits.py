@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fem import Contacts
 from fem.contact import PressedSurface
-from identify.body.mechanics import BodyMechanics
+from identify.body import BodyMechanics, BodyResponse, ChosenMechanics
 from identify.design.detection_limits import Limit, bends_of, limits_at
 from identify.design.scan_variants import (
     Design,
@@ -29,8 +30,27 @@ from identify.measurement.model import MeasurementModel
 from identify.residual.fitted_model import unit_compliance
 
 
+class Solved(NamedTuple):
+    """Presses whose body is solved at the estimate.
+
+    Attributes
+    ----------
+    presses : j of them
+    body : its response
+    unit : (j,) compliance of a body of 1 Pa, None where the map is not free
+    """
+
+    presses: Presses
+    body: BodyResponse
+    unit: np.ndarray | None
+
+
 def planned(
-    fit: FitResult, design: Design, further: bool = False, like: BodyMechanics | None = None
+    fit: FitResult,
+    design: Design,
+    further: bool = False,
+    like: BodyMechanics | None = None,
+    solved: Iterable[Solved] = (),
 ) -> tuple[MeasurementModel, Linearised]:
     """Return the model of a planned scan, and its linearisation at a fit's estimate.
 
@@ -39,6 +59,7 @@ def planned(
     further : made after the present one, not in its place. The model is that beside one map, as the
         present scan tells more of it than its prior (`next_presses`)
     like : of another scan with its tips, whose near fields serve
+    solved : planned scans at this estimate; their places with their tips need no solution
     """
     present = fit.model.readings
     timed = present.time_s is not None
@@ -49,13 +70,13 @@ def planned(
         deepest=present.deepest,
         stated=present.scales if further or fit.model.effects else None,
     )
-    mechanics = _mechanics(fit, design, like)
+    mechanics, unit = _mechanics(fit, design, like, solved)
     model = replace(
         fit.model,
         readings=readings,
         displacement_m=np.zeros(len(readings)),
         mechanics=mechanics,
-        unit_compliance=unit_compliance(mechanics.coarse, fit),
+        unit_compliance=unit,
         map_uncertainty=None,
     )
     at = model.linearise(fit.u)
@@ -104,26 +125,31 @@ def _contacts(fit: FitResult, presses: Presses) -> Contacts:
     )
 
 
-def _mechanics(fit: FitResult, design: Design, like: BodyMechanics | None) -> BodyMechanics:
-    """Return the mechanics of a design's presses; the present presses keep their models."""
+def _mechanics(
+    fit: FitResult, design: Design, like: BodyMechanics | None, solved: Iterable[Solved]
+) -> tuple[BodyMechanics, np.ndarray | None]:
+    """Return the mechanics of a design's presses and their compliance on a body of 1 Pa.
+
+    Presses that are known keep their solutions.
+    """
     mechanics, present = fit.model.mechanics, presses_of(fit.model.readings)
     presses = design.presses
-    same = len(presses) == len(present) and all(
-        np.array_equal(getattr(presses, name), getattr(present, name))
-        for name in ("point_m", "direction", "radius_m")
-    )
-    if same:
-        return mechanics
+    for known in (Solved(present, fit.at.body, fit.model.unit_compliance), *solved):
+        chosen = presses.places_among(known.presses)
+        if chosen is not None:
+            unit = None if known.unit is None else known.unit[chosen]
+            return ChosenMechanics.among(known.body, chosen), unit
     other = (like or mechanics).under(_contacts(fit, presses))
     if isinstance(fit.map, FreeMap) and mechanics.fine is None:
-        return other  # not corrected in the fit either
+        return other, unit_compliance(other.coarse, fit)  # not corrected in the fit either
     other = other.corrected(fit.map, fit.at.state)
     # The mesh error is far from the tip: the same length under any tip
     now = fit.at.body.compliance
     apart = np.linalg.norm(presses.point_m[:, None] - present.point_m, axis=2)
     error = (mechanics.correction.model_error * now)[apart.argmin(axis=1)]
     share = error / other.evaluate(fit.map, fit.at.state).compliance
-    return replace(other, correction=replace(other.correction, model_error=share))
+    other = replace(other, correction=replace(other.correction, model_error=share))
+    return other, unit_compliance(other.coarse, fit)
 
 
 @dataclass(frozen=True)
@@ -151,17 +177,17 @@ def improvements(
         other tips 0.5 to 2.7
     """
     bends = {_tips(presses_of(fit.model.readings)): limits} if limits else {}
-    like: dict[tuple[float, ...], BodyMechanics] = {}
+    solved: list[Solved] = []
     found = []
     for design in designs:
         if progress:
             progress(f"planning a scan {design.change}")
         tips = _tips(design.presses)
-        model, at = planned(fit, design, like=like.get(tips))
+        model, at = planned(fit, design, solved=solved)
         known = bends_of(bends.get(tips, ()))
         own = limits_at(model, at, fit.u, catalogue, settings, known)
         bends.setdefault(tips, own)
-        like.setdefault(tips, model.mechanics)
+        solved.append(Solved(design.presses, at.body, model.unit_compliance))
         found.append(Improvement(design, own))
     return tuple(found)
 

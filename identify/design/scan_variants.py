@@ -42,6 +42,19 @@ class Presses:
         parts = self.ramp_s + self.hold_s + self.unload_s + self.pause_s
         return float(np.sum(parts))
 
+    def places_among(self, others: Presses) -> np.ndarray | None:
+        """Return for each press the number of one of others with its place and tip, or None.
+
+        None if a press has no such other.
+        """
+        known = {row.tobytes(): number for number, row in enumerate(others._contact)}
+        found = [known.get(row.tobytes(), -1) for row in self._contact]
+        return None if -1 in found else np.array(found)
+
+    @property
+    def _contact(self) -> np.ndarray:
+        return np.column_stack([self.point_m, self.direction, self.radius_m])
+
     def taken(self, index: np.ndarray) -> Presses:
         """Return the presses of some indices, in their order."""
         return Presses(**{name: array[index] for name, array in vars(self).items()})

@@ -73,7 +73,7 @@ class MeasurementModel:
     @cached_property
     def chain(self) -> Chain:
         """The links beyond the body."""
-        contacts = self.mechanics.coarse.contacts
+        contacts = self.mechanics.contacts
         return Chain(
             self.readings,
             [part.effect for part in self.effects],

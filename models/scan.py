@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from models.scan_columns import CONTACT_PHASES, OUTCOMES, PHASES
 
@@ -174,19 +173,6 @@ class Scan:
         if pose is not None:
             pose = np.column_stack([pose[:, :3] + by_m, pose[:, 3:]])
         return self.replace(point_m=self.point_m + by_m, tip_pose=pose)
-
-    def turned(self, rotation: Rotation) -> "Scan":
-        """Return the table in another frame: places, directions and forces turned by a rotation."""
-        pose, force, back = self.tip_pose, self.force_vector_n, rotation.inv().as_matrix()
-        if pose is not None:
-            turned = rotation * Rotation.from_quat(pose[:, 3:].copy(), scalar_first=True)
-            pose = np.column_stack([pose[:, :3] @ back, turned.as_quat(scalar_first=True)])
-        return self.replace(
-            point_m=self.point_m @ back,
-            direction=self.direction @ back,
-            force_vector_n=None if force is None else force @ back,
-            tip_pose=pose,
-        )
 
     def replace(self, **changes) -> "Scan":
         """Return a copy with some arrays replaced."""

@@ -114,8 +114,8 @@ def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[s
         )
     said, upright = [_told(scan)], None
     if facts.thickness_m is not None and (upright := _upright(scan)) is not None:
-        scan = scan.turned(upright)
-        said.append(_turned(upright, touching(scan)))
+        scan = turned(scan, upright)
+        said.append(_turning(upright, touching(scan)))
     study = _study(scan, scan_file, study_file, facts)
     folder.mkdir(parents=True, exist_ok=True)
     if upright is None:
@@ -200,7 +200,21 @@ def _downwards(vector: np.ndarray) -> Rotation:
     return Rotation.from_rotvec(np.arctan2(length, -vector[2]) * axis)
 
 
-def _turned(rotation: Rotation, scan: Scan) -> str:
+def turned(scan: Scan, rotation: Rotation) -> Scan:
+    """Return a scan in a frame of the same origin: places, directions and forces turned."""
+    pose, force, back = scan.tip_pose, scan.force_vector_n, rotation.inv().as_matrix()
+    if pose is not None:
+        quaternion = rotation * Rotation.from_quat(pose[:, 3:].copy(), scalar_first=True)
+        pose = np.column_stack([pose[:, :3] @ back, quaternion.as_quat(scalar_first=True)])
+    return scan.replace(
+        point_m=scan.point_m @ back,
+        direction=scan.direction @ back,
+        force_vector_n=None if force is None else force @ back,
+        tip_pose=pose,
+    )
+
+
+def _turning(rotation: Rotation, scan: Scan) -> str:
     """Say how a scan, turned by now, was turned, and how to turn results back."""
     along = scan.contact_directions.mean(axis=0) @ rotation.as_matrix()
     angle = np.linalg.norm(vector := rotation.as_rotvec())

@@ -12,7 +12,7 @@ from palpmap.__main__ import app
 from palpmap.commands import new as command
 from palpmap.commands.check import check_study
 from palpmap.console import Output
-from palpmap.importing.new import Facts
+from palpmap.importing.new import Facts, turned
 from palpmap.study.study import load_study
 from tests.paths import LAB
 
@@ -110,7 +110,7 @@ def test_a_scan_from_another_side_is_turned_until_z_points_up(axis, angle, back,
         force_vector_n=own.force_n[:, None] * own.direction,
         tip_pose=np.column_stack([own.point_m, np.tile([1.0, 0, 0, 0], (len(own), 1))]),
     )
-    write_scan(own.turned(turn), tmp_path / "scan.csv")
+    write_scan(turned(own, turn), tmp_path / "scan.csv")
     words = ("--tip", "flat", "--thickness", 0.048, "--poisson", 0.49, "--out", tmp_path / "s")
     record = json.loads(run(tmp_path / "scan.csv", *words, "--json").stdout)
     (said,) = (sentence for sentence in record["said"] if "is turned by" in sentence)
@@ -119,11 +119,11 @@ def test_a_scan_from_another_side_is_turned_until_z_points_up(axis, angle, back,
         assert quaternion == pytest.approx(back, abs=1e-5)
     found = read_scan(tmp_path / "s" / "scan.csv")
     assert (np.degrees(np.arccos(-found.direction[:, 2])) < 1).all()
-    again = found.turned(Rotation.from_quat(quaternion, scalar_first=True))
+    again = turned(found, Rotation.from_quat(quaternion, scalar_first=True))
     for name in ("point_m", "direction", "force_vector_n"):
-        expected = getattr(own.turned(turn), name)
+        expected = getattr(turned(own, turn), name)
         assert getattr(again, name) == pytest.approx(expected, abs=2e-6), name
-    pose, expected = again.tip_pose, own.turned(turn).tip_pose
+    pose, expected = again.tip_pose, turned(own, turn).tip_pose
     assert pose is not None
     assert expected is not None
     assert pose[:, :3] == pytest.approx(expected[:, :3], abs=2e-6)

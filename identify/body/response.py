@@ -56,7 +56,7 @@ class BodyResponse:
         return self._mechanics
 
     def serves(self, stiffness: GaussianMap, state: BodyState, slack: float) -> bool:
-        """Whether this is the response to a map and a state, as exact as asked."""
+        """Return True for the map and state that were solved, as exactly as asked."""
         same = stiffness is self._map or stiffness == self._map
         return same and state == self._state and self._slack <= slack
 

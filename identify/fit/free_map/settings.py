@@ -112,8 +112,8 @@ class SpotSettings:
     apart : distance of balls of a radius, in it
     expected : balls that are expected in a body before any reading, among those that may show
     kinds : standard deviation of the change of ln E, and share, of two kinds of balls: of other
-        tissue, and as good as rigid or as holes, which a field of every roughness passes for if
-        they are thought improbable
+        tissue, and as good as rigid or as holes. A rough field explains the second kind as well as
+        a ball does, if it is thought improbable
     shows : standard deviations of the readings' noise from which on a ball may show
     scales : of the prior's spread and of the map's error, those that were fitted being 1
     longer : exponents of the way from the prior's length to the longest

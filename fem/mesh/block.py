@@ -14,6 +14,7 @@ from fem.mesh.mesh import TET_EDGES, Mesh, boundary_faces, promote_to_tet10
 PAPER_SIZE_M = (0.096, 0.096, 0.048)
 PAPER_DIVISIONS = (16, 16, 8)
 MARGIN_CELLS = 0.5  # of even cells' number, in a margin where nothing is pressed
+MOVED_LAYERS = 2.0  # thickness of the layers along a moved side, over its shift
 
 
 def block_mesh(
@@ -124,14 +125,18 @@ def widened_margins(mesh: Mesh, divisions: Sequence[int], margin_m: float) -> Me
 def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
     """Return the mesh with its sides moved along x and y, m, and its middle left where it is.
 
-    Cells are stretched on one side and pressed together on the other, evenly from the middle on.
+    Cells are stretched along one side and pressed together along the other, in as many layers as
+    are twice as thick as the shift; all others stay, with the near fields of presses on them.
     """
     nodes = mesh.nodes.copy()
     low, high = mesh.box_m
+    layer = np.cbrt(6 * mesh.cell_volumes.mean())
     for axis, shift in enumerate(shift_m):
-        away = np.abs(2 * (nodes[:, axis] - low[axis]) / (high[axis] - low[axis]) - 1)
-        nodes[:, axis] += shift * away
-    if mesh.order == 2:  # an edge across the middle is bent there, its ends are not
+        layers = np.ceil(MOVED_LAYERS * abs(shift) / layer - 1e-9)
+        thick = min(layer * max(layers, 1.0), (high[axis] - low[axis]) / 2)
+        from_side = np.minimum(nodes[:, axis] - low[axis], high[axis] - nodes[:, axis])
+        nodes[:, axis] += shift * np.clip(1 - from_side / thick, 0.0, 1.0)
+    if mesh.order == 2:  # an edge across the border of the layers is bent there
         nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
     return Mesh(nodes, mesh.cells, mesh.surfaces)
 

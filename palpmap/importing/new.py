@@ -181,12 +181,17 @@ def _study(scan: Scan, scan_file: Path, study_file: Path, facts: Facts) -> Study
 def _upright(scan: Scan) -> Rotation | None:
     """Return the rotation that makes the presses point down, where one is too steep as it is.
 
-    By right angles where these come near, so that scans of one body get one frame.
+    By right angles where these come near, so that scans of one body get one frame. None, too, where
+    the contact points lie along the presses rather than across: their directions are wrong then.
     """
-    directions = touching(scan).contact_directions
+    felt = touching(scan)
+    directions, points = felt.contact_directions, felt.contact_points
     if not len(directions) or steepness_deg(directions).max() < STEEPEST_DEG:
         return None
     along = directions.mean(axis=0)
+    across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][-1]
+    if abs(across @ along) < np.cos(np.pi / 4) * np.linalg.norm(along):
+        return None
     longest = np.abs(along) == np.abs(along).max()
     right, least = (_downwards(v) for v in (np.where(longest, along, 0.0), along))
     return right if np.degrees((least * right.inv()).magnitude()) < LEANING_DEG else least
@@ -227,7 +232,7 @@ def _turning(rotation: Rotation, scan: Scan) -> str:
         f"The robot presses along ({direction}), not down: the study's copy of the scan is turned "
         f"by {np.degrees(angle):.4g} degrees about the axis ({axis}) through the origin, so that z "
         "points up. Results are in the turned frame; the rotation back is the quaternion (w, x, y, "
-        f"z) = ({w:g}, {x:g}, {y:g}, {z:g})."
+        f"z) = ({w:g}, {x:g}, {y:g}, {z:g}). If it presses down, correct nx, ny and nz."
     )
 
 

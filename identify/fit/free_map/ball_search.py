@@ -265,10 +265,11 @@ class BallSearch:
             (*beside.weights, (weight, scale)),
         )
 
-    def finer(self, beside: Beside, balls: np.ndarray) -> Beside:
-        """Return the likely parts of some balls of the lattice (n,) int, made finer.
+    def finer(self, beside: Beside, balls: np.ndarray) -> tuple[Beside, float]:
+        """Return the likely parts of some balls (n,) int of the lattice, and a part's edge.
 
-        Only beside the priors that are likely with one of them.
+        Only beside the priors that are likely with one of them. The edge, in the lattice's step, is
+        halved until enough parts are about as likely.
         """
         s = self.settings
         best = beside.evidence + self.gain(beside)[:, balls].max(axis=1)
@@ -278,11 +279,14 @@ class BallSearch:
             beside, priors=beside.priors[some], evidence=beside.evidence[some],
             weights=tuple((weight[some], scale[some]) for weight, scale in beside.weights),
         )  # fmt: skip
-        for number in range(s.splits):
+        for number in range(s.most_splits):
+            weight = np.exp(odds - np.logaddexp.reduce(odds))
+            if number >= s.splits and np.sum(weight**2) < 1 / s.enough:
+                return beside, 0.5**number
             kept = np.argsort(-odds)[: s.kept]
             beside = self.instead(beside, self.split(parts.some(kept), 0.5**number))
             parts, odds = beside.balls, self.log_odds(beside)
-        return beside
+        return beside, 0.5**s.most_splits
 
     def alike(self, beside: Beside, ball: int) -> np.ndarray:
         """Cosines (c,) between the patterns of all balls and one, beside its likeliest field."""

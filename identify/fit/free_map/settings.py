@@ -119,7 +119,8 @@ class SpotSettings:
     longer : exponents of the way from the prior's length to the longest
     most, patience : balls that are added, and the most in turn that do not raise the log evidence
     alike : cosine of the patterns of two balls from which on they are one spot
-    splits, kept : times that the lattice is made finer for a spot, and most balls that are split
+    splits, most_splits, enough, kept : least and most times that the lattice is made finer for a
+        spot, the effective number of parts that ends it, and most balls that are split
     unlikely : how far below the largest the log evidence of a prior may be that is kept for that
     draws : of a ball, its radius and contrast
     ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
@@ -140,6 +141,8 @@ class SpotSettings:
     patience: int = 2
     alike: float = 0.6
     splits: int = 2
+    most_splits: int = 5
+    enough: float = 30.0
     kept: int = 300
     unlikely: float = 10.0
     draws: int = 2000

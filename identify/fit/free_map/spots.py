@@ -88,7 +88,7 @@ def _added(search: BallSearch) -> list[Balls]:
         if int(np.argmax(total)) <= len(balls) - search.settings.patience:
             break
         best = search.balls.some(np.array([np.argmax(odds)]))
-        finer = search.finer(beside, np.flatnonzero(search.balls.overlap(best)))
+        finer, _ = search.finer(beside, np.flatnonzero(search.balls.overlap(best)))
         balls.append(finer.balls.some(np.array([np.argmax(search.log_odds(finer))])))
         beside = search.added(beside, balls[-1])
     return balls[: int(np.argmax(total[: len(balls) + 1]))]
@@ -120,7 +120,7 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
     own = np.flatnonzero(alike | balls.overlap(balls.some(np.array([best]))))
     there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, 0.0))))
     # The lattice tells the odds; places and radii between its own tell the likely ones apart
-    beside, part = search.finer(beside, own), 0.5**s.splits
+    beside, part = search.finer(beside, own)
     finer = beside.balls
     # Draws of prior and ball, and of the change of ln E, which is normal for each of them
     rng = np.random.default_rng(0)

@@ -1,12 +1,15 @@
 """Presses chosen among solved ones answer as a model of their own contacts does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identify.body import ChosenMechanics
+from fem import PalpationModel, block_mesh
+from identify.body import BodyMechanics, ChosenMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
-from tests.identify.select.loop_problem import TRUE, contacts, uncorrected
+from tests.identify.select.loop_problem import NU, SIZE, TRUE, contacts, uncorrected
 
 CHOSEN = np.array([7, 3, 3, 24, 0])
 ELSEWHERE = GaussianMap(6000.0, (Inclusion(9000.0, 0.03, 0.03, 0.02, 0.009),))
@@ -58,3 +61,17 @@ def test_presses_chosen_among_chosen_ones_are_those_of_the_whole(whole, chosen):
 def test_what_is_known_is_not_solved_again(whole, chosen, monkeypatch):
     monkeypatch.setattr(type(whole), "solve", lambda *_: pytest.fail("a solution of what is known"))
     assert len(chosen.evaluate(TRUE, whole.state()).compliance) == len(CHOSEN)
+
+
+def test_the_growth_of_a_balls_contact_is_that_of_each_press():
+    ball = replace(contacts(), profile="hertz")
+    mesh = block_mesh(SIZE, (5, 5, 3))
+    whole = BodyMechanics.of(PalpationModel(mesh, NU, ball)).following_growth()
+    known = whole.evaluate(TRUE, whole.state())
+    found = ChosenMechanics.among(known, CHOSEN).evaluate(TRUE, whole.state())
+    assert known.growth is not None
+    assert np.ptp(known.growth[CHOSEN]) > 1e-3
+    assert_allclose(found.growth, known.growth[CHOSEN])
+    assert_allclose(found.growth_by_map, known.growth_by_map[CHOSEN])
+    changed = whole.state().changed(skin_thickness_m=0.001, skin_factor=1.5)
+    assert_allclose(found.growth_change(changed), known.growth_change(changed)[CHOSEN])

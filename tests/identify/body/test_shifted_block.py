@@ -45,6 +45,15 @@ def test_sides_move_and_the_middle_stays():
     assert moved.volume == pytest.approx(mesh.volume)
 
 
+def test_nodes_farther_from_the_sides_than_the_moved_layers_stay():
+    mesh = block_mesh(problem.SIZE, (6, 6, 3))  # cells of 10 mm
+    moved = moved_sides(mesh, SHIFT)
+    apart = np.minimum(mesh.nodes, problem.SIZE - mesh.nodes)[:, :2].min(axis=1)
+    inner = apart > 0.0101
+    assert 0 < inner.sum() < len(inner)
+    np.testing.assert_array_equal(moved.nodes[inner], mesh.nodes[inner])
+
+
 def test_nodes_in_the_middle_of_edges_stay_there_where_edges_cross_the_middle():
     check_mesh(moved_sides(block_mesh((0.06, 0.05, 0.03), (3, 3, 2)), SHIFT))
 

@@ -73,6 +73,18 @@ def test_the_clock_and_the_count_of_a_further_scan_go_on(fit):
     assert alone.elapsed_s[0] == 0
 
 
+def test_presses_are_found_among_others_by_place_direction_and_tip(fit):
+    presses = presses_of(fit.model.readings)
+    order = np.array([4, 0, 4, 24])
+    some = replace(presses.taken(order), force_n=np.ones(4))
+    found = some.places_among(presses)
+    assert found is not None
+    assert found.tolist() == order.tolist()
+    assert replace(some, radius_m=1.1 * some.radius_m).places_among(presses) is None
+    mechanics = planned(fit, replace(design(fit, "same"), presses=some))[0].mechanics
+    assert_allclose(mechanics.contacts.points_m, some.point_m)
+
+
 def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
     # Tips of 4 mm, 5 mm from the sides; with 8 mm only the inner nine places are left to them
     presses = presses_of(fit.model.readings)

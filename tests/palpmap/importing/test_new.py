@@ -128,6 +128,11 @@ def test_a_scan_from_another_side_is_turned_until_z_points_up(axis, angle, back,
     assert expected is not None
     assert pose[:, :3] == pytest.approx(expected[:, :3], abs=2e-6)
     assert np.abs(np.sum(pose[:, 3:] * expected[:, 3:], axis=1)) == pytest.approx(1, abs=1e-6)
+    # The tip still stands at its point, and looks along its press
+    assert found.tip_pose is not None
+    assert found.tip_pose[:, :3] == pytest.approx(found.point_m, abs=2e-6)
+    looks = Rotation.from_quat(found.tip_pose[:, 3:].copy(), scalar_first=True).apply((0, 0, -1))
+    assert looks == pytest.approx(found.direction, abs=1e-5)
     study = (tmp_path / "s" / "study.toml").read_text()
     assert "# The robot presses along" in study
     assert check_study(tmp_path / "s" / "study.toml").can_be_fitted

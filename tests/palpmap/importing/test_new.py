@@ -136,3 +136,16 @@ def test_a_scan_from_another_side_is_turned_until_z_points_up(axis, angle, back,
     study = (tmp_path / "s" / "study.toml").read_text()
     assert "# The robot presses along" in study
     assert check_study(tmp_path / "s" / "study.toml").can_be_fitted
+
+
+def test_a_turned_scan_has_its_places_directions_and_poses_turned_alike():
+    own = read_scan(SCAN)
+    pose = np.column_stack([own.point_m, np.tile([1.0, 0, 0, 0], (len(own), 1))])
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.6])
+    found = turned(own.replace(tip_pose=pose), turn)
+    assert found.point_m == pytest.approx(turn.apply(own.point_m.copy()))
+    assert found.direction == pytest.approx(turn.apply(own.direction.copy()))
+    assert found.tip_pose is not None
+    assert found.tip_pose[:, :3] == pytest.approx(found.point_m)
+    looks = Rotation.from_quat(found.tip_pose[:, 3:].copy(), scalar_first=True).apply((0, 0, -1))
+    assert looks == pytest.approx(found.direction)

@@ -12,6 +12,7 @@ from identify.catalogue.breathing_harmonics import BreathingHarmonics
 from identify.catalogue.breathing_harmonics_from_touch import BreathingHarmonicsFromTouch
 from identify.catalogue.contact_offset import ContactOffset
 from identify.catalogue.creep_recovery import CreepRecovery
+from identify.catalogue.curved_surface import CurvedSurface
 from identify.catalogue.displacement_drift import DisplacementDrift
 from identify.catalogue.displacement_jump import DisplacementJump
 from identify.catalogue.displacement_wander import DisplacementWander
@@ -52,6 +53,7 @@ from identify.catalogue.time_lag import TimeLag
 from identify.catalogue.tool_compliance import ToolCompliance
 from identify.catalogue.touch_threshold import TouchThreshold
 from identify.catalogue.two_time_creep import TwoTimeCreep
+from identify.catalogue.uneven_surface import UnevenSurface
 from identify.catalogue.viscoelasticity import Viscoelasticity
 from identify.effects.base import Effect
 from models import Catalogue
@@ -103,6 +105,8 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         Backlash(),
         TouchThreshold(),
         SurfaceTilt(),
+        CurvedSurface(),
+        UnevenSurface(),
         DisplacementDrift(),
         DisplacementWander(),
         DisplacementJump(),

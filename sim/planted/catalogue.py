@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from models import Catalogue
-from sim.planted import body, contact, instrument, jumps, response
+from sim.planted import body, contact, instrument, jumps, response, surfaces
 from sim.planted import outside_catalogue as outside
 from sim.planted.effect import HiddenEffect
 from sim.planted.foreign_forms import FORMS_OF_THE_BODY
@@ -50,6 +50,8 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.free_saturation,
         instrument.contact_offset,
         instrument.surface_tilt,
+        surfaces.curved_surface,
+        surfaces.uneven_surface,
         instrument.displacement_drift,
         instrument.displacement_wander,
         jumps.displacement_jump,
@@ -70,6 +72,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         outside.outside_sticky_tip,
         *FORMS_OF_THE_BODY,
         *FORMS_OF_THE_INSTRUMENT,
+        *surfaces.FORMS_OF_THE_SURFACE,
     )
 )
 

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from sim.planted.bench import Bench
 from sim.planted.contact import levelling
 from sim.planted.foreign_readings import calming, resting, softened
 from sim.planted.instrument import changing_tone, two_tones
@@ -22,6 +23,7 @@ from sim.planted.instrument_in_loop import (
     PlantScene,
     on_sensor,
 )
+from sim.planted.surfaces import bow, bump, rim, terrain, wave
 from sim.robot.mechanism import Mechanism
 
 Values = Mapping[str, float]
@@ -76,6 +78,11 @@ def _tilt(scene: PlantScene, v: Values) -> Course:
     towards = np.array([math.cos(v["angle_rad"]), math.sin(v["angle_rad"])])
     centred = scene.bench.points_m - np.array(scene.bench.body.size_m[:2]) / 2
     sinks = v["slope"] * (centred @ towards)
+    return lambda t, press: float(sinks[press])
+
+
+def _uneven(height: Callable[[Bench, Values], np.ndarray], scene: PlantScene, v: Values) -> Course:
+    sinks = v["height_m"] * height(scene.bench, v)
     return lambda t, press: float(sinks[press])
 
 
@@ -207,6 +214,11 @@ READINGS: Mapping[str, Callable[[PlantScene, Values], Reading]] = {
 
 SINKING: Mapping[str, Callable[[PlantScene, Values], Course]] = {
     "surface_tilt": _tilt,
+    "curved_surface": partial(_uneven, bow),
+    "uneven_surface": partial(_uneven, terrain),
+    "form_hill_of_the_surface": partial(_uneven, bump),
+    "form_wavy_surface": partial(_uneven, wave),
+    "form_raised_rim": partial(_uneven, rim),
     "displacement_drift": lambda s, v: lambda t, press: v["rate_m_per_s"] * t,
     "displacement_wander": _swaying,
     "breathing": _sine,

@@ -102,7 +102,7 @@ def form_wavy_surface(bench, force_n, travel_m, values):
 
 
 def rim(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
-    """Height (j,) of a meniscus, negative: travel ends early where it rises to the mould's walls."""
+    """Height (j,) of a meniscus, negative: travel ends early where the body creeps up its mould."""
     from_wall = 1 - np.abs(places(bench)).max(axis=1)
     return -np.exp(-np.maximum(from_wall, 0) / values["width"])
 

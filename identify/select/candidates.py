@@ -91,15 +91,29 @@ def leaving_noise(
 ) -> tuple[Candidate, ...]:
     """Put the first candidate that leaves noise before others that do as well and leave structure.
 
-    A simpler form may win by the price of a parameter, and yet leave what the right one explains.
+    A simpler form may win by the price of a parameter, and yet leave what the right one explains:
+    one that contains it does as well where chance gives its gain in less than `settings.sure`.
     """
-    near = [c for c in candidates if c.criterion < candidates[0].criterion + settings.margin]
-    if len(near) == 1 or is_noise(near[0].fit):
+    first = candidates[0]
+    near = [
+        c
+        for c in candidates
+        if c.criterion < first.criterion + settings.margin or _gains(first, c, settings)
+    ]
+    if len(near) == 1 or is_noise(first.fit):
         return candidates
     for candidate in near[1:]:
         if is_noise(candidate.fit):
             return (candidate, *(c for c in candidates if c is not candidate))
     return candidates
+
+
+def _gains(first: Candidate, other: Candidate, settings: SelectionSettings) -> bool:
+    """Whether a candidate contains the first one, and explains more than chance would."""
+    if first.name not in other.contains:
+        return False
+    more = len(other.fit.u) - len(first.fit.u)
+    return chdtrc(more, max(first.chi2 - other.chi2, 0.0)) < settings.sure
 
 
 def refit_p_value(step: Step, candidate: Candidate) -> float:

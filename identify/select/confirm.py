@@ -66,10 +66,15 @@ def confirmed(
 def _without_beaten(
     accepted: AcceptedEffect, same: np.ndarray, settings: SelectionSettings
 ) -> AcceptedEffect:
-    """Leave out the candidates that are far behind on the same readings, (m,) bool."""
+    """Leave out the candidates that are far behind on the same readings, (m,) bool.
+
+    Those of an effect that was found without presses that stand apart were fitted to fewer
+    readings, and are compared on all of their own.
+    """
 
     def chi2(fit: FitResult) -> float:
-        return float(np.sum(fit.at.residual[same] ** 2))
+        residual = fit.at.residual
+        return float(np.sum(residual[same] ** 2 if len(residual) == len(same) else residual**2))
 
     best = min(chi2(c.fit) for c in accepted.candidates if c.name == accepted.name)
     most = best + settings.behind_chi2

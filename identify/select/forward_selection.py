@@ -51,7 +51,14 @@ from identify.select.reconsider import (
     without_unneeded,
 )
 from identify.select.settings import SELECTION, SelectionSettings
-from identify.select.step import Step, hides_lead, replaces_map, step_of, whitened_fit
+from identify.select.step import (
+    Step,
+    foretells_worse,
+    hides_lead,
+    replaces_map,
+    step_of,
+    whitened_fit,
+)
 from models import Scan
 
 FirstStep = Callable[[Step, Callable[[str], None]], tuple[FitResult, list[AcceptedEffect]] | None]
@@ -124,7 +131,8 @@ def forward_selection(
 class _Path:
     """Steps, accepted effects and dropped ones so far.
 
-    `failed` are effects that did not bring at the end of their fit what its beginning promised;
+    `failed` are effects that did not bring at the end of their fit what its beginning promised, or
+    with which presses left out are predicted worse;
     `settled` is a path without candidates for noise.
     """
 
@@ -183,7 +191,8 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         if replaces_map(now.fit, fit):
             path.accepted, path.dropped = before[1:]
             return
-        if fit.bic >= now.fit.bic:  # it was refitted beside the correction of another map
+        # Refitted beside the correction of another map, or an imitation
+        if fit.bic >= now.fit.bic or foretells_worse(now, fit, settings):
             path.accepted, path.dropped = before[1:]
             path.failed.append(candidates[0].name)
             continue

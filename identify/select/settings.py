@@ -107,6 +107,8 @@ class SelectionSettings:
     lagging_share : of the best improvement: no candidate has caught up with more in a continued
         refit
     error_rise : factor on the rms residual up to which a refit counts as no rise of it
+    foretold_rise : factor on the error of presses left out, up to which an effect may raise it: in
+        130 right answers it fell with each effect
     predicted_share : of the decrease of chi-square: required of the predicted travel alone where
         the rms residual rises
     first_evaluations : of the first step from the contact law
@@ -150,6 +152,7 @@ class SelectionSettings:
     behind_share: float = 0.5
     lagging_share: float = 0.2
     error_rise: float = 1.002
+    foretold_rise: float = 1.05
     predicted_share: float = 0.5
     first_evaluations: int = 40
     of_lead: float = 0.5

@@ -1,6 +1,7 @@
 """Whether an answer holds on some of its readings: only then is it confirmed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,6 +46,29 @@ def test_an_answer_that_all_readings_call_for_holds_on_some_of_them(late_touch):
     found, std = fit.values["contact_offset.offset_m"], fit.std["contact_offset.offset_m"]
     assert std > answer.final.fit.std["contact_offset.offset_m"]
     assert found == pytest.approx(OFFSET_M, abs=4 * std)
+
+
+def test_candidates_that_were_fitted_to_fewer_readings_are_compared_on_those(late_touch):
+    """As those of an effect that was found without the presses that stand apart."""
+    table, answer = late_touch
+    some = table.time_s % 3 > 1
+    others = table.rows(some)
+    (effect,) = explained(others).accepted
+    (near, *_), best = effect.candidates, replace(answer.accepted[0], candidates=effect.candidates)
+    assert len(near.fit.at.residual) < len(table)
+    asked = []
+    answer = replace(answer, accepted=(best,))
+    assert confirmed(answer, model(others), others, some, asked.append) is not None
+    behind = replace(best, candidates=(*effect.candidates, far_behind(near)))
+    answer = replace(answer, accepted=(behind,))
+    assert confirmed(answer, model(others), others, some, asked.append) is not None
+    assert not any("hysteresis in place" in text for text in asked)
+
+
+def far_behind(candidate):
+    """The candidate under another name, with a residual three times as large."""
+    at = replace(candidate.fit.at, residual=3 * candidate.fit.at.residual)
+    return replace(candidate, name="hysteresis", fit=SimpleNamespace(at=at, model=candidate.fit.model))
 
 
 def test_an_answer_that_rests_on_a_few_readings_does_not_hold_without_them():

@@ -223,6 +223,24 @@ def test_the_problem_presses_where_it_says():
     assert timing(0)[3].max() == PEAK_N
 
 
+@pytest.mark.parametrize(("gain", "first"), [(35.0, "uneven_surface"), (20.0, "curved_surface")])
+def test_a_form_that_contains_the_best_and_leaves_noise_comes_first_if_chance_gains_less(
+    gain, first
+):
+    """By nine parameters, of which each costs 7 in the criterion: 28 has a p-value of 0.001."""
+
+    def candidate(name: str, chi2: float) -> Candidate:
+        effect = CATALOGUE[name]
+        model = SimpleNamespace(effects=(SimpleNamespace(effect=effect),))
+        fit: Any = SimpleNamespace(model=model, u=np.zeros(6 + len(effect.parameters)))
+        return Candidate(name, chi2, chi2 + 7.0 * len(fit.u), fit)
+
+    two = candidate("curved_surface", 1000.0), candidate("uneven_surface", 1000.0 - gain)
+    assert leaving_noise(two, lambda fit: fit is two[1].fit)[0].name == first
+    assert leaving_noise(two, lambda fit: True)[0].name == "curved_surface"
+    assert leaving_noise(two, lambda fit: False)[0].name == "curved_surface"
+
+
 @pytest.mark.parametrize(
     ("quiet", "criteria", "first"),
     [
@@ -233,7 +251,7 @@ def test_the_problem_presses_where_it_says():
     ],
 )
 def test_of_candidates_that_do_as_well_one_that_leaves_noise_comes_first(quiet, criteria, first):
-    fits: Any = [SimpleNamespace(name=name) for name in "ab"]
+    fits: Any = [SimpleNamespace(name=name, model=SimpleNamespace(effects=())) for name in "ab"]
     candidates = tuple(
         Candidate(fit.name, value, value, fit) for fit, value in zip(fits, criteria, strict=True)
     )

@@ -131,8 +131,7 @@ def forward_selection(
 class _Path:
     """Steps, accepted effects and dropped ones so far.
 
-    `failed` are effects that did not bring at the end of their fit what its beginning promised, or
-    with which presses left out are predicted worse;
+    `failed` are effects that did not bring at the end of their fit what its beginning promised;
     `settled` is a path without candidates for noise.
     """
 
@@ -191,8 +190,10 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         if replaces_map(now.fit, fit):
             path.accepted, path.dropped = before[1:]
             return
-        # Refitted beside the correction of another map, or an imitation
-        if fit.bic >= now.fit.bic or foretells_worse(now, fit, settings):
+        if foretells_worse(now, fit, settings):  # imitations: the cause is not in the catalogue
+            path.accepted, path.dropped = before[1:]
+            return
+        if fit.bic >= now.fit.bic:  # it was refitted beside the correction of another map
             path.accepted, path.dropped = before[1:]
             path.failed.append(candidates[0].name)
             continue

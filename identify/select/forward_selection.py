@@ -184,15 +184,11 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         candidates = leaving_noise(candidates, selection.is_noise, settings)
         before = list(ladder), list(path.accepted), list(path.dropped)
         path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
-        fit, path.accepted, lost, exchanged = _refitted(
-            candidates[0], path.accepted, policy, say, settings
-        )
-        if replaces_map(now.fit, fit):
+        refitted = _refitted(now, candidates[0], path.accepted, policy, say, settings)
+        if refitted is None:
             path.accepted, path.dropped = before[1:]
             return
-        if foretells_worse(now, fit, settings):  # imitations: the cause is not in the catalogue
-            path.accepted, path.dropped = before[1:]
-            return
+        fit, path.accepted, lost, exchanged = refitted
         if fit.bic >= now.fit.bic:  # it was refitted beside the correction of another map
             path.accepted, path.dropped = before[1:]
             path.failed.append(candidates[0].name)
@@ -272,22 +268,31 @@ def _begun(
 
 
 def _refitted(
+    now: Step,
     winner: Candidate,
     accepted: Sequence[AcceptedEffect],
     policy: Policy,
     say: Callable[[str], None],
     settings: SelectionSettings,
-) -> tuple[FitResult, list[AcceptedEffect], list[str], dict[str, str]]:
-    """Refit with the last effect; the fit, its effects, those lost and those exchanged."""
+) -> tuple[FitResult, list[AcceptedEffect], list[str], dict[str, str]] | None:
+    """Refit with the last effect; the fit, its effects, those lost and those exchanged.
+
+    None where it took the place of the map, or foretells worse, as imitations do: the cause is not
+    in the catalogue, and further effects would imitate it, too.
+    """
     say(f"refitting with {winner.name}")
     fit = found_again(fit_jointly(winner.fit.model, winner.fit.map))
+    if foretells_worse(now, fit, settings):
+        return None
     fit, last = at_their_ends(fit, accepted[-1], say, settings)
     accepted = [*accepted[:-1], last]
     fit, lost = policy.prune(fit, [a.name for a in accepted[:-1]], say, settings)
     kept = [a for a in accepted if a.name not in lost]
     # Beside an effect since lost, the last one may have beaten candidates that do as well now
-    fit, now, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
-    return fit, now, lost, exchanged
+    fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
+    if replaces_map(now.fit, fit) or foretells_worse(now, fit, settings):
+        return None
+    return fit, kept, lost, exchanged
 
 
 def _accepted(

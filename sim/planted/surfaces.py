@@ -51,7 +51,8 @@ def terrain(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
     for name, size in values.items():
         if name.startswith("c_"):
             table[int(name[2]), int(name[3])] = size
-    return legendre.legval2d(*places(bench).T, table)
+    x, y = places(bench).T
+    return legendre.legval2d(x, y, table)
 
 
 @on_sensor("structured", "travel + height sum of c_ij P_i(x) P_j(y), i + j <= 4", "height_m",

@@ -46,16 +46,18 @@ class AcceptedEffect:
     def equivalents(self) -> tuple[str, ...]:
         """The effect and all candidates that explain the scan as well, to within the margin.
 
-        A candidate loses by its price alone only with a clearly higher chi-square. A more general
+        A candidate loses by its price alone only with a clearly higher chi-square, or a price that
+        no chance makes up for: fifteen terms of a surface follow many a course. A more general
         effect, which contains this one, can always do nearly as well, and so can the course of an
         unknown cause: it is no equivalent.
         """
         best = min(self.candidates, key=lambda c: c.criterion)
-        margin, close = self.settings.margin, self.settings.close
+        margin, close, dear = self.settings.margin, self.settings.close, self.settings.dear
         near = [
             c
             for c in self.candidates
-            if c.criterion < best.criterion + margin or c.chi2 < best.chi2 + close
+            if c.criterion < best.criterion + margin
+            or (c.chi2 < best.chi2 + close and c.criterion < best.criterion + dear)
         ]
         return tuple(
             c.name for c in near

@@ -85,7 +85,8 @@ class SelectionSettings:
         error is an estimate, right to a third, and its own error is in turn like another effect
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
-    close : difference of chi-square below which two effects count as equal at any price
+    close : difference of chi-square below which two effects count as equal at a higher price
+    dear : difference of the criterion beyond which they do not
     whole_bound : of an amplitude's bound: a 95 % interval that covers more of it tells nothing
     together : correlation of two effects' amplitudes beyond which only a sum of them is determined
     sure : family-wise p-value of an effect that is added
@@ -134,6 +135,7 @@ class SelectionSettings:
     by_compliance: float = 0.9
     margin: float = 10.0
     close: float = 5.0
+    dear: float = 40.0
     whole_bound: float = 0.95
     together: float = 0.99
     sure: float = SURE

@@ -14,6 +14,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.fit.settings import PRECISE, CrossValidationSettings
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate, leaving_noise
 from identify.select.forward_selection import forward_selection
 from identify.select.settings import SELECTION
@@ -221,6 +222,17 @@ def fit_without(whole, out):
 def test_the_problem_presses_where_it_says():
     assert len(points()) == 25
     assert timing(0)[3].max() == PEAK_N
+
+
+@pytest.mark.parametrize(("price", "equal"), [(30.0, True), (50.0, False)])
+def test_equal_chi_square_makes_an_equivalent_unless_the_price_decides(price, equal):
+    """A Bayes factor of exp(-25) does."""
+    fit: Any = SimpleNamespace(model=SimpleNamespace(effects=()))
+    best = Candidate("force_warm_up", 500.0, 520.0, fit)
+    other = Candidate("uneven_surface", 501.0, 520.0 + price, fit)
+    effect = AcceptedEffect("force_warm_up", (best, other))
+    assert ("uneven_surface" in effect.equivalents) == equal
+    assert effect.decided == (not equal)
 
 
 @pytest.mark.parametrize(("gain", "first"), [(35.0, "uneven_surface"), (20.0, "curved_surface")])

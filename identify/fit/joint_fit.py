@@ -35,6 +35,7 @@ def fit_jointly(
     rounds: int | None = None,
     max_evaluations: int | None = None,
     enough: float | None = None,
+    target: float | None = None,
     callback: Progress | None = None,
     settings: FitSettings = SEARCH,
 ) -> FitResult:
@@ -47,7 +48,7 @@ def fit_jointly(
     ----------
     model : its effects start from their own values
     stiffness : map to start from
-    rounds, max_evaluations, enough : in place of those of the settings
+    rounds, max_evaluations, enough, target : in place of those of the settings
     callback : called with each accepted step
 
     Raises
@@ -59,6 +60,7 @@ def fit_jointly(
         "rounds": rounds,
         "max_evaluations": max_evaluations,
         "enough": enough,
+        "target": target,
     }
     settings = replace(settings, **{k: v for k, v in given.items() if v is not None})
     if isinstance(stiffness, FreeMap) and settings.rounds:

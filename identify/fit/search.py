@@ -127,7 +127,9 @@ class Search:
         sought = np.arange(len(u)) != (-1 if held is None else held)
         usual = self.gross(model)
         chi2 = self.evaluate(model, u).chi2
-        above = usual if 0.5 * chi2 > usual else 0.0
+        above, rtol = (usual, s.gross_rtol) if 0.5 * chi2 > usual else (0.0, s.rtol)
+        if s.target is not None and chi2 > s.target:
+            above, rtol = 0.5 * s.target, s.of_gap
         self._loosen(chi2 / len(model.displacement_m))
         rms: dict[bytes, float] = {}
 
@@ -151,7 +153,7 @@ class Search:
             u[sought],
             bounds=(low[sought], high[sought]),
             ftol=s.ftol,
-            rtol=s.gross_rtol if above else s.rtol,
+            rtol=rtol,
             above=above,
             max_evaluations=s.max_evaluations,
             callback=lambda x, fun: self._accept(model, whole(x), 2 * fun, rms[x.tobytes()]),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -139,12 +140,14 @@ def compare_candidates(
             fits[name] = fit
             best = min(best, fit.chi2)
     candidates = []
+    leading = min((fit.bic for fit in fits.values()), default=np.inf)
     for name, fit in sorted(fits.items(), key=lambda item: item[1].chi2):
         say(f"trying {name} further")
-        fit = refit_further(fit, step.fit, best, settings)
+        target = target_of(fit.model, leading, best, settings)
+        fit = refit_further(fit, step.fit, best, settings, target)
         if is_implausible(fit, name):  # now
             continue
-        best = min(best, fit.chi2)
+        best, leading = min(best, fit.chi2), min(leading, fit.bic)
         if is_improvement(step.fit, fit, settings):
             candidates.append(Candidate(name, fit.chi2, fit.bic, fit))
     return ranked(candidates, settings)
@@ -170,8 +173,16 @@ def ranked(
     return tuple(order)
 
 
+def target_of(
+    model: MeasurementModel, criterion: float, chi2: float, settings: SelectionSettings
+) -> float:
+    """Chi-square below which a model does as well as the best one, of given criterion and chi2."""
+    price = len(model.names) * float(np.log(len(model.displacement_m)))
+    return max(criterion + settings.margin - price, chi2 + settings.close)
+
+
 def refit(
-    model: MeasurementModel, stiffness: GaussianMap, settings: SelectionSettings, **options: int
+    model: MeasurementModel, stiffness: GaussianMap, settings: SelectionSettings, **options: Any
 ) -> FitResult | None:
     """Refit a candidate by few evaluations, or None where the start is impossible."""
     options.setdefault("max_evaluations", settings.refit_evaluations)
@@ -190,9 +201,16 @@ def is_beaten(
 
 
 def refit_further(
-    fit: FitResult, before: FitResult, best: float, settings: SelectionSettings
+    fit: FitResult,
+    before: FitResult,
+    best: float,
+    settings: SelectionSettings,
+    target: float | None = None,
 ) -> FitResult:
-    """Continue a refit that had not ended, or went far from the last correction."""
+    """Continue a refit that had not ended, or went far from the last correction.
+
+    Not to its end where it hardly comes nearer to the `target`, see `target_of`.
+    """
     free = len(fit.model.space.free)
     far = np.abs(fit.u[:free] - before.u[:free]).max(initial=0.0) > settings.far_map
     counted = fit.model.mechanics.counts_support(fit.at.state)
@@ -200,7 +218,7 @@ def refit_further(
     if ended or is_beaten(fit.chi2, before.chi2, best, settings, settings.lagging_share):
         return fit
     most = 2 * settings.refit_evaluations
-    return refit(fit.model, fit.map, settings, max_evaluations=most) or fit
+    return refit(fit.model, fit.map, settings, max_evaluations=most, target=target) or fit
 
 
 def _out_of_reach(fit: FitResult, best: float, settings: SelectionSettings) -> bool:

@@ -23,6 +23,7 @@ from identify.select.candidates import (
     ranked,
     refit,
     refit_further,
+    target_of,
 )
 from identify.select.settings import SELECTION, SelectionSettings
 
@@ -128,10 +129,11 @@ def _beside_the_others(
             continue
         say(f"trying {name} in place of {accepted.name}")
         model = _exchanged(fit, accepted.name, candidate)
-        other = refit(model, candidate.fit.map, settings, rounds=0)
+        target = target_of(model, fit.bic, fit.chi2, settings)
+        other = refit(model, candidate.fit.map, settings, rounds=0, target=target)
         if other is None:
             continue
-        other = refit_further(other, candidate.fit, fit.chi2, settings)
+        other = refit_further(other, candidate.fit, fit.chi2, settings, target)
         if is_implausible(other, name):
             continue
         if other.chi2 > fit.chi2 or is_improvement(fit, other, settings):

@@ -6,7 +6,7 @@ model is linear in its unknowns around the estimate:
     e = r_o + G_o (G'G - G_o'G_o)^-1 G_o' r_o
 
 with residual r_o and derivatives G_o of the rows left out. Beyond the linear range, as without the
-only press on a small spot, the step ends and the model itself predicts.
+only press on a small spot, the other rows are fitted anew.
 """
 
 from contextlib import suppress
@@ -18,6 +18,7 @@ from fem import SolverError
 from identify.fit.free_map.field import Field
 from identify.fit.result import FitResult
 from identify.fit.settings import CROSS_VALIDATION, CrossValidationSettings
+from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
 
 
@@ -90,10 +91,29 @@ def predicted_error(
     share = float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0))
     if share < 1:
         with suppress(InadmissibleError, SolverError):
-            there = np.clip(fit.u - share * step / scale, *fit.model.bounds)
-            at = fit.model.linearise(there, slack=1.0)
-            return (at.residual * at.sigma_m / fit.at.sigma_m)[out]
+            return _refitted_error(fit, out, longest, settings)
     return r[out] + share * (g[out] @ step)
+
+
+def _refitted_error(
+    fit: FitResult, out: np.ndarray, longest: np.ndarray, settings: CrossValidationSettings
+) -> np.ndarray:
+    """Whitened error of the rows `out` (m,) bool by a fit of the others, in steps (k,) at most."""
+
+    def others(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        at = fit.model.linearise(u, settings.slack)
+        return at.residual[~out], -at.jacobian[~out]
+
+    found = minimize_gauss_newton(
+        others,
+        fit.u,
+        bounds=fit.model.bounds,
+        max_step=longest,
+        ftol=settings.ftol,
+        max_evaluations=settings.evaluations,
+    )
+    at = fit.model.linearise(found.x, settings.slack)
+    return (at.residual * at.sigma_m / fit.at.sigma_m)[out]
 
 
 def _longest_step(fit: FitResult, of_map: float) -> np.ndarray:

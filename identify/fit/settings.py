@@ -141,11 +141,15 @@ class CrossValidationSettings:
     longest_step : of the map, in logarithms and inclusion radii; a prediction beyond it is not
         linear and takes the model itself
     high_force : share of the largest force above which readings count as the highest level
+    ftol, evaluations, slack : of a fit without a group, where no linear step predicts
     """
 
     folds: int = 9
     longest_step: float = 0.3
     high_force: float = 2 / 3
+    ftol: float = 1e-2
+    evaluations: int = 12
+    slack: float = 10.0
 
 
 CROSS_VALIDATION = CrossValidationSettings()

@@ -200,7 +200,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
                     with_exchanged(step.fit, exchanged, fit), catalogue
                 )
         ladder.append(selection.judged(fit, catalogue))
-        if hides_lead(now, ladder[-1], settings):
+        if hides_lead(now, ladder[-1], settings) or foretells_worse(now, ladder[-1], settings):
             ladder[:], path.accepted, path.dropped = before
             return
 
@@ -277,20 +277,17 @@ def _refitted(
 ) -> tuple[FitResult, list[AcceptedEffect], list[str], dict[str, str]] | None:
     """Refit with the last effect; the fit, its effects, those lost and those exchanged.
 
-    None where it took the place of the map, or foretells worse, as imitations do: the cause is not
-    in the catalogue, and further effects would imitate it, too.
+    None where it took the place of the map.
     """
     say(f"refitting with {winner.name}")
     fit = found_again(fit_jointly(winner.fit.model, winner.fit.map))
-    if foretells_worse(now, fit, settings):
-        return None
     fit, last = at_their_ends(fit, accepted[-1], say, settings)
     accepted = [*accepted[:-1], last]
     fit, lost = policy.prune(fit, [a.name for a in accepted[:-1]], say, settings)
     kept = [a for a in accepted if a.name not in lost]
     # Beside an effect since lost, the last one may have beaten candidates that do as well now
     fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
-    if replaces_map(now.fit, fit) or foretells_worse(now, fit, settings):
+    if replaces_map(now.fit, fit):
         return None
     return fit, kept, lost, exchanged
 

@@ -60,16 +60,15 @@ def hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:
     return before.fit.chi2 - after.fit.chi2 < settings.of_lead * law.share * excess
 
 
-def foretells_worse(before: Step, after: FitResult, settings: SelectionSettings) -> bool:
-    """Whether a fit with one more effect predicts presses that are left out worse.
+def foretells_worse(before: Step, after: Step, settings: SelectionSettings) -> bool:
+    """Whether a step predicts presses that are left out worse than the one before it.
 
-    An imitation follows the presses that it has seen: on a scan whose contacts and sides lay
-    elsewhere, a softening near earlier presses took the residual to noise, and the error of presses
-    left out from 85 to 201 µm. Beside a free map, they are predicted by its neighbours.
+    An imitation of an unknown cause follows the presses that it has seen. Beside a free map,
+    presses are foretold by their neighbours, whatever the effects.
     """
-    if after.field is not None:
+    if after.fit.field is not None:
         return False
-    error = cross_validate(after, settings.cross_validation).rms_m
+    error = after.cross_validation.rms_m
     return error > settings.foretold_rise * before.cross_validation.rms_m
 
 

@@ -13,7 +13,7 @@ from identify.fit.result import FitResult
 from identify.fit.settings import TRIAL
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.measurement.model import MeasurementModel
-from identify.select.diagnosis import Diagnosis
+from identify.select.diagnosis import shortlist
 from identify.select.score_test import Score, fitted_basis, holm_significant
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
@@ -270,42 +270,6 @@ def predicted_share(before: FitResult, after: FitResult) -> float:
     moved = before.at.whitened(new - old, before.model.readings.press)
     decrease = before.chi2 - float(np.sum((before.at.residual - moved) ** 2))
     return decrease / max(before.chi2 - after.chi2, 1e-300)
-
-
-def shortlist(
-    diagnosis: Diagnosis, exclude: Sequence[str] = (), settings: SelectionSettings = SELECTION
-) -> list[str]:
-    """Return the best significant effects, and every significant one with a pattern alike.
-
-    Other forms of the same cause, its family, count once.
-    """
-    candidates = [
-        s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
-    ]
-    candidates.sort(key=lambda s: -s.statistic)
-    least = settings.hopeless * candidates[0].statistic if candidates else 0.0
-    best_of: dict[str, float] = {}
-    for s in candidates:
-        best_of.setdefault(s.family or s.name, s.statistic)
-    names = [
-        s.name
-        for s in candidates
-        if s.statistic >= max(least, settings.same_family * best_of[s.family or s.name])
-    ]
-    families = dict.fromkeys(diagnosis[name].family or name for name in names)
-    first = list(families)[: settings.shortlist]
-    best = [name for name in names if (diagnosis[name].family or name) in first]
-    order = [score.name for score in diagnosis.scores]
-    alike = [
-        name
-        for name in names
-        if name not in best
-        and any(
-            diagnosis.cosines[order.index(name), order.index(b)] > diagnosis.settings.alike
-            for b in best
-        )
-    ]
-    return best + alike
 
 
 def fit_with(

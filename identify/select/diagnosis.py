@@ -19,7 +19,12 @@ from identify.select.score_test import (
     score_effect,
     unscored,
 )
-from identify.select.settings import DIAGNOSIS, DiagnosisSettings
+from identify.select.settings import (
+    DIAGNOSIS,
+    SELECTION,
+    DiagnosisSettings,
+    SelectionSettings,
+)
 
 CandidateVerdict = Literal["supported", "helps", "indistinguishable", "not_seen", "untestable"]
 """Of one effect; "helps": lower chi-square, but structure remains (never from scores alone)."""
@@ -147,3 +152,39 @@ def diagnose(
     scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))
     significant = frozenset(holm_significant(scores, settings.alpha))
     return Diagnosis(tuple(scores), significant, max(fit.chi2 - fit.dof, 0.0), settings)
+
+
+def shortlist(
+    diagnosis: Diagnosis, exclude: Sequence[str] = (), settings: SelectionSettings = SELECTION
+) -> list[str]:
+    """Return the best significant effects, and every significant one with a pattern alike.
+
+    Other forms of the same cause, its family, count once.
+    """
+    candidates = [
+        s for s in diagnosis.scores if s.name in diagnosis.significant and s.name not in exclude
+    ]
+    candidates.sort(key=lambda s: -s.statistic)
+    least = settings.hopeless * candidates[0].statistic if candidates else 0.0
+    best_of: dict[str, float] = {}
+    for s in candidates:
+        best_of.setdefault(s.family or s.name, s.statistic)
+    names = [
+        s.name
+        for s in candidates
+        if s.statistic >= max(least, settings.same_family * best_of[s.family or s.name])
+    ]
+    families = dict.fromkeys(diagnosis[name].family or name for name in names)
+    first = list(families)[: settings.shortlist]
+    best = [name for name in names if (diagnosis[name].family or name) in first]
+    order = [score.name for score in diagnosis.scores]
+    alike = [
+        name
+        for name in names
+        if name not in best
+        and any(
+            diagnosis.cosines[order.index(name), order.index(b)] > diagnosis.settings.alike
+            for b in best
+        )
+    ]
+    return best + alike

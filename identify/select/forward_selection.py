@@ -32,14 +32,14 @@ from identify.select.candidates import (
     best_candidates,
     compare_candidates,
     leaving_noise,
-    shortlist,
 )
-from identify.select.diagnosis import diagnose
+from identify.select.diagnosis import diagnose, shortlist
 from identify.select.explanation import (
     Explanation,
     ended_by_presses,
     further_missing,
     is_more_missing,
+    mended,
     verdict_of,
     within_laws,
 )
@@ -118,7 +118,7 @@ def forward_selection(
     gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
     within = within_laws(ladder[0].fit, ladder[-1].fit, accepted, settings)
     return Explanation(
-        verdict_of(ladder[-1], accepted, further, within),
+        verdict_of(ladder[-1], accepted, further, within, mended(ladder, accepted, settings)),
         tuple(ladder),
         tuple(accepted),
         gone,

@@ -6,8 +6,6 @@ No sentence is more certain than result.json.
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from identify.body import MODEL_ERROR
 from identify.effects import advice, percent
 from identify.residual import law_sentence, sentence
@@ -17,6 +15,8 @@ from palpmap.result.evidence import added_names, kept
 from palpmap.result.misfit_words import (
     few_presses_words,
     listed,
+    little_left_words,
+    only_mends_words,
     presses_apart_words,
     rise_note,
 )
@@ -54,6 +54,8 @@ def headline(explained: Explanation) -> str:
         return f"Unexplained in {few} of {few + others} presses, which stand apart from all others."
     if explained.verdict == "ambiguous" and explained.within_laws:
         return "Ambiguous: the structure that is left is no larger than the error of contact laws."
+    if explained.verdict == "ambiguous" and explained.mended:
+        return "Ambiguous: several effects together may imitate one unknown cause."
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
     if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
@@ -94,7 +96,8 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
-        return text + (_little_left(explained) if explained.within_laws else "")
+        text += little_left_words(explained) if explained.within_laws else ""
+        return text + only_mends_words(explained)
     if explained.in_few_presses:
         return few_presses_words(explained)
     maps = other_map_sentence(other)
@@ -162,17 +165,6 @@ each press has a stiffness of its own. The missing cause is no stiffness.'
         f"No smooth map does: {beside}a free map leaves noise only with an error of "
         f"{percent(other.map_error)} in each press ({more}). Places, tips or contacts may differ "
         "from press to press."
-    )
-
-
-def _little_left(explained: Explanation) -> str:
-    """Say how little structure is left, and what that means for the values."""
-    fit = explained.final.fit
-    excess = (fit.chi2 - fit.dof) / (explained.ladder[0].fit.chi2 - fit.dof)
-    return (
-        f" The residual is {np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of "
-        "the misfit is left, less than laws of contact are right to. Another law could leave none, "
-        "with other values."
     )
 
 
@@ -314,6 +306,10 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         (part,) = (part for part in final.model.effects if part.effect.name == name)
         why = advice(part.effect).doubt(final.at.values[name], final.model.readings)
         return [f"{name} is not offered as the missing effect: {why}."]
+    if name in explained.mended:
+        return [
+            f"{name} may be a part of one unknown cause that several effects imitate, {offered}"
+        ]
     if name in explained.unknown:
         return ["It stands in for a cause that is in no catalogue: its course is found, no name."]
     if name not in explained.added:

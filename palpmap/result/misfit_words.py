@@ -115,3 +115,27 @@ def listed(names: Sequence[str]) -> str:
     'a, b and c'
     """
     return " and ".join([", ".join(names[:-1])] * (len(names) > 1) + list(names[-1:]))
+
+
+def little_left_words(explained: Explanation) -> str:
+    """Say how little structure is left, and what that means for the values."""
+    fit = explained.final.fit
+    excess = (fit.chi2 - fit.dof) / (explained.ladder[0].fit.chi2 - fit.dof)
+    return (
+        f" The residual is {np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of "
+        "the misfit is left, less than laws of contact are right to. Another law could leave none, "
+        "with other values."
+    )
+
+
+def only_mends_words(explained: Explanation) -> str:
+    """Say that the last effect only mends the fit of the others."""
+    if not explained.mended:
+        return ""
+    chi2 = [step.fit.chi2 for step in explained.ladder]
+    share = percent((chi2[-2] - chi2[-1]) / (chi2[0] - chi2[-1]))
+    last = listed(added_names(*explained.ladder[-2:]))
+    return (
+        f" Without {last} structure is left, of which it takes {share} of what all explain: it may "
+        "only mend their fit."
+    )

@@ -20,12 +20,19 @@ from identify.select.accepted_effect import AcceptedEffect, undetermined
 from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES, Explanation
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
+from identify.select.settings import SELECTION
 from identify.select.step import whitened_fit
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
 from palpmap.result.doubts import doubts, unseen_effects, without_suspects
 from palpmap.result.explain_record import explain_record
-from palpmap.result.explain_words import _name_notes, _way_out, headline, verdict_detail
+from palpmap.result.explain_words import (
+    _name_notes,
+    _way_out,
+    headline,
+    step_notes,
+    verdict_detail,
+)
 from palpmap.result.records import ExplainRecord, ParameterRecord, WithoutSuspectsRecord
 from tests.palpmap.report.test_explain_report import grouped
 
@@ -94,6 +101,52 @@ def test_structure_that_a_law_of_contact_may_leave_makes_its_cause_doubtful(
     assert effect_verdict(CATALOGUE[name], found).confused_with == (OTHER_CAUSE,)
     assert "error of contact laws" in headline(found)
     assert "of the misfit is left" in verdict_detail(found)
+
+
+def steps(*chi2: float, noise: bool = False) -> Any:
+    """A ladder of steps with one effect more each: a, b, ..., of which the last one is noise."""
+    names = [tuple("abcdef"[:k]) for k in range(len(chi2))]
+    return [
+        SimpleNamespace(
+            fit=SimpleNamespace(chi2=one, effect_names=has, field=None),
+            comparison=SimpleNamespace(is_noise=noise or len(has) == len(chi2) - 1),
+        )
+        for one, has in zip(chi2, names, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("ladder", "pressed", "suspected"),
+    [
+        (steps(2000, 1500, 1040, 1010), "", ("a", "b", "c")),
+        (steps(2000, 1500, 1040, 1010), "b", ("a", "c")),  # the single presses call for it
+        (steps(2000, 1080, 1040, 1010), "", ("b", "c")),  # the first takes 93 % by itself
+        (steps(2000, 1500, 1140, 1010), "", ()),  # the last takes an eighth
+        (steps(2000, 1500, 1040, 1010, noise=True), "", ()),  # nothing was left to be mended
+        (steps(2000, 1030, 1010), "", ()),  # two causes may be of such different sizes
+    ],
+)
+def test_effects_whose_last_one_only_mends_their_fit_may_imitate_another_cause(
+    ladder, pressed, suspected
+):
+    names = ladder[-1].fit.effect_names
+    accepted: Any = [SimpleNamespace(name=n, shown_by_presses=n == pressed) for n in names]
+    assert explain.mended(ladder, accepted, SELECTION) == suspected
+
+
+def test_effects_that_may_imitate_another_cause_are_not_offered_by_name(
+    explained_case, monkeypatch
+):
+    explained = explained_case.explained
+    (name,) = explained.added
+    verdict = explain.verdict_of(explained.final, explained.accepted, mended=(name,))
+    assert verdict == "ambiguous"
+    monkeypatch.setattr(Explanation, "mended", (name,))
+    found = replace(explained, verdict=verdict)
+    assert (found.added, found.ambiguous) == ((), ((name, OTHER_CAUSE),))
+    assert "imitate one unknown cause" in headline(found)
+    assert f"Without {name} structure is left" in verdict_detail(found)
+    assert any("one unknown cause" in note for note in step_notes(found, 1))
 
 
 def test_values_that_are_not_to_be_believed_are_not_offered(explained_case, monkeypatch):

@@ -11,7 +11,7 @@ from identify.effects.base import Effect, EffectParameter, Values
 from identify.effects.readings import Readings
 from identify.effects.units import length
 
-_PRESSES_PER_TERM = 1.5  # fewer, and the heights follow each press by itself
+_PRESSES_PER_TERM = 1.5  # fewer, and the heights follow the single presses
 
 
 class Height(Effect):

@@ -110,7 +110,7 @@ def leaving_noise(
 
 
 def _gains(first: Candidate, other: Candidate, settings: SelectionSettings) -> bool:
-    """True for a candidate that contains the first one, and explains more than chance would."""
+    """Ask for a candidate that contains the first one, and gains more than chance would."""
     if first.name not in other.contains:
         return False
     more = len(other.fit.u) - len(first.fit.u)

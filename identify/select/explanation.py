@@ -238,7 +238,7 @@ def mended(
     """Effects that may imitate one unknown cause: the last of three or more only mends their fit.
 
     A body elsewhere, wider at two sides, was explained by a shift (53 % of what all took), a
-    softening (44 %) and fibres (3 %). One that takes nearly all by itself is no imitation.
+    softening (44 %) and fibres (3 %). One that alone takes nearly all is no imitation.
     """
     chi2 = [step.fit.chi2 for step in ladder]
     if len(ladder) < settings.mending or ladder[-1].fit.field is not None:

@@ -61,7 +61,7 @@ def hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:
 
 
 def foretells_worse(before: Step, after: Step, settings: SelectionSettings) -> bool:
-    """True for a step that predicts presses left out worse than the one before it.
+    """Compare the error of presses left out: true if it rises beyond what an effect may.
 
     An imitation of an unknown cause follows the presses that it has seen. Beside a free map,
     presses are foretold by their neighbours, whatever the effects.

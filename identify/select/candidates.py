@@ -156,17 +156,19 @@ def compare_candidates(
 def ranked(
     candidates: Sequence[Candidate], settings: SelectionSettings = SELECTION
 ) -> tuple[Candidate, ...]:
-    """Return candidates by their criterion; of forms that do as well, one of determined size first.
+    """Return candidates by their criterion; of forms of a cause as good, a special case first.
 
-    Creep by a power of the time may be nearly elastic, and its size then anything: where another
-    form of the cause does as well, that one has values to offer.
+    Creep of the whole body is one of creep on one side, whose place the scan then does not show. It
+    must be of determined size: creep by a power of the time may be nearly elastic, and its size
+    then anything.
     """
     order = sorted(candidates, key=lambda c: c.criterion)
     forms = [
         c for c in order
         if c.family == order[0].family and c.criterion < order[0].criterion + settings.margin
     ]  # fmt: skip
-    best = next((c for c in forms if c.has_size), None)
+    special = [c for c in forms if c.name in order[0].contains]
+    best = next((c for c in (*special, *forms) if c.has_size), None)
     if best is not None:
         order.remove(best)
         order.insert(0, best)

@@ -250,8 +250,8 @@ def limits_of_method(explained: Explanation, record: ExplainRecord) -> tuple[str
         "'unexplained'; at worst it looks like a mixture of effects inside.",
         "An effect that the stiffness map can imitate cannot be seen: a constant error of the "
         "force's gain, for one, is exactly a softer body.",
-        "The errors of the cross-validation and at forces left out come from one linear step of the "
-        "fit with all readings, and from refits where that step would go too far.",
+        "The errors of the cross-validation and at forces left out come from one linear step of "
+        "the fit with all readings, and from refits where that step would go too far.",
         "The shares and p-values of effects that were not added come from one linear step, with "
         "everything fitted projected out. Shortlisted effects were refitted; the refits decide.",
     ]

@@ -15,7 +15,7 @@ from identify.fit.settings import PRECISE, CrossValidationSettings
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.accepted_effect import AcceptedEffect
-from identify.select.candidates import Candidate, leaving_noise
+from identify.select.candidates import Candidate, leaving_noise, ranked
 from identify.select.forward_selection import forward_selection
 from identify.select.settings import SELECTION
 from identify.select.verdicts import refit_numbers
@@ -222,6 +222,27 @@ def fit_without(whole, out):
 def test_the_problem_presses_where_it_says():
     assert len(points()) == 25
     assert timing(0)[3].max() == PEAK_N
+
+
+@pytest.mark.parametrize(
+    ("behind", "sized", "first"),
+    [
+        (8.0, True, "viscoelasticity"),
+        (8.0, False, "side_creep"),  # whose size may be anything
+        (12.0, True, "side_creep"),  # clearly worse
+    ],
+)
+def test_of_forms_that_do_as_well_a_special_case_comes_first(behind, sized, first):
+    """Nobody is told on which side a body creeps that may creep as a whole."""
+
+    def candidate(name: str, criterion: float, sized: bool = True) -> Candidate:
+        effect, key = CATALOGUE[name], f"{name}.g"
+        model = SimpleNamespace(effects=(SimpleNamespace(effect=effect),))
+        fit: Any = SimpleNamespace(model=model, values={key: 0.1}, std={key: 0.01 if sized else 1})
+        return Candidate(name, criterion, criterion, fit)
+
+    forms = candidate("viscoelasticity", 500 + behind, sized), candidate("side_creep", 500.0)
+    assert ranked(forms)[0].name == first
 
 
 @pytest.mark.parametrize(("price", "equal"), [(30.0, True), (50.0, False)])

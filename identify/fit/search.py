@@ -128,8 +128,9 @@ class Search:
         usual = self.gross(model)
         chi2 = self.evaluate(model, u).chi2
         above, rtol = (usual, s.gross_rtol) if 0.5 * chi2 > usual else (0.0, s.rtol)
+        reach = 0.0
         if s.target is not None and chi2 > s.target:
-            above, rtol = 0.5 * s.target, s.of_gap
+            above, rtol, reach = 0.5 * s.target, s.of_gap, s.reach
         self._loosen(chi2 / len(model.displacement_m))
         rms: dict[bytes, float] = {}
 
@@ -147,6 +148,7 @@ class Search:
             minimize_gauss_newton,
             max_step=model.unknowns.longest_step(u)[sought],
             enough=0.5 * s.enough,
+            reach=reach,
         )
         result = optimizer(
             residuals,

@@ -44,8 +44,9 @@ class FitSettings:
     slack, most_misfit_slack : factor on the tolerances of reduced bases in a fit that is not to be
         confirmed, and the largest further one, the ratio of misfit to noise: errors of 1e-4 in
         the worst press's compliance move chi-square by less than one, where models differ by ten
-    target, of_gap : chi-square of another model, and the share of a fit's distance from it below
-        which a step that lowers it by less is the last; nothing without a target
+    target, of_gap, reach : chi-square of another model, the share of a fit's distance from it below
+        which steps that lower it by less are the last, and the share that a next step must promise;
+        nothing without a target
     kept_starts : number of initial maps, among dozens, from which a search starts
     start_evaluations : of each of these, for one inclusion; twice as many for each more, as several
         take longer to separate
@@ -82,6 +83,7 @@ class FitSettings:
     most_misfit_slack: float = 3.0
     target: float | None = None
     of_gap: float = 0.05
+    reach: float = 0.4
     kept_starts: int = 3
     start_evaluations: int = 8
     most_inclusions: int = 4

@@ -26,6 +26,7 @@ def minimize_gauss_newton(
     ftol: float = 1e-6,
     rtol: float = 0.0,
     above: float = 0.0,
+    reach: float = 0.0,
     enough: float = 0.0,
     resolved: float = 5e-3,
     max_evaluations: int = 100,
@@ -51,6 +52,9 @@ def minimize_gauss_newton(
         Converged, too, when an undamped step would lower |r|^2 / 2 by no more than the part rtol of
         what exceeds `above`, or when two steps in a row did: a valley that is rough or curved can
         promise more for ever.
+    reach
+        Given up, when an undamped step would lower |r|^2 / 2 by less than this part of what exceeds
+        `above`: twice as good a step as promised would not do.
     enough
         Converged, too, when two steps in a row lowered |r|^2 / 2 by no more than this.
     resolved
@@ -80,8 +84,9 @@ def minimize_gauss_newton(
         diagonal = np.maximum(diagonal, np.diag(normal))
         free = free_directions(x, gradient, lower, upper)
         step = _solve(normal, gradient, diagonal, 0.0, free)
-        expected, slack = -0.5 * float(gradient @ step), rtol * max(fun - above, 0.0)
-        if ended := _end(expected, max(ftol, slack), idle, max(slack, enough)):
+        expected, excess = -0.5 * float(gradient @ step), max(fun - above, 0.0)
+        slack, within = rtol * excess, max(rtol, reach) * excess
+        if ended := _end(expected, max(ftol, within), idle, max(slack, enough)):
             return result(0, ended)
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")

@@ -12,9 +12,9 @@ import numpy as np
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.result import FitResult
-from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
 from identify.select.candidates import is_implausible
+from identify.select.model_error import few_presses, within_laws
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
 
@@ -251,42 +251,6 @@ def mended(
     return tuple(a.name for a in accepted if not (a.shown_by_presses or a.name in known))
 
 
-def within_laws(
-    first: FitResult,
-    last: FitResult,
-    accepted: Sequence[AcceptedEffect],
-    settings: SelectionSettings,
-) -> bool:
-    """Whether structure that remains beside a free map is less than laws of contact are right to.
-
-    Where single presses called for the laws, they hold to a few per cent (`contact_law`): an excess
-    of a hundredth of what they explain, in a residual of hardly more than noise, is their own.
-    """
-    if last.field is None or not any(effect.shown_by_presses for effect in accepted):
-        return False
-    small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
-    return small and last.chi2_per_dof <= settings.nearly_noise**2
-
-
-def few_presses(
-    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
-) -> np.ndarray:
-    """Few presses (j,) bool that hold most of the excess beside a free map; else none.
-
-    Where the presses called for a law that brings most of them to noise, the others (beside a hard
-    lump, say) have a law of their own.
-    """
-    press = fit.model.readings.press
-    none = np.zeros(fit.model.readings.presses, bool)
-    if fit.field is None or not any(effect.shown_by_presses for effect in accepted):
-        return none
-    squares, count = np.bincount(press, fit.at.residual**2), np.bincount(press)
-    bad = squares > FREE_COMPLIANCE.tail * count
-    share = np.sum((squares - count)[bad]) / max(fit.chi2 - fit.dof, 1.0)
-    few = np.mean(bad) <= 1 - CONTACT_LAW.noise_share
-    return bad if few and share > settings.elsewhere else none
-
-
 def ended_by_presses(
     first: FitResult,
     fit: FitResult,
@@ -321,7 +285,8 @@ def is_more_missing(
     """Whether the significant effects of the last step call for a further step.
 
     If the residual is noise, a trace does not: it may be the inaccuracy of an effect's law, or the
-    difference between the members of an ambiguous group.
+    difference between the members of an ambiguous group. Nor does what another form of an accepted
+    effect takes as well.
     """
     now = ladder[-1]
     strongest = max(
@@ -330,8 +295,17 @@ def is_more_missing(
     enough = now.comparison.is_noise or within_laws(ladder[0].fit, now.fit, accepted, settings)
     if strongest == 0 or not accepted or not enough:
         return strongest > 0
+    if now.comparison.is_noise and _other_form(now, accepted) > strongest - settings.margin:
+        return False
     explained = ladder[0].fit.chi2 - now.fit.chi2
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
+
+
+def _other_form(now: Step, accepted: Sequence[AcceptedEffect]) -> float:
+    """Return the best significant score of other forms of the accepted effects, or 0."""
+    families = {c.family for a in accepted for c in a.candidates if c.name == a.name}
+    scores = (now.diagnosis[name] for name in now.diagnosis.significant)
+    return max((s.statistic for s in scores if (s.family or s.name) in families), default=0.0)
 
 
 def further_missing(

@@ -164,7 +164,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
     ladder, effects = path.ladder, {effect.name: effect for effect in catalogue}
     most, begun = settings.most_effects + len(path.accepted), len(ladder)
     while len(path.accepted) < most and (
-        len(ladder) == begun or policy.goes_on(ladder, path.accepted, settings)
+        not path.accepted or policy.goes_on(ladder, path.accepted, settings)
     ):
         first, now = ladder[0].fit, ladder[-1]
         noise = now.comparison.is_noise

@@ -1,4 +1,4 @@
-"""Effects that cannot be separated from the error of the finite element model."""
+"""What the errors of the finite element model, and of laws of contact, may account for."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.body.discretization_error import MODEL_ERROR
+from identify.fit.result import FitResult
+from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.settings import SELECTION, SelectionSettings
@@ -53,3 +55,39 @@ def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> b
     along = np.array([np.bincount(press, by_compliance * column) for column in pattern.T])
     square = np.bincount(press, by_compliance**2)
     return bool(np.sum(along**2 / square) >= settings.by_compliance * np.sum(pattern**2))
+
+
+def within_laws(
+    first: FitResult,
+    last: FitResult,
+    accepted: Sequence[AcceptedEffect],
+    settings: SelectionSettings,
+) -> bool:
+    """Whether structure that remains beside a free map is less than laws of contact are right to.
+
+    Where single presses called for the laws, they hold to a few per cent (`contact_law`): an excess
+    of a hundredth of what they explain, in a residual of hardly more than noise, is their own.
+    """
+    if last.field is None or not any(effect.shown_by_presses for effect in accepted):
+        return False
+    small = last.chi2 - last.dof <= settings.of_laws * (first.chi2 - last.chi2)
+    return small and last.chi2_per_dof <= settings.nearly_noise**2
+
+
+def few_presses(
+    fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> np.ndarray:
+    """Few presses (j,) bool that hold most of the excess beside a free map; else none.
+
+    Where the presses called for a law that brings most of them to noise, the others (beside a hard
+    lump, say) have a law of their own.
+    """
+    press = fit.model.readings.press
+    none = np.zeros(fit.model.readings.presses, bool)
+    if fit.field is None or not any(effect.shown_by_presses for effect in accepted):
+        return none
+    squares, count = np.bincount(press, fit.at.residual**2), np.bincount(press)
+    bad = squares > FREE_COMPLIANCE.tail * count
+    share = np.sum((squares - count)[bad]) / max(fit.chi2 - fit.dof, 1.0)
+    few = np.mean(bad) <= 1 - CONTACT_LAW.noise_share
+    return bad if few and share > settings.elsewhere else none

@@ -20,7 +20,8 @@ from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.optimize.gauss_newton import covariance
-from identify.select.explanation import ended_by_presses, few_presses, within_laws
+from identify.select.explanation import ended_by_presses
+from identify.select.model_error import few_presses, within_laws
 from identify.select.patterns import effect_patterns
 from identify.select.score_test import unavailable
 from identify.select.settings import SELECTION

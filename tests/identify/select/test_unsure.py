@@ -14,6 +14,7 @@ from identify.design.undetected_bias import UndetectedBias
 from identify.effects.base import Advice
 from identify.fit.joint_fit import fit_jointly
 from identify.select import candidates as candidates
+from identify.select import explanation as explanation
 from identify.select import forward_selection as explain
 from identify.select import outlying_presses as suspects
 from identify.select.accepted_effect import AcceptedEffect, undetermined
@@ -132,6 +133,37 @@ def test_effects_whose_last_one_only_mends_their_fit_may_imitate_another_cause(
     names = ladder[-1].fit.effect_names
     accepted: Any = [SimpleNamespace(name=n, shown_by_presses=n == pressed) for n in names]
     assert explain.mended(ladder, accepted, SELECTION) == suspected
+
+
+@pytest.mark.parametrize(("score", "more"), [(30.0, False), (20.0, True)])
+def test_beside_noise_another_form_of_what_is_there_calls_for_nothing_further(score, more):
+    """A wave of the surface that a bow nearly meets left a breath of 36, and as much unevenness."""
+    scores = {
+        "breathing": SimpleNamespace(name="breathing", family="breathing", statistic=36.0),
+        "uneven_surface": SimpleNamespace(
+            name="uneven_surface", family="surface_tilt", statistic=score
+        ),
+    }
+
+    class Scores(dict):
+        significant = frozenset(scores)
+
+    bow: Any = AcceptedEffect("curved_surface", (effect_candidate("curved_surface"),))
+    ladder: Any = [
+        SimpleNamespace(fit=SimpleNamespace(chi2=2000.0)),
+        SimpleNamespace(
+            fit=SimpleNamespace(chi2=800.0),
+            comparison=SimpleNamespace(is_noise=True),
+            diagnosis=Scores(scores),
+        ),
+    ]
+    assert explanation.is_more_missing(ladder, [bow]) == more
+
+
+def effect_candidate(name: str) -> Any:
+    model = SimpleNamespace(effects=(SimpleNamespace(effect=CATALOGUE[name]),))
+    fit: Any = SimpleNamespace(model=model, effect_names=(name,))
+    return candidates.Candidate(name, 800.0, 800.0, fit)
 
 
 def test_effects_that_may_imitate_another_cause_are_not_offered_by_name(

@@ -1,4 +1,4 @@
-"""What the errors of the finite element model, and of laws of contact, may account for."""
+"""Structure that errors of the finite element model, and of laws of contact, may leave."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class SelectionSettings:
         refit
     error_rise : factor on the rms residual up to which a refit counts as no rise of it
     foretold_rise : factor on the error of presses left out, up to which an effect may raise it: in
-        a hundred right answers it fell with each effect
+        71 steps of 56 right answers it always fell
     predicted_share : of the decrease of chi-square: required of the predicted travel alone where
         the rms residual rises
     first_evaluations : of the first step from the contact law

@@ -115,6 +115,7 @@ def test_what_a_scan_without_times_cannot_show_is_said(diagnosed):
         "displacement_jump", "breathing_drifting", "creep_recovery", "sensitivity_wander",
     )  # fmt: skip
     assert told.pop("touch_threshold") == "under a contact of fixed size it is what force_bias is"
+    assert told.pop("uneven_surface") == "the scan has only 12 presses, 23 are needed"
     assert told == dict.fromkeys(timed, "the scan has no time stamps")
 
 

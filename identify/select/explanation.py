@@ -238,13 +238,17 @@ def mended(
     """Effects that may imitate one unknown cause: the last of three or more only mends their fit.
 
     A body elsewhere, wider at two sides, was explained by a shift (53 % of what all took), a
-    softening (44 %) and fibres (3 %). One that alone takes nearly all is no imitation.
+    softening (44 %) and fibres (3 %, and a fifth of what the others left: a true one would take
+    nearly all of that). One that alone takes nearly all is no imitation.
     """
     chi2 = [step.fit.chi2 for step in ladder]
     if len(ladder) < settings.mending or ladder[-1].fit.field is not None:
         return ()
-    explained = chi2[0] - chi2[-1]
-    if ladder[-2].comparison.is_noise or chi2[-2] - chi2[-1] > settings.of_mend * explained:
+    explained, gain = chi2[0] - chi2[-1], chi2[-2] - chi2[-1]
+    excess = chi2[-2] - ladder[-2].fit.dof
+    if gain > min(settings.of_mend * explained, settings.of_left * excess):
+        return ()
+    if ladder[-2].comparison.is_noise:
         return ()
     leads = chi2[0] - chi2[1] > settings.alone * explained
     known = ladder[1].fit.effect_names if leads else ladder[0].fit.effect_names

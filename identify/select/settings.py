@@ -83,9 +83,9 @@ class SelectionSettings:
         from its second step on
     left_of_error : of the chi-square explained by the possible model error: the pattern of that
         error is an estimate, right to a third, and its own error is in turn like another effect
-    mending, of_mend, alone : steps from which on the last effect may only mend the fit of the
-        others, the largest share of what all explain by which it does, and the share by which one
-        of them is no imitation
+    mending, of_mend, of_left, alone : steps from which on the last effect may only mend the fit of
+        the others, the largest shares of what all explain and of what the others left by which it
+        does, and the share by which one of them is no imitation
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
     close : difference of chi-square below which two effects count as equal at a higher price
@@ -137,6 +137,7 @@ class SelectionSettings:
     left_of_error: float = 0.1
     mending: int = 4
     of_mend: float = 0.05
+    of_left: float = 0.5
     alone: float = 0.9
     by_compliance: float = 0.9
     margin: float = 10.0

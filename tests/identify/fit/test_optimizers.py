@@ -5,11 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fem.errors import SolverError
+from identify.fit.joint_fit import fit_jointly
+from identify.fit.settings import TRIAL
 from identify.optimize.bfgs import minimize_bfgs, minimize_bfgs_residuals
 from identify.optimize.gauss_newton import covariance, minimize_gauss_newton
 from identify.optimize.line_search import Trial, wolfe_step
 from identify.optimize.optimizers import OPTIMIZERS
 from identify.optimize.result import InadmissibleError
+from tests.identify.select.loop_problem import TRUE, model, scan, timing, true_compliance
 
 both = pytest.mark.parametrize("minimize", OPTIMIZERS.values(), ids=OPTIMIZERS.keys())
 
@@ -214,3 +217,32 @@ def test_a_promise_within_the_rounding_of_evaluations_ends_a_search():
     found = minimize_gauss_newton(rounded, start, ftol=1e-6, resolved=1e-5)
     assert not found.success
     assert found.message == "no step lowers chi-square"
+
+
+@pytest.mark.parametrize(("above", "evaluations"), [(1.0, 1), (51.5, 2)])
+def test_a_search_that_cannot_reach_a_value_is_given_up(above, evaluations):
+    """From 52 the next step promises 2: a part of 2 that is missing, or none of 51."""
+
+    def residuals(x):
+        return np.array([x[0], 10.0]), np.array([[1.0], [0.0]])
+
+    found = minimize_gauss_newton(
+        residuals, np.array([2.0]), max_step=10.0, reach=0.4, above=above, max_evaluations=2
+    )
+    assert found.nfev == evaluations
+    assert found.success == (evaluations == 1)
+
+
+def test_a_fit_ends_where_its_target_is_out_of_reach_and_goes_on_where_it_is_near():
+    press, _, _, force = timing(3)
+    table = scan(true_compliance()[press] * force + 5e-4, force, 3)
+
+    def fit(target):
+        return fit_jointly(model(table), TRUE, rounds=0, target=target, settings=TRIAL)
+
+    free = fit(None)
+    far, near = fit(0.5 * free.chi2), fit(free.chi2 - 1.0)
+    assert len(far.history) < len(free.history) / 3
+    assert far.chi2 < 1.05 * free.chi2
+    assert near.chi2 == pytest.approx(free.chi2, abs=10.0)
+    assert len(near.history) > len(far.history)

@@ -109,7 +109,7 @@ def steps(*chi2: float, noise: bool = False) -> Any:
     names = [tuple("abcdef"[:k]) for k in range(len(chi2))]
     return [
         SimpleNamespace(
-            fit=SimpleNamespace(chi2=one, effect_names=has, field=None),
+            fit=SimpleNamespace(chi2=one, effect_names=has, field=None, dof=900),
             comparison=SimpleNamespace(is_noise=noise or len(has) == len(chi2) - 1),
         )
         for one, has in zip(chi2, names, strict=True)
@@ -123,6 +123,7 @@ def steps(*chi2: float, noise: bool = False) -> Any:
         (steps(2000, 1500, 1040, 1010), "b", ("a", "c")),  # the single presses call for it
         (steps(2000, 1080, 1040, 1010), "", ("b", "c")),  # the first takes 93 % by itself
         (steps(2000, 1500, 1140, 1010), "", ()),  # the last takes an eighth
+        (steps(2000, 1500, 940, 910), "", ()),  # and nearly all that the others left
         (steps(2000, 1500, 1040, 1010, noise=True), "", ()),  # nothing was left to be mended
         (steps(2000, 1030, 1010), "", ()),  # two causes may be of such different sizes
     ],

@@ -16,7 +16,7 @@ from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate, leaving_noise, ranked
-from identify.select.forward_selection import forward_selection
+from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION
 from identify.select.verdicts import refit_numbers
 from models import Scan
@@ -334,3 +334,25 @@ def test_an_effect_that_raises_the_error_of_presses_left_out_is_not_added():
     assert [answer.added for answer in found] == [("contact_offset",), ()]
     alone, with_it = (step.cross_validation.rms_m for step in found[0].ladder)
     assert 0.5 * alone < with_it < 0.8 * alone
+
+
+def test_beside_a_first_step_of_laws_nothing_is_sought_unless_something_is_missing():
+    press, _, _, force = timing(5)
+    table = scan(true_compliance()[press] * force + 2e-4, force, 5)
+    offset = [CATALOGUE["contact_offset"]]
+    known = forward_selection(model(table), TRUE, table, offset)
+
+    def from_laws(step, say):
+        return known.final.fit, list(known.accepted)
+
+    asked = []
+
+    def nothing(*_):
+        asked.append("proposed")
+        return ()
+
+    for goes_on in (False, True):
+        policy = Policy(first=from_laws, propose=nothing, goes_on=lambda *_, on=goes_on: on)
+        found = forward_selection(model(table), TRUE, table, offset, policy=policy)
+        assert found.added == ("contact_offset",)
+        assert asked == ["proposed"] * goes_on

@@ -173,6 +173,31 @@ def test_an_upright_tip_is_stiffer_at_edges_and_flanks_as_the_quick_formula_has_
     assert (lost[3:] < 0.02).all()
 
 
+def test_a_surface_is_high_where_it_is_said_to_be(bench):
+    """Heights by hand, from each press's way from the middle and from the walls."""
+    half = np.array(bench.body.size_m[:2]) / 2
+    x, y = ((bench.points_m - half) / half.max()).T
+    flat = np.zeros((len(x), 3))
+
+    def added(name, **values):
+        force, travel = HIDDEN[name].sensor(bench, flat, flat, {"height_m": 1e-4, **values})
+        assert_allclose(force, 0)
+        assert_allclose(travel, np.tile(travel[:, :1], 3))
+        return travel[:, 0] / 1e-4
+
+    assert_allclose(added("curved_surface", angle_rad=0.7, ratio=1.0), x**2 + y**2)
+    assert_allclose(added("curved_surface", angle_rad=np.pi / 2, ratio=0.0), y**2, atol=1e-12)
+    assert_allclose(added("uneven_surface", c_20=2.0, c_01=-1.0), 3 * x**2 - 1 - y)
+    assert_allclose(
+        added("form_hill_of_the_surface", x=0.2, y=-0.1, width=0.5),
+        np.exp(-2 * ((x - 0.2) ** 2 + (y + 0.1) ** 2)),
+    )
+    wave = added("form_wavy_surface", angle_rad=0.0, length=2.0, phase_rad=0.3)
+    assert_allclose(wave, np.sin(np.pi * x + 0.3))
+    rim = added("form_raised_rim", width=0.5)  # travel ends early where the body is higher
+    assert_allclose(rim, -np.exp(-2 * (1 - np.maximum(abs(x), abs(y)))))
+
+
 def test_the_same_seed_makes_the_same_scan_and_another_one_another(bench):
     pressed = press(bench)
     first, second, other = (record(bench, pressed, seed) for seed in (1, 1, 2))

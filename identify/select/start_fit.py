@@ -148,7 +148,15 @@ def contact_law_of(
     catalogue: Catalogue[Effect],
     settings: ContactLawSettings = CONTACT_LAW,
 ) -> ContactLaw | None:
-    """Return the contact law of the presses alone beside the experiment's effects (`law_of`)."""
+    """Return the contact law of the presses alone beside the experiment's effects (`law_of`).
+
+    Raises
+    ------
+    InputError
+        The scan cannot show an effect of the study, or its values are not those that it has.
+    """
+    for effect, initial in experiment.effects:
+        refuse_effect(effect, Readings.of(experiment.scan), initial)
     presses = free_compliance(experiment.scan, experiment.body, experiment.noise)
     stated = [presses.begun(e, initial) for e, initial in experiment.effects if presses.shows(e)]
     return law_of(presses, stated, catalogue, experiment.say, settings)

@@ -158,6 +158,11 @@ def test_an_effect_that_no_fit_would_take_is_refused(effect, says, tmp_path):
     result = check(study)
     assert result.exit_code == 2
     assert says in result.stderr
+    for command in ("fit", "diagnose", "explain", "limits"):
+        arguments = [command, str(study), "--out", str(tmp_path / command)]
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2, result.output
+        assert says in result.stderr
 
 
 def test_a_bad_study_gives_one_sentence_and_exit_code_2(tmp_path):

@@ -13,6 +13,8 @@ from identify.optimize.result import InadmissibleError, OptimizeResult, free_dir
 
 _IDLE_STEPS = 2
 _FELT = 1e-6  # less damping than this hardly changes a step
+_NO_STEP = "no step lowers chi-square"
+_GIVEN_UP = "given up: the next step promises too little of what is missing"
 
 Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -85,13 +87,14 @@ def minimize_gauss_newton(
         free = free_directions(x, gradient, lower, upper)
         step = _solve(normal, gradient, diagonal, 0.0, free)
         expected, excess = -0.5 * float(gradient @ step), max(fun - above, 0.0)
-        slack, within = rtol * excess, max(rtol, reach) * excess
-        if ended := _end(expected, max(ftol, within), idle, max(slack, enough)):
+        slack = rtol * excess
+        if ended := _end(expected, max(ftol, slack), idle, max(slack, enough)):
             return result(0, ended)
+        if expected < reach * excess:
+            return result(0, _GIVEN_UP)
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
-        step = _solve(normal, gradient, diagonal, damping, free)
-        step *= min(1.0, float(np.min(max_step / np.maximum(np.abs(step), 1e-300))))
+        step = _shortened(_solve(normal, gradient, diagonal, damping, free), max_step)
         trial_x = np.clip(x + step, lower, upper)
         step = trial_x - x
         trial = _try(residuals, trial_x)
@@ -108,10 +111,14 @@ def minimize_gauss_newton(
                 callback(x, fun)
         else:
             damping, growth = max(damping, _FELT) * growth, growth * 2
-            if damping > 1e16 and expected <= resolved:
-                return result(0, _would_lower(expected))
             if damping > 1e16:
-                return result(2, "no step lowers chi-square")
+                lost = expected > resolved
+                return result(2 * lost, _NO_STEP if lost else _would_lower(expected))
+
+
+def _shortened(step: np.ndarray, longest: float | np.ndarray) -> np.ndarray:
+    """Return a step (k,) in its direction, of which no coordinate is longer than allowed."""
+    return step * min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
 
 
 def _at_start(residuals: Residuals, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -136,6 +136,6 @@ def only_mends_words(explained: Explanation) -> str:
     share = percent((chi2[-2] - chi2[-1]) / (chi2[0] - chi2[-1]))
     last = listed(added_names(*explained.ladder[-2:]))
     return (
-        f" Without {last} structure is left, of which it takes {share} of what all explain: it may "
-        "only mend their fit."
+        f" Without {last}, structure is left. It takes {share} of what all explain, and may only "
+        "mend the fit of the others."
     )

@@ -178,7 +178,7 @@ def test_effects_that_may_imitate_another_cause_are_not_offered_by_name(
     found = replace(explained, verdict=verdict)
     assert (found.added, found.ambiguous) == ((), ((name, OTHER_CAUSE),))
     assert "imitate one unknown cause" in headline(found)
-    assert f"Without {name} structure is left" in verdict_detail(found)
+    assert f"Without {name}, structure is left." in verdict_detail(found)
     assert any("one unknown cause" in note for note in step_notes(found, 1))
 
 

@@ -188,13 +188,15 @@ def test_presses_left_out_are_those_of_a_fit_without_them(monkeypatch):
     # The same model, fitted to the others only, predicts the press that was left out
     weights = model(table)
     other = fit_without(weights, out)
-    direct = weights.linearise(other).residual[out]
+    at = weights.linearise(other)
+    # in the noise of the fit, as predictions are: the slopes of the other change it by 0.3 %
+    direct = (at.residual * at.sigma_m / fit.at.sigma_m)[out]
     assert predicted_error(fit, out) == pytest.approx(direct, abs=0.002 * np.abs(direct).max())
     assert len(rest.used()) == 528
     assert cross_validate(fit).ratio == pytest.approx(1, abs=0.15)
     # Too long a step for a linear prediction: the others are fitted anew, in shorter ones
     own = fit.at.residual[out]
-    short = CrossValidationSettings(longest_step=0.2 * np.abs(other - fit.u).max(), ftol=1e-6)
+    short = CrossValidationSettings(longest_step=0.2 * np.abs(other - fit.u).max(), ftol=1e-8)
     asked = []
     linearise = MeasurementModel.linearise
     monkeypatch.setattr(
@@ -203,7 +205,7 @@ def test_presses_left_out_are_those_of_a_fit_without_them(monkeypatch):
     again = predicted_error(fit, out, short)
     assert len(asked) > 5
     moved = np.abs(direct - own).max()
-    assert again == pytest.approx(direct, abs=0.05 * moved)
+    assert again == pytest.approx(direct, abs=0.01 * moved)
 
 
 def fit_without(whole, out):

@@ -73,13 +73,13 @@ def fibre_weights(angle: float) -> np.ndarray:
     return _weights(np.array([np.cos(angle), np.sin(angle)]))
 
 
-def _projection(in_plane: np.ndarray) -> np.ndarray:
+def in_plane_projection(in_plane: np.ndarray) -> np.ndarray:
     """T (3,) of a direction given by its two components in the plane."""
     return np.array([in_plane[0] ** 2, in_plane[1] ** 2, in_plane[0] * in_plane[1]])
 
 
 def _weights(in_plane: np.ndarray) -> np.ndarray:
-    projection = _projection(in_plane)
+    projection = in_plane_projection(in_plane)
     i, j = PAIRS.T
     return np.where(i == j, 1, 2) * projection[i] * projection[j]
 
@@ -165,7 +165,7 @@ class FibrePlane:
         """Return the parts of k and a by fibres of modulus 1 at each sample."""
         parts = self.parts
         assert parts is not None
-        projection = _projection(self.plane @ direction)
+        projection = in_plane_projection(self.plane @ direction)
         energy = np.einsum("s,t,nmsltq->nmlq", projection, projection, parts.products,
                            optimize=True)  # fmt: skip
         _, first = np.unique(np.concatenate(parts.rows), return_index=True)

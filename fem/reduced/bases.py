@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fem.palpation.fibres import Fibres
 from fem.palpation.model import PalpationModel, Response
 from fem.palpation.skin import Skin
 from fem.reduced.model import MOST, ReducedModel
@@ -19,8 +20,8 @@ _BYTES = 64e6  # of a basis's energies
 class ReducedBases:
     """Reduced models of one palpation model around the maps of a search, grown as it goes.
 
-    A solution joins the basis that came nearest to it, or begins one of its own. Springs and skins
-    have bases of their own.
+    A solution joins the basis that came nearest to it, or begins one of its own. Springs, skins and
+    fibres have bases of their own.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class ReducedBases:
         self.full, self._kept = full, bases
         by_pair = 4.0 * len(full.contacts) * len(full.points_m)
         self._most = min(int((np.sqrt(1 + 8 * most_bytes / by_pair) - 1) / 2), MOST)
-        self._bases: list[tuple[tuple[bool, bool], ReducedModel]] = []  # the last that served last
+        self._bases: list[tuple[tuple[bool, ...], ReducedModel]] = []  # the last that served last
         self._nearest: tuple[float, ReducedModel] | None = None
 
     def evaluate(
@@ -42,6 +43,7 @@ class ReducedBases:
         modulus_pa: np.ndarray,
         tolerance: float,
         support_compliance: tuple[float, float] | None = None,
+        fibres: Fibres | tuple | None = None,
         skin: Skin | tuple | None = None,
     ) -> ReducedResponse | None:
         """Return the compliances for a body as `PalpationModel.evaluate` does, or None.
@@ -51,13 +53,13 @@ class ReducedBases:
         tolerance : of the bound of their relative error
         """
         self._nearest = None
-        material = self.full.material(modulus_pa, skin=skin)
+        material = self.full.material(modulus_pa, fibres, skin)
         kind = law_of(material, self.full.held(material, support_compliance)[1]).kind
         for entry in reversed(self._bases):
             if entry[0] != kind:
                 continue
             basis = entry[1]
-            response = basis.evaluate(modulus_pa, support_compliance, skin)
+            response = basis.evaluate(modulus_pa, support_compliance, fibres, skin)
             if response is None:
                 return None
             if response.error <= tolerance:
@@ -72,13 +74,14 @@ class ReducedBases:
     def add(self, response: Response, plain: Response | None = None) -> None:
         """Take the full solution for the body that was evaluated last.
 
-        `plain` : that without springs and skin at this modulus, which joins a new basis; of a body
-        without them it may be the same one
+        `plain` : that without springs, skin and fibres at this modulus, which joins a new basis; of
+        a body without them it may be the same one
         """
         material = response._material
-        if self._most < 2 or modulus_samples(material) is None or material.fibres is not None:
+        law = law_of(material, response._springs)
+        if self._most < 2 or modulus_samples(material) is None or not law.is_reducible:
             return
-        kind = law_of(material, response._springs).kind
+        kind = law.kind
         far = FAR_LAW if any(kind) else FAR
         if self._nearest is not None and self._nearest[0] <= far:
             self._nearest[1].add(response)
@@ -87,7 +90,7 @@ class ReducedBases:
         if len(own) == (1 if any(kind) else self._kept):
             idle = [entry for entry in own if not entry[1].served]
             self._bases.remove((idle or own)[0])
-        basis = ReducedModel(self.full, self._most)
+        basis = ReducedModel(self.full, self._most, fibres=kind[2])
         if plain is not None and plain is not response:
             basis.add(plain)
         basis.add(response)

@@ -24,6 +24,7 @@ t_a, springs of compliance s, and a membrane of stretch r over the surface strai
                                                           e_a e_b / (r E).
 
 A bonded base takes fields of bonded bodies alone, a body without a skin stresses of such bodies.
+Fibres of one share of the modulus everywhere join both sides, too: `fem.reduced.plane_energies`.
 
 Both matrices are linear in a field, E or 1/E. A new field joins the span of those asked for before
 (`fem.reduced.modes`), at the cost of one pass over the energies; in the span, an evaluation takes
@@ -41,10 +42,12 @@ from collections.abc import Callable
 import numpy as np
 
 from fem.linear.support import first_order_rest
+from fem.palpation.fibres import Fibres
 from fem.palpation.model import PalpationModel, Response
 from fem.palpation.skin import Skin
 from fem.reduced.energies import mixed_energies
-from fem.reduced.modes import Modes, Pairs
+from fem.reduced.modes import Modes, Pair, Pairs
+from fem.reduced.plane_energies import FibreWeights, PlaneEnergies
 from fem.reduced.response import ReducedResponse
 from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 
@@ -56,16 +59,15 @@ _RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and th
 class ReducedModel:
     """A palpation model in a basis for each press, from full solutions as they come.
 
-    Of bodies without fibres.
-
     Parameters
     ----------
     full : the model
+    fibres : true if bodies may have fibres in the horizontal plane, of one share of the modulus
     most : largest number of snapshots; the one that has gone unused for longest makes place
     """
 
-    def __init__(self, full: PalpationModel, most: int = MOST) -> None:
-        self.full, self._most = full, most
+    def __init__(self, full: PalpationModel, most: int = MOST, *, fibres: bool = False) -> None:
+        self.full, self._most, self._fibres = full, most, fibres
         self._snapshots: dict[int, Snapshot] = {}  # by number
         self._loads: dict[int, np.ndarray] = {}  # (j,) work of the load on each
         self._used: dict[int, int] = {}  # evaluation in which each one last counted
@@ -85,6 +87,8 @@ class ReducedModel:
         if not self._snapshots:
             self._unit = modulus
         new = Snapshot(response, modulus / self._unit)
+        if not new.law.is_reducible or (new.law.share and not self._fibres):
+            return
         if new.law.stretch_m:
             alone = mixed_energies(self.full, new.inside, new.inside)
         else:
@@ -106,20 +110,28 @@ class ReducedModel:
         self._snapshots[number] = new
         self._used[number] = self._evaluations
         for other, mixed in energies.items():
-            key = (other, number)
-            first = self._snapshots[other]
-            self._pairs[key] = (first, new, np.ascontiguousarray(mixed, np.float32))
+            first, in_plane = self._snapshots[other], None
+            if self._fibres:
+                in_plane = PlaneEnergies(self.full, first.inside, new.inside)
+            pair = Pair(first, new, np.ascontiguousarray(mixed, np.float32), in_plane)
+            self._pairs[other, number] = pair
             for modes in (self._primal, self._dual):
-                modes.add(key, first, new, mixed)
+                modes.add((other, number), pair, mixed)
         self._loads[number] = np.array(response.compliance)
         if any(new.law.kind) or new.has_skin:  # beyond what the matrix holds, too
             self._loads[number] = alone @ modulus + self._of_law(new.law, number, number, modulus)
+            in_plane = self._pairs[number, number].in_plane
+            if in_plane is not None:
+                weights = FibreWeights(new.law, self._nu).of_energy
+                self._loads[number] += weights @ in_plane.summed(modulus[None])[..., 0].T
 
     def _drop(self, number: int) -> None:
         """Forget a snapshot."""
         del self._snapshots[number], self._used[number], self._loads[number]
         for key in [key for key in self._pairs if number in key]:
-            del self._pairs[key], self._primal.sums[key], self._dual.sums[key]
+            del self._pairs[key]
+            self._primal.drop(key)
+            self._dual.drop(key)
         for key in [key for key in self._surface if number in key[:2]]:
             del self._surface[key]
 
@@ -127,21 +139,25 @@ class ReducedModel:
         self,
         modulus_pa: np.ndarray,
         support_compliance: tuple[float, float] | None = None,
+        fibres: Fibres | tuple | None = None,
         skin: Skin | tuple | None = None,
     ) -> ReducedResponse | None:
         """Solve for all presses, as `PalpationModel.evaluate` does.
 
         None before the first snapshot that the body admits, where the modulus is too steep for a
-        cell around a tip, and where the body slides freely.
+        cell around a tip, where the body slides freely, and for fibres that the basis does not
+        know.
         """
         if not self._snapshots:
             return None
-        material = self.full.material(modulus_pa, skin=skin)
+        material = self.full.material(modulus_pa, fibres, skin)
         asked, springs = self.full.held(material, support_compliance)
         modulus = modulus_samples(material)
         if modulus is None or np.isinf(asked[1]):  # whether it slides away, the full model knows
             return None
         law = law_of(material, springs)
+        if not law.is_reducible or (law.share and not self._fibres):
+            return None
         fields = [n for n, s in self._snapshots.items() if springs or not s.law.springs]
         stresses = [n for n, s in self._snapshots.items() if law.stretch_m or not s.law.stretch_m]
         if not fields or not stresses:
@@ -150,14 +166,23 @@ class ReducedModel:
         spanned = np.array([SPANNED])
         primal = self._primal.coefficients(relative[None], spanned, self._pairs)[0]
         dual = self._dual.coefficients(1 / relative[None], spanned, self._pairs)[0]
+        by_fibres = FibreWeights(law, self._nu)
         stiffness = self._matrix(
-            self._primal, primal, fields, lambda a, b: self._of_law(law, a, b, modulus)
+            self._primal,
+            primal,
+            fields,
+            lambda a, b: self._of_law(law, a, b, modulus),
+            lambda a, b: by_fibres.of_energy,
         )
         load = np.array([self._loads[n] for n in fields]).T
         weights = _solved(stiffness, load)
         low = np.einsum("ja,ja->j", weights, load)
         flexibility = self._matrix(
-            self._dual, dual, stresses, lambda a, b: self._of_stress(law, a, b, modulus)
+            self._dual,
+            dual,
+            stresses,
+            lambda a, b: self._of_stress(law, a, b, modulus),
+            lambda a, b: by_fibres.of_stress(self._snapshots[a].law, self._snapshots[b].law),
         )
         high = 1 / _solved(flexibility, np.ones(flexibility.shape[:2])).sum(axis=1)
         self._evaluations += 1
@@ -182,13 +207,19 @@ class ReducedModel:
         coefficients: np.ndarray,
         numbers: list[int],
         more: Callable[[int, int], np.ndarray | float],
+        in_plane: Callable[[int, int], np.ndarray],
     ) -> np.ndarray:
-        """Matrix (j, m, m) of some snapshots for coefficients (q,) of the field."""
+        """Matrix (j, m, m) of some snapshots for coefficients (q,) of the field.
+
+        `more` (j,) and the weights `in_plane` (9,) are those of a pair's law.
+        """
         size = len(numbers)
         result = np.empty((len(self.full.contacts), size, size))
         for column, b in enumerate(numbers):
             for row, a in enumerate(numbers[: column + 1]):
                 both = modes.sums[a, b] @ coefficients + more(a, b)
+                if self._fibres:
+                    both += in_plane(a, b) @ modes.in_plane[a, b] @ coefficients
                 result[:, row, column] = result[:, column, row] = both
         diagonal = np.arange(size)
         result[:, diagonal, diagonal] *= 1 + _RIDGE
@@ -219,6 +250,10 @@ class ReducedModel:
                 self._at_surface(a, b, "strains") @ ratio
             )
         return both
+
+    @property
+    def _nu(self) -> float:
+        return self.full.stiffness.poisson_ratio
 
     @property
     def _beside(self) -> np.ndarray:

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from fem.reduced.energies import summed
+from fem.reduced.plane_energies import PlaneEnergies
 from fem.reduced.snapshot import Snapshot
 
-Pairs = dict[tuple[int, int], tuple[Snapshot, Snapshot, np.ndarray]]
-"""Energies (j, p) of each pair of snapshots, by their numbers."""
+
+class Pair(NamedTuple):
+    """Two snapshots, their energies (j, p) in each other, and those in the plane of fibres."""
+
+    first: Snapshot
+    second: Snapshot
+    energies: np.ndarray
+    in_plane: PlaneEnergies | None
+
+
+Pairs = dict[tuple[int, int], Pair]
+"""The pairs of a basis by the numbers of their snapshots."""
 
 
 class Modes:
@@ -28,6 +40,7 @@ class Modes:
         self._root, self._factor = root, factor
         self._modes = np.zeros((0, len(root)))  # (q, p), orthonormal, of fields times root
         self.sums: dict[tuple[int, int], np.ndarray] = {}  # (j, q) of each pair of snapshots
+        self.in_plane: dict[tuple[int, int], np.ndarray] = {}  # (j, 9, q), of a basis with fibres
 
     def __len__(self) -> int:
         return len(self._modes)
@@ -51,11 +64,22 @@ class Modes:
             return found
         joined = np.array(new)
         self._modes = np.vstack([self._modes, joined])
-        for key, (first, second, energies) in pairs.items():
-            columns = joined / self._root * self._factor(first, second)
-            self.sums[key] = np.hstack([self.sums[key], summed(energies, columns)])
+        for key, pair in pairs.items():
+            columns = joined / self._root * self._factor(pair.first, pair.second)
+            self.sums[key] = np.hstack([self.sums[key], summed(pair.energies, columns)])
+            if pair.in_plane is not None:
+                more = pair.in_plane.summed(columns)
+                self.in_plane[key] = np.concatenate([self.in_plane[key], more], axis=2)
         return scaled @ self._modes.T
 
-    def add(self, key: tuple[int, int], first: Snapshot, second: Snapshot, exact) -> None:
+    def add(self, key: tuple[int, int], pair: Pair, exact: np.ndarray) -> None:
         """Sum the energies (j, p) of a new pair over the modes."""
-        self.sums[key] = exact @ (self._modes / self._root * self._factor(first, second)).T
+        columns = self._modes / self._root * self._factor(pair.first, pair.second)
+        self.sums[key] = exact @ columns.T
+        if pair.in_plane is not None:
+            self.in_plane[key] = pair.in_plane.summed(columns)
+
+    def drop(self, key: tuple[int, int]) -> None:
+        """Forget a pair."""
+        del self.sums[key]
+        self.in_plane.pop(key, None)

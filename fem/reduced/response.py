@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem.errors import SolverError
+from fem.palpation.fibres import PAIRS
 from fem.palpation.material import Material
 from fem.palpation.skin import Skin, by_skin
+from fem.reduced.plane_energies import FibreWeights
 from fem.reduced.snapshot import Law
 
 if TYPE_CHECKING:
@@ -87,8 +89,11 @@ class ReducedResponse:
         length = np.linalg.norm(columns * modes._root, axis=1)
         by_mode = modes.coefficients(columns, _SPANNED_SLOPE * length, own._pairs)
         result = np.zeros((len(self.compliance), len(columns)))
+        along = FibreWeights(law, own.full.stiffness.poisson_ratio).of_energy
         for a, b, weight in self._pairs():
             energy = modes.sums[a, b] @ by_mode.T
+            if law.share:
+                energy += along @ modes.in_plane[a, b] @ by_mode.T
             if law.stretch_m:
                 energy += law.stretch_m * (
                     own._at_surface(a, b, "strains") @ whole[:, own._beside].T
@@ -99,6 +104,22 @@ class ReducedResponse:
             near = own.full.floating.near_skin(skin).value
             result -= (near / local**2)[:, None] * whole[:, -len(local) :].T
         return result if np.ndim(modulus_gradient) == 2 else result[:, 0]
+
+    def fibre_moments(self, weight: np.ndarray) -> np.ndarray:
+        """Integrals (j, 6) of products of horizontal strains, see `Response.fibre_moments`.
+
+        Of a body with fibres; `weight` (p,) is read as in `gradient`.
+        """
+        own = self._basis
+        column = weight[None, : len(own._unit)] / own._unit
+        length = np.linalg.norm(column * own._primal._root, axis=1)
+        by_mode = own._primal.coefficients(column, _SPANNED_SLOPE * length, own._pairs)[0]
+        total = np.zeros((len(self.compliance), 9))
+        for a, b, weights in self._pairs():
+            total += weights[:, None] * (own._primal.in_plane[a, b] @ by_mode)
+        square = total.reshape(-1, 3, 3)
+        i, j = PAIRS.T
+        return (square[:, i, j] + square[:, j, i]) / 2
 
     @property
     def support_sensitivity(self) -> np.ndarray:

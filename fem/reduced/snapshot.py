@@ -8,21 +8,40 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem.palpation.fibres import HORIZONTAL
 from fem.palpation.material import Material
 from fem.palpation.model import Response
 from fem.reduced.energies import Strains
 
+_LEAST_SHARE = -0.9  # of the modulus along the fibres nothing is left at -1
+
 
 class Law(NamedTuple):
-    """Springs (normal, tangential) m/Pa under the base, None where it is bonded; membrane (m)."""
+    """Support, skin and fibres of a body.
+
+    Attributes
+    ----------
+    springs : (normal, tangential) m/Pa under the base, None where it is bonded
+    stretch_m : of the membrane, m
+    share : of the fibres' modulus in the body's; not a number where it varies
+    direction : (3,) of the fibres
+    """
 
     springs: tuple[float, float] | None
     stretch_m: float
+    share: float = 0.0
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0)
 
     @property
-    def kind(self) -> tuple[bool, bool]:
-        """Whether there are springs, and whether there is a membrane."""
-        return self.springs is not None, self.stretch_m > 0
+    def kind(self) -> tuple[bool, bool, bool]:
+        """Whether there are springs, a membrane, and fibres."""
+        return self.springs is not None, self.stretch_m > 0, self.share != 0
+
+    @property
+    def is_reducible(self) -> bool:
+        """Whether reduced bases know these fibres: one share, and in the horizontal plane."""
+        in_plane = np.linalg.norm(HORIZONTAL @ self.direction) > 1 - 1e-12
+        return self.share == 0 or bool(in_plane and self.share > _LEAST_SHARE)
 
 
 class Snapshot:
@@ -65,7 +84,15 @@ class Snapshot:
 
 def law_of(material: Material, springs: tuple[float, float] | None) -> Law:
     """Return springs and membrane of a body with these springs under its base."""
-    return Law(springs, 0.0 if material.skin is None else material.skin.stretch_m)
+    skin, stretch = material.skin, 0.0
+    if skin is not None:
+        stretch = skin.stretch_m
+    if material.fibres is None:
+        return Law(springs, stretch)
+    direction, strength = material.fibres
+    shares = strength / material.modulus
+    share = shares[0] if np.ptp(shares) <= 1e-9 * np.abs(shares).max() else np.nan
+    return Law(springs, stretch, float(share), tuple(map(float, direction)))
 
 
 def modulus_samples(material: Material) -> np.ndarray | None:

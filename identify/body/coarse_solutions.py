@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fem import PalpationModel, SolverError
+from fem import Fibres, PalpationModel, SolverError
 from fem.palpation import Response
 from fem.reduced import ReducedBases, ReducedResponse
 from identify.body.compliance import positive_modulus
@@ -63,7 +63,7 @@ class CoarseSolutions:
     ) -> Response | ReducedResponse:
         """Return the solution of a model in its bases, or the full one, which joins them."""
         modulus = positive_modulus(ChangedMap(stiffness, state), bases.full.points_m)
-        near = bases.evaluate(modulus, tolerance, *_law(state))
+        near = bases.evaluate(modulus, tolerance, *_law(state, modulus))
         if near is not None:
             return near
         if bases.full is not self.coarse:
@@ -76,17 +76,13 @@ class CoarseSolutions:
 
     def _is_reducible(self, stiffness: GaussianMap, state: BodyState) -> bool:
         """Return True for a state whose law reduced bases know."""
-        return isinstance(stiffness, GaussianMap) and not state.fibre_share
+        return isinstance(stiffness, GaussianMap)
 
     def solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         """Return the solution on any model."""
         modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
-        angle, share = state.fibre_angle_rad, state.fibre_share
-        direction = np.array([np.cos(angle), np.sin(angle), 0.0])
-        base, skin = _law(state)
-        fibres = (direction, share * modulus) if share else None
         try:
-            return model.evaluate(modulus, base, fibres, skin)
+            return model.evaluate(modulus, *_law(state, modulus))
         except SolverError as error:
             raise InadmissibleError(str(error)) from error
 
@@ -99,13 +95,17 @@ def keep(last: dict, key: Any, value: Any, most: int) -> None:
         del last[next(iter(last))]
 
 
-def _law(state: BodyState) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-    """Compliance of the support and skin of a state, each None without."""
-    base = state.base_m_per_pa
+def _law(
+    state: BodyState, modulus_pa: np.ndarray
+) -> tuple[tuple[float, float] | None, Fibres | None, tuple[float, float] | None]:
+    """Compliance of the support, fibres and skin of a state, each None without."""
+    base, angle, share = state.base_m_per_pa, state.fibre_angle_rad, state.fibre_share
+    direction = np.array([np.cos(angle), np.sin(angle), 0.0])
+    fibres = Fibres(direction, share * modulus_pa) if share else None
     skin = (state.skin_thickness_m, state.skin_factor)
     if not skin[1] > 0:
         raise InadmissibleError("a skin needs a positive modulus")
-    return base if any(base) else None, skin if skin[0] > 0 else None
+    return base if any(base) else None, fibres, skin if skin[0] > 0 else None
 
 
 def plain_state(state: BodyState) -> BodyState:

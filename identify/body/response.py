@@ -120,7 +120,7 @@ class BodyResponse:
 
     @property
     def _near(self) -> Response | ReducedResponse:
-        """The solution that answers for all changes but those of fibres."""
+        """The solution that answers for all changes but that from no fibres to some."""
         stale = isinstance(self._response, ReducedResponse) and self._response.is_stale
         return self._full if stale else self._response
 
@@ -224,7 +224,9 @@ class BodyResponse:
     @cached_property
     def _fibre_moments(self) -> np.ndarray:
         modulus = ChangedMap(self._map, self._state).modulus(self._mechanics.coarse.points_m)
-        return self._full.fibre_moments(modulus)
+        # A basis without fibres does not have them
+        response = self._near if self._state.fibre_share else self._full
+        return response.fibre_moments(modulus)
 
     def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
         """Change of the logarithm of the compliance (j,) by another place of the body."""
@@ -256,8 +258,7 @@ def _gradient(
     `by_parameter` (p, k) is the modulus samples' derivative, an array or a sparse matrix.
     """
     gradient = response.gradient(by_parameter)
-    if state.fibre_share:
-        assert isinstance(response, Response)
+    if state.fibre_share and isinstance(response, Response):
         angle = state.fibre_angle_rad
         by_fibres = response.fibre_sensitivity(np.array([np.cos(angle), np.sin(angle), 0.0]))
         gradient += state.fibre_share * (by_fibres @ by_parameter)

@@ -245,7 +245,7 @@ def with_laws(full):
 def test_springs_and_skins_lie_between_the_bounds(full, with_laws, base, skin):
     (parameters,) = CENTRE + 0.05 * (drawn(1, 3) - CENTRE)
     modulus = field(parameters, full.points_m)
-    found = answered(with_laws, modulus, base, skin)
+    found = answered(with_laws, modulus, base, None, skin)
     expected = full.evaluate(modulus, base, skin=skin)
     plain = full.evaluate(modulus).compliance
     error = expected.compliance / found.compliance - 1
@@ -264,25 +264,25 @@ def test_springs_and_skins_lie_between_the_bounds(full, with_laws, base, skin):
 
 def test_derivatives_by_springs_and_skin_are_those_of_the_reduced_compliance(full, with_laws):
     modulus, base, skin = field(CENTRE + 0.05 * HALF, full.points_m), (1e-6, 5e-7), (1e-3, 4.0)
-    found = answered(with_laws, modulus, base, skin)
+    found = answered(with_laws, modulus, base, None, skin)
     own = np.hstack([found.support_sensitivity, found.skin_sensitivity])
     law = np.array([*base, *skin])
     for column, step in enumerate(np.diag(1e-3 * law)):
         up, down = (
-            answered(with_laws, modulus, (law + sign * step)[:2], (law + sign * step)[2:])
+            answered(with_laws, modulus, (law + sign * step)[:2], None, (law + sign * step)[2:])
             for sign in (1, -1)
         )
         quotient = (up.compliance - down.compliance) / (2 * step[column])
         assert np.abs(own[:, column] - quotient).max() < 2e-3 * np.abs(quotient).max()
     stiffer = 1.001 * modulus
-    quotient = (answered(with_laws, stiffer, base, skin).compliance - found.compliance) / 1e-3
+    quotient = (answered(with_laws, stiffer, base, None, skin).compliance - found.compliance) / 1e-3
     assert found.gradient(modulus) == pytest.approx(quotient, rel=3e-3)
 
 
 def test_springs_and_skins_are_exact_at_their_snapshots(full, with_laws):
     modulus = field(CENTRE, full.points_m)
     for base, skin in [((1e-6, 0.0), None), (None, (1e-3, 8.0)), ((2e-6, 2e-6), (1e-3, 2.0))]:
-        found = answered(with_laws, modulus, base, skin)
+        found = answered(with_laws, modulus, base, None, skin)
         expected = full.evaluate(modulus, base, skin=skin).compliance
         assert found.compliance == pytest.approx(expected, rel=1e-6)
         assert found.error < 1e-5

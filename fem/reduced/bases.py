@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem.palpation.fibres import Fibres
 from fem.palpation.model import PalpationModel, Response
-from fem.palpation.skin import Skin
-from fem.reduced.model import MOST, ReducedModel
+from fem.reduced.model import MOST, Body, ReducedModel
 from fem.reduced.response import ReducedResponse
 from fem.reduced.snapshot import law_of, modulus_samples
 
@@ -38,14 +36,7 @@ class ReducedBases:
         self._bases: list[tuple[tuple[bool, ...], ReducedModel]] = []  # the last that served last
         self._nearest: tuple[float, ReducedModel] | None = None
 
-    def evaluate(
-        self,
-        modulus_pa: np.ndarray,
-        tolerance: float,
-        support_compliance: tuple[float, float] | None = None,
-        fibres: Fibres | tuple | None = None,
-        skin: Skin | tuple | None = None,
-    ) -> ReducedResponse | None:
+    def evaluate(self, body: Body, tolerance: float) -> ReducedResponse | None:
         """Return the compliances for a body as `PalpationModel.evaluate` does, or None.
 
         Parameters
@@ -53,13 +44,13 @@ class ReducedBases:
         tolerance : of the bound of their relative error
         """
         self._nearest = None
-        material = self.full.material(modulus_pa, fibres, skin)
-        kind = law_of(material, self.full.held(material, support_compliance)[1]).kind
+        material = self.full.material(body.modulus_pa, body.fibres, body.skin)
+        kind = law_of(material, self.full.held(material, body.support_compliance)[1]).kind
         for entry in reversed(self._bases):
             if entry[0] != kind:
                 continue
             basis = entry[1]
-            response = basis.evaluate(modulus_pa, support_compliance, fibres, skin)
+            response = basis.evaluate(body)
             if response is None:
                 return None
             if response.error <= tolerance:

@@ -37,7 +37,8 @@ Leguillon, SIAM J. Numer. Anal. 20 (1983) 485 (error in constitutive relation).
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,7 +46,7 @@ from fem.linear.support import first_order_rest
 from fem.palpation.fibres import Fibres
 from fem.palpation.model import PalpationModel, Response
 from fem.palpation.skin import Skin
-from fem.reduced.energies import mixed_energies
+from fem.reduced.energies import Strains, mixed_energies
 from fem.reduced.modes import Modes, Pair, Pairs
 from fem.reduced.plane_energies import FibreWeights, PlaneEnergies
 from fem.reduced.response import ReducedResponse
@@ -54,6 +55,15 @@ from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 MOST = 10  # snapshots of a basis: more are not worth their growth
 SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
 _RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and the solves stable
+
+
+class Body(NamedTuple):
+    """Arguments of `PalpationModel.evaluate`."""
+
+    modulus_pa: np.ndarray
+    support_compliance: tuple[float, float] | None = None
+    fibres: Fibres | tuple | None = None
+    skin: Skin | tuple | None = None
 
 
 class ReducedModel:
@@ -67,7 +77,7 @@ class ReducedModel:
     """
 
     def __init__(self, full: PalpationModel, most: int = MOST, *, fibres: bool = False) -> None:
-        self.full, self._most, self._fibres = full, most, fibres
+        self.full, self.fibres, self._most = full, fibres, most
         self._snapshots: dict[int, Snapshot] = {}  # by number
         self._loads: dict[int, np.ndarray] = {}  # (j,) work of the load on each
         self._used: dict[int, int] = {}  # evaluation in which each one last counted
@@ -79,41 +89,50 @@ class ReducedModel:
     def __len__(self) -> int:
         return len(self._snapshots)
 
-    def add(self, response: Response) -> None:
-        """Add a full solution to every basis."""
+    @property
+    def numbers(self) -> set[int]:
+        """Numbers of the snapshots."""
+        return set(self._snapshots)
+
+    def add(self, response: Response, number: int | None = None) -> int | None:
+        """Add a full solution to every basis; return its number, the next one if none is given.
+
+        None where it is of no use: steep in a cell around a tip, or without a least energy.
+        """
         modulus = modulus_samples(response._material)
         if modulus is None:
-            return
+            return None
         if not self._snapshots:
             self._unit = modulus
         new = Snapshot(response, modulus / self._unit)
-        if not new.law.is_reducible or (new.law.share and not self._fibres):
-            return
+        if not new.law.is_reducible or (new.law.share and not self.fibres):
+            return None
+        inside = self._strains(new)
         if new.law.stretch_m:
-            alone = mixed_energies(self.full, new.inside, new.inside)
+            alone = mixed_energies(self.full, inside, inside)
         else:
             alone = -response.sensitivity[:, : len(modulus)]
         energy = alone @ modulus
         if not np.all(energy > 0):
-            return  # no least energy, so no bounds
+            return None  # no least energy, so no bounds
         if not self._snapshots:
             weight = (alone / energy[:, None]).sum(axis=0) * modulus
             root = np.sqrt(np.maximum(weight, 1e-6 * weight.mean()))
             self._primal = Modes(root, lambda a, b: modulus)
             self._dual = Modes(root, lambda a, b: modulus * a.modulus * b.modulus)
         while len(self._snapshots) >= self._most:
-            self._drop(min(self._used, key=lambda number: self._used[number]))
-        number, self._next = self._next, self._next + 1
-        energies = {number: alone}
-        for other, known in self._snapshots.items():
-            energies[other] = mixed_energies(self.full, known.inside, new.inside)
+            self.drop(min(self._used, key=lambda number: self._used[number]))
+        number = self._next if number is None else number
+        self._next = number + 1
         self._snapshots[number] = new
         self._used[number] = self._evaluations
-        for other, mixed in energies.items():
-            first, in_plane = self._snapshots[other], None
-            if self._fibres:
-                in_plane = PlaneEnergies(self.full, first.inside, new.inside)
-            pair = Pair(first, new, np.ascontiguousarray(mixed, np.float32), in_plane)
+        for other, known in self._snapshots.items():
+            first, mixed = inside, alone
+            if other != number:
+                first = self._strains(known)
+                mixed = mixed_energies(self.full, first, inside)
+            in_plane = PlaneEnergies(self.full, first, inside) if self.fibres else None
+            pair = Pair(known, new, np.ascontiguousarray(mixed, np.float32), in_plane)
             self._pairs[other, number] = pair
             for modes in (self._primal, self._dual):
                 modes.add((other, number), pair, mixed)
@@ -124,8 +143,13 @@ class ReducedModel:
             if in_plane is not None:
                 weights = FibreWeights(new.law, self._nu).of_energy
                 self._loads[number] += weights @ in_plane.summed(modulus[None])[..., 0].T
+        return number
 
-    def _drop(self, number: int) -> None:
+    def _strains(self, snapshot: Snapshot) -> Strains:
+        """Strains of a snapshot, kept where those of pairs are summed ever again."""
+        return snapshot.inside if self.fibres else snapshot.strains_inside()
+
+    def drop(self, number: int) -> None:
         """Forget a snapshot."""
         del self._snapshots[number], self._used[number], self._loads[number]
         for key in [key for key in self._pairs if number in key]:
@@ -137,29 +161,35 @@ class ReducedModel:
 
     def evaluate(
         self,
-        modulus_pa: np.ndarray,
-        support_compliance: tuple[float, float] | None = None,
-        fibres: Fibres | tuple | None = None,
-        skin: Skin | tuple | None = None,
+        body: Body,
+        *,
+        among: Collection[int] | None = None,
+        rests: bool = False,
     ) -> ReducedResponse | None:
         """Solve for all presses, as `PalpationModel.evaluate` does.
 
         None before the first snapshot that the body admits, where the modulus is too steep for a
         cell around a tip, where the body slides freely, and for fibres that the basis does not
         know.
+
+        Parameters
+        ----------
+        among : numbers of the snapshots, or all
+        rests : a body that slides freely is known to rest under every press
         """
         if not self._snapshots:
             return None
-        material = self.full.material(modulus_pa, fibres, skin)
-        asked, springs = self.full.held(material, support_compliance)
+        material = self.full.material(body.modulus_pa, body.fibres, body.skin)
+        asked, springs = self.full.held(material, body.support_compliance)
         modulus = modulus_samples(material)
-        if modulus is None or np.isinf(asked[1]):  # whether it slides away, the full model knows
+        if modulus is None or (np.isinf(asked[1]) and not rests):  # the full model knows
             return None
         law = law_of(material, springs)
-        if not law.is_reducible or (law.share and not self._fibres):
+        if not law.is_reducible or (law.share and not self.fibres):
             return None
-        fields = [n for n, s in self._snapshots.items() if springs or not s.law.springs]
-        stresses = [n for n, s in self._snapshots.items() if law.stretch_m or not s.law.stretch_m]
+        own = {n: s for n, s in self._snapshots.items() if among is None or n in among}
+        fields = [n for n, s in own.items() if springs or not s.law.springs]
+        stresses = [n for n, s in own.items() if law.stretch_m or not s.law.stretch_m]
         if not fields or not stresses:
             return None
         relative = modulus / self._unit
@@ -218,7 +248,7 @@ class ReducedModel:
         for column, b in enumerate(numbers):
             for row, a in enumerate(numbers[: column + 1]):
                 both = modes.sums[a, b] @ coefficients + more(a, b)
-                if self._fibres:
+                if self.fibres:
                     both += in_plane(a, b) @ modes.in_plane[a, b] @ coefficients
                 result[:, row, column] = result[:, column, row] = both
         diagonal = np.arange(size)

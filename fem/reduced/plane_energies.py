@@ -24,7 +24,7 @@ from functools import cached_property
 import numba
 import numpy as np
 
-from fem.palpation.fibres import HORIZONTAL, PlaneParts, in_plane_projection
+from fem.palpation.fibres import HORIZONTAL, PlaneParts
 from fem.palpation.model import PalpationModel
 from fem.reduced.energies import Strains
 from fem.reduced.snapshot import Law
@@ -87,14 +87,14 @@ class FibreWeights:
     @cached_property
     def of_energy(self) -> np.ndarray:
         """That of the energy of two fields in each other."""
-        along = in_plane_projection(self._law.direction[:2])
+        along = self._law.projection
         return self._law.share * np.outer(along, along).ravel()
 
     def of_stress(self, first: Law, second: Law) -> np.ndarray:
         """Return that of the work of the stresses of two snapshots of these laws."""
         own = self._law
         (t, along), (ta, by_a), (tb, by_b) = (
-            (in_plane_projection(law.direction[:2]), law.share) for law in (own, first, second)
+            (law.projection, law.share) for law in (own, first, second)
         )
         strain_a = t + by_a * self._strain(own, first) * ta
         strain_b = t + by_b * self._strain(own, second) * tb

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem.palpation.fibres import HORIZONTAL
+from fem.palpation.fibres import HORIZONTAL, in_plane_projection
 from fem.palpation.material import Material
 from fem.palpation.model import Response
 from fem.reduced.energies import Strains
@@ -38,6 +38,11 @@ class Law(NamedTuple):
         return self.springs is not None, self.stretch_m > 0, self.share != 0
 
     @property
+    def projection(self) -> np.ndarray:
+        """T (3,) of the fibres on horizontal strains, see `fem.palpation.fibres`."""
+        return in_plane_projection(np.array(self.direction[:2]))
+
+    @property
     def is_reducible(self) -> bool:
         """Whether reduced bases know these fibres: one share, and in the horizontal plane."""
         in_plane = np.linalg.norm(HORIZONTAL @ self.direction) > 1 - 1e-12
@@ -51,10 +56,14 @@ class Snapshot:
         self.modulus, self.law = modulus, law_of(response._material, response._springs)
         self._of = replace(response)  # without the sensitivities that are kept there
 
+    def strains_inside(self) -> Strains:
+        """Return the strains of the displacement of every press, made anew."""
+        return Strains.of(self._of)
+
     @cached_property
     def inside(self) -> Strains:
-        """Strains of the displacement of every press."""
-        return Strains.of(self._of)
+        """These strains, kept: three times as large as the displacement."""
+        return self.strains_inside()
 
     @property
     def _nodal(self) -> np.ndarray:

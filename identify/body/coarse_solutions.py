@@ -9,7 +9,7 @@ import numpy as np
 
 from fem import Fibres, PalpationModel, SolverError
 from fem.palpation import Response
-from fem.reduced import ReducedBases, ReducedResponse
+from fem.reduced import Body, ReducedBases, ReducedResponse
 from identify.body.compliance import positive_modulus
 from identify.body.settings import BODY, BodySettings
 from identify.body.state import BodyState, ChangedMap
@@ -62,8 +62,7 @@ class CoarseSolutions:
         self, bases: ReducedBases, stiffness: GaussianMap, state: BodyState, tolerance: float
     ) -> Response | ReducedResponse:
         """Return the solution of a model in its bases, or the full one, which joins them."""
-        modulus = positive_modulus(ChangedMap(stiffness, state), bases.full.points_m)
-        near = bases.evaluate(modulus, tolerance, *_law(state, modulus))
+        near = bases.evaluate(self.body(bases.full, stiffness, state), tolerance)
         if near is not None:
             return near
         if bases.full is not self.coarse:
@@ -78,11 +77,15 @@ class CoarseSolutions:
         """Return True for a state whose law reduced bases know."""
         return isinstance(stiffness, GaussianMap)
 
+    def body(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Body:
+        """Return the body that a state makes of a map, for any model."""
+        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
+        return Body(modulus, *_law(state, modulus))
+
     def solve(self, model: PalpationModel, stiffness: GaussianMap, state: BodyState) -> Response:
         """Return the solution on any model."""
-        modulus = positive_modulus(ChangedMap(stiffness, state), model.points_m)
         try:
-            return model.evaluate(modulus, *_law(state, modulus))
+            return model.evaluate(*self.body(model, stiffness, state))
         except SolverError as error:
             raise InadmissibleError(str(error)) from error
 

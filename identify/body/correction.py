@@ -188,7 +188,7 @@ class Corrections:
         changed = ChangedMap(stiffness, plain)
         known = models.solve(there, stiffness, plain).compliance
         found = fine_solution(finer, changed, there, known, settings)
-        factor = np.exp(models.log_shift_factor(stiffness, plain, shift, coarse, slack=slack))
+        factor = np.exp(models.log_shift_factor(stiffness, plain, shift, slack=slack))
         tip = tip_pressure(found.response, changed)
         corrected = _believed(found.compliance / (coarse * factor), found.error, tip, settings)
         self._elsewhere.append((shift, coarse, corrected))

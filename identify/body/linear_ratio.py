@@ -1,15 +1,14 @@
-"""Compliances of another model over the coarse model's, carried from one map to its neighbours.
+"""Compliances of a finer model over the coarse model's, carried from one map to its neighbours.
 
-A model of another Poisson's ratio, or of the body elsewhere, answers a change of the map almost as
-the coarse model does: the logarithm of their ratio is linear in the modulus far beyond either
-compliance. So one solution of the other model serves all maps nearby,
+A finer model answers a change of the map almost as the coarse model does: the logarithm of their
+ratio is linear in the modulus far beyond either compliance. So one solution of the finer model
+serves all maps nearby,
 
     ln(C'/C)(E) = ln(C'_0 + S' dE') - ln(C_0 + S dE) + e,    e about (b' - b),
 
-and with the derivatives by fibres, support and skin the bodies nearby that have them, too. S' and S
-are the sensitivities, b' and b the bends: the parts of second order, relative to the
-compliance. That of the coarse model is known, as it is solved at each map; the other's differs from
-it by about the share by which the compliances differ, so that e is about b ln(C'/C).
+where S' and S are the sensitivities, b' and b the bends: the parts of second order, relative to the
+compliance. That of the coarse model is known, as it is solved at each map; the finer one's differs
+from it by about the share by which the compliances differ, so that e is about b ln(C'/C).
 """
 
 from __future__ import annotations
@@ -20,62 +19,27 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.palpation import Response
-from identify.body.state import BodyState, ChangedMap, fibres_of, has_skin
+from identify.body.state import ChangedMap
 
 
 class _Linear(NamedTuple):
-    """A model's compliances (j,) m/N at a modulus (p,) at points (p, 3), and their derivatives.
-
-    `by_law` (j, q) those by the q numbers of the state's law, `law` (q,), see `law_of`.
-    """
+    """A model's compliances (j,) m/N at a modulus (p,) at points (p, 3), and their derivatives."""
 
     points_m: np.ndarray
     modulus_pa: np.ndarray
     compliance: np.ndarray
     sensitivity: np.ndarray
-    law: np.ndarray
-    by_law: np.ndarray
 
     @classmethod
     def of(cls, response: Response, there: ChangedMap) -> _Linear:
         points = response.model.points_m
         modulus = there.modulus(points)
         by_modulus = response.sensitivity.astype(np.float32)  # for small changes
-        law, by_law = law_of(there.state), _by_law(response, there.state, modulus)
-        return cls(points, modulus, response.compliance, by_modulus, law, by_law)
+        return cls(points, modulus, response.compliance, by_modulus)
 
     def compliance_at(self, there: ChangedMap) -> np.ndarray:
         change = there.modulus(self.points_m) - self.modulus_pa
-        by_map = self.sensitivity @ change.astype(np.float32)
-        law = law_of(there.state)
-        step = np.subtract(
-            law, self.law, out=np.zeros_like(law), where=law != self.law
-        )  # free base
-        return self.compliance + by_map + self.by_law @ step
-
-
-def law_of(state: BodyState) -> np.ndarray:
-    """Numbers (q,) of the fibres, support and skin that a state has, none for a plain body."""
-    parts: list[np.ndarray | tuple[float, float]] = []
-    if state.fibre_share:
-        parts.append(fibres_of(state))
-    if any(state.base_m_per_pa):
-        parts.append(state.base_m_per_pa)
-    if has_skin(state):
-        parts.append((state.skin_thickness_m, state.skin_factor))
-    return np.concatenate([np.zeros(0), *parts])
-
-
-def _by_law(response: Response, state: BodyState, modulus: np.ndarray) -> np.ndarray:
-    """Return the derivatives (j, q) of the compliances by these numbers."""
-    parts = [np.zeros((len(response.compliance), 0))]
-    if state.fibre_share:
-        parts.append(-response.fibre_moments(modulus))
-    if any(state.base_m_per_pa):
-        parts.append(response.support_sensitivity)
-    if has_skin(state):
-        parts.append(response.skin_sensitivity)
-    return np.hstack(parts)
+        return self.compliance + self.sensitivity @ change.astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -124,11 +124,10 @@ class BodyMechanics(OtherModels):
             factor *= np.exp(support.of(np.log(response.compliance / alone.compliance)))
         if state.poisson_ratio != self.poisson_ratio:
             nu = state.poisson_ratio
-            factor = factor * self.poisson_factor(stiffness, state, nu, response.compliance, slack)
+            factor = factor * self.poisson_factor(stiffness, state, nu, slack)
         if any(state.shift_m):
-            base = response.compliance
             straight = slack >= self.settings.straight_slack
-            moved = self.log_shift_factor(stiffness, state, state.shift_m, base, straight, slack)
+            moved = self.log_shift_factor(stiffness, state, state.shift_m, straight, slack)
             factor *= np.exp(moved)
         changed = ChangedMap(stiffness, state)
         return BodyResponse(
@@ -195,19 +194,11 @@ class BodyMechanics(OtherModels):
         return counted or not any(state.base_m_per_pa)
 
     def poisson_factor(
-        self,
-        stiffness: GaussianMap,
-        state: BodyState,
-        nu: float,
-        base: np.ndarray,
-        slack: float = 0.0,
+        self, stiffness: GaussianMap, state: BodyState, nu: float, slack: float = 0.0
     ) -> np.ndarray:
-        """Compliance (j,) at another Poisson's ratio over that at the model's own.
-
-        `base` (j,) is the coarse model's there; the factor holds for a corrected compliance.
-        """
+        """Factor (j,) of another Poisson's ratio on a corrected compliance at the model's own."""
         if nu == self.poisson_ratio:
             return np.ones(len(self.coarse.contacts))
-        coarse = np.exp(self.log_poisson_factor(stiffness, state, nu, base, slack))
+        coarse = np.exp(self.log_poisson_factor(stiffness, state, nu, slack))
         growth = mesh_error_growth(nu, self.poisson_ratio, self.settings)
         return coarse * self.correction.ratio ** (growth - 1)

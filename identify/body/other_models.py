@@ -7,24 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from fem import PalpationModel
-from fem.reduced import ReducedBases
+from fem.reduced import ReducedRatio
 from identify.body.coarse_solutions import CoarseSolutions, keep, plain_state, solved_state
 from identify.body.discretization_error import FineModel
-from identify.body.linear_ratio import LinearRatio
 from identify.body.shifted_block import Shift, ShiftedBlock, lagrange_weights
-from identify.body.state import BodyState, ChangedMap, has_skin
+from identify.body.state import BodyState, has_skin
 from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
 _KEPT_RATIOS = 32  # compliances of other models, of the last maps
-_KEPT_LINEAR = 16  # linear ratios of other models, of 7 MB each: four models at work, four maps
-_KEPT_SIDES = 6  # bases of such models, and of blocks elsewhere
-_SIDE_BYTES = 32e6  # of the energies of one
+_KEPT_LAWS = 2  # bases of such models: without fibres, springs and skin, and with some of them
 _KEPT_OTHERS = 4  # models of another Poisson's ratio, the last ones used: two are at work at a time
 
 
@@ -44,8 +40,7 @@ class OtherModels(CoarseSolutions):
     _others: dict[float, PalpationModel] = field(default_factory=dict, kw_only=True)
     _shifted: list[ShiftedBlock] = field(default_factory=list, kw_only=True)  # one, once needed
     _ratios: dict[tuple, np.ndarray] = field(default_factory=dict, kw_only=True)  # of the last maps
-    _linear: dict[tuple, LinearRatio] = field(default_factory=dict, kw_only=True)
-    _sides: dict[Any, ReducedBases] = field(default_factory=dict, kw_only=True)  # by name
+    _reduced_ratios: dict[tuple, ReducedRatio] = field(default_factory=dict, kw_only=True)  # by law
 
     @property
     def poisson_ratio(self) -> float:
@@ -61,24 +56,20 @@ class OtherModels(CoarseSolutions):
         stiffness: GaussianMap,
         state: BodyState,
         nu: float,
-        base: np.ndarray,
         slack: float = 0.0,
     ) -> np.ndarray:
-        """Logarithm (j,) of the compliance at another Poisson's ratio over that at the model's own.
-
-        `base` (j,) is the coarse model's there.
-        """
+        """Logarithm (j,) of the compliance at another Poisson's ratio over that at the own."""
         if not -1 < nu < 0.5:
             raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
         nodes = np.array(self.settings.poisson_ratios)
         others = nodes[np.abs(nodes - self.poisson_ratio) > 1e-6]
         nearest = others[np.argsort(np.abs(others - nu))[:2]]
         weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
-        log = np.zeros(len(base))
+        log = np.zeros(len(self.coarse.contacts))
         for node, weight in zip(nearest.tolist(), weights.tolist(), strict=True):
             if abs(weight) > 1e-9:  # else the ratio is that of the other node
                 log += weight * self._log_ratio(
-                    node, lambda node=node: self._other(node), stiffness, state, base, slack
+                    node, lambda node=node: self._other(node), stiffness, state, slack
                 )
         return log
 
@@ -87,20 +78,17 @@ class OtherModels(CoarseSolutions):
         stiffness: GaussianMap,
         state: BodyState,
         shift_m: Shift,
-        base: np.ndarray,
         straight: bool = False,
         slack: float = 0.0,
     ) -> np.ndarray:
         """Logarithm (j,) of the compliance of the body elsewhere over that at its stated place.
 
-        `base` (j,) is the coarse model's there; `straight` see `ShiftedBlock.log_factor`.
+        `straight` see `ShiftedBlock.log_factor`.
         """
         shifted = self.shifted
 
         def log_ratio(place: Shift) -> np.ndarray:
-            return self._log_ratio(
-                place, lambda: shifted.coarse_at(place), stiffness, state, base, slack
-            )
+            return self._log_ratio(place, lambda: shifted.coarse_at(place), stiffness, state, slack)
 
         return shifted.log_factor(shift_m, straight, log_ratio)
 
@@ -117,52 +105,42 @@ class OtherModels(CoarseSolutions):
         model: Callable[[], PalpationModel],
         stiffness: GaussianMap,
         state: BodyState,
-        base: np.ndarray,
         slack: float = 0.0,
     ) -> np.ndarray:
-        """Logarithm (j,) of the compliance of another model over `base`.
+        """Logarithm (j,) of the compliance of another model over the coarse model's.
 
-        Kept by its name; near the body of its last solution linear in modulus, fibres, skin and
-        springs. With much slack,
+        Kept by its name; near bodies that both have solved by their reduced bases. With much slack,
         that of a body without fibres, skin and springs: they change the ratio little, and it need
         not be made anew for each of their values.
         """
-        plain = plain_state(state)
-        if slack >= self.settings.plain_slack and solved_state(state) != plain:
-            base = self.solution(stiffness, plain, slack).compliance
-            return self._log_ratio(which, model, stiffness, plain, base, slack)
-        key = (which, stiffness, solved_state(state), max(slack, 1.0))
+        solved, plain = solved_state(state), plain_state(state)
+        if slack >= self.settings.plain_slack and solved != plain:
+            return self._log_ratio(which, model, stiffness, plain, slack)
+        body = stiffness, solved
+        key = (which, body, max(slack, 1.0))
         if key in self._ratios:
             return self._ratios[key]
-        changed = ChangedMap(stiffness, state)
-        kind = (which, _has(state))
+        law = _has(state)
+        if law not in self._reduced_ratios:
+            bases = ReducedRatio(self.coarse, fibres=bool(state.fibre_share))
+            keep(self._reduced_ratios, law, bases, _KEPT_LAWS)
+        bases = self._reduced_ratios[law]
         tolerance = self.settings.ratio_error * max(slack, 1.0)
-        for name, linear in reversed(self._linear.items()):
-            if name[:2] == kind:
-                near = linear.log_at(changed, base, tolerance)
-                if near is not None:
-                    keep(self._linear, name, linear, _KEPT_LINEAR)
-                    return near
-        has_law = any(kind[1])  # bounds of bases are wide then, for each of its values
-        if slack > 1 and not has_law and self._is_reducible(stiffness, state):
-            if which not in self._sides:
-                keep(self._sides, which, ReducedBases(model(), 1, _SIDE_BYTES), _KEPT_SIDES)
-            other = self._reduced(self._sides[which], stiffness, state, tolerance)
-        else:
-            other = self.solve(model(), stiffness, state)
-            linear = LinearRatio.of(self.solved(stiffness, state), other, changed)
-            keep(self._linear, (*kind, stiffness, solved_state(state)), linear, _KEPT_LINEAR)
-        ratio = other.compliance / base
-        if not (np.isfinite(ratio).all() and ratio.min() > 0):
-            raise InadmissibleError("the map is finer than the mesh of the body resolves")
-        keep(self._ratios, key, np.log(ratio), _KEPT_RATIOS)
-        return np.log(ratio)
+        log = bases.log_at(which, body, lambda one: self.body(one, stiffness, state), tolerance)
+        if log is None:
+            own, other = self.solved(stiffness, state), self.solve(model(), stiffness, state)
+            ratio = other.compliance / own.compliance
+            if not (np.isfinite(ratio).all() and ratio.min() > 0):
+                raise InadmissibleError("the map is finer than the mesh of the body resolves")
+            log = np.log(ratio)
+            bases.add(which, body, own, other)
+        keep(self._ratios, key, log, _KEPT_RATIOS)
+        return log
 
     def forget_others(self) -> None:
         """Free the models of other Poisson's ratios and of other places."""
         self._others.clear()
-        self._sides.clear()
-        self._linear.clear()
+        self._reduced_ratios.clear()
         self._shifted.clear()
 
     def _other(self, nu: float) -> PalpationModel:

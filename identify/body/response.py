@@ -230,11 +230,11 @@ class BodyResponse:
 
     def _log_by_shift(self, shift_m: Shift) -> np.ndarray:
         """Change of the logarithm of the compliance (j,) by another place of the body."""
-        state, plain = self._state, self._response.compliance
+        state = self._state
         # From the stated place, enough for a score, one model a side suffices
         there, here = (
             self._mechanics.log_shift_factor(
-                self._map, state, s, plain, not any(state.shift_m), self._slack
+                self._map, state, s, not any(state.shift_m), self._slack
             )
             for s in (shift_m, state.shift_m)
         )
@@ -242,11 +242,11 @@ class BodyResponse:
 
     def _by_poisson_ratio(self) -> np.ndarray:
         """Difference quotient towards the compressible side, (j,)."""
-        nu, plain = self._state.poisson_ratio, self._response.compliance
+        nu = self._state.poisson_ratio
         step = self._mechanics.settings.poisson_step
         factor = self._mechanics.poisson_factor
-        other = factor(self._map, self._state, nu - step, plain, self._slack)
-        here = factor(self._map, self._state, nu, plain, self._slack)
+        other = factor(self._map, self._state, nu - step, self._slack)
+        here = factor(self._map, self._state, nu, self._slack)
         return self.compliance * (1 - other / here) / step
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem.palpation import fibre_weights
-from fem.reduced import ReducedBases, ReducedModel
+from fem.reduced import Body, ReducedBases, ReducedModel
 from tests.fem.reduced.test_reduced import (
     CENTRE,
     HALF,
@@ -38,7 +38,7 @@ def test_bodies_with_fibres_lie_between_the_bounds(full, with_fibres, angle, sha
     (parameters,) = CENTRE + 0.3 * (drawn(1, 3) - CENTRE)
     modulus = field(parameters, full.points_m)
     along = fibres(angle, share, modulus)
-    found = answered(with_fibres, modulus, None, along)
+    found = answered(with_fibres, Body(modulus, None, along))
     expected = full.evaluate(modulus, fibres=along)
     effect = np.abs(expected.compliance / full.evaluate(modulus).compliance - 1).max()
     error = expected.compliance / found.compliance - 1
@@ -60,7 +60,7 @@ def test_bodies_with_fibres_are_exact_at_their_snapshots(full, with_fibres):  # 
     modulus = field(CENTRE, full.points_m)
     for angle, share in [(0.4, 0.2), (0.9, 0.5)]:
         along = fibres(angle, share, modulus)
-        found = answered(with_fibres, modulus, None, along)
+        found = answered(with_fibres, Body(modulus, None, along))
         expected = full.evaluate(modulus, fibres=along).compliance
         assert found.compliance == pytest.approx(expected, rel=1e-6)
         assert found.error < 1e-5
@@ -68,11 +68,11 @@ def test_bodies_with_fibres_are_exact_at_their_snapshots(full, with_fibres):  # 
 
 def test_derivatives_by_fibres_are_those_of_the_reduced_compliance(full, with_fibres):  # noqa: F811
     modulus = field(CENTRE + 0.1 * HALF, full.points_m)
-    found = answered(with_fibres, modulus, None, fibres(0.5, 0.3, modulus))
+    found = answered(with_fibres, Body(modulus, None, fibres(0.5, 0.3, modulus)))
 
     def quotient(angle: float, share: float, by: float, factor: float = 1.0) -> np.ndarray:
         other = answered(
-            with_fibres, factor * modulus, None, fibres(angle, share, factor * modulus)
+            with_fibres, Body(factor * modulus, None, fibres(angle, share, factor * modulus))
         )
         return (other.compliance - found.compliance) / by
 
@@ -93,7 +93,7 @@ def test_fibres_join_springs_and_skin(full):  # noqa: F811
         along = fibres(0.5, share, modulus) if share else None
         model.add(full.evaluate(modulus, base, along, skin))
     along = fibres(0.5, 0.35, modulus)
-    found = answered(model, modulus, base, along, skin)
+    found = answered(model, Body(modulus, base, along, skin))
     expected = full.evaluate(modulus, base, along, skin)
     error = expected.compliance / found.compliance - 1
     assert np.all(error > -2e-7)
@@ -104,16 +104,16 @@ def test_fibres_join_springs_and_skin(full):  # noqa: F811
 def test_fibres_have_a_basis_of_their_own_and_only_where_it_knows_them(full):  # noqa: F811
     bases, modulus = ReducedBases(full), field(CENTRE, full.points_m)
     plain, along = full.evaluate(modulus), fibres(0.5, 0.3, modulus)
-    assert bases.evaluate(modulus, 1e-3) is None
+    assert bases.evaluate(Body(modulus), 1e-3) is None
     bases.add(plain)
-    assert bases.evaluate(modulus, 1e-3, None, along) is None
+    assert bases.evaluate(Body(modulus, None, along), 1e-3) is None
     bases.add(full.evaluate(modulus, fibres=along), plain)
-    found = bases.evaluate(modulus, 1e-4, None, fibres(0.52, 0.31, modulus))
+    found = bases.evaluate(Body(modulus, None, fibres(0.52, 0.31, modulus)), 1e-4)
     assert found is not None
-    assert bases.evaluate(modulus, 1e-4) is not None
+    assert bases.evaluate(Body(modulus), 1e-4) is not None
     slanted = np.array([0.6, 0.0, 0.8]), 0.3 * modulus
     uneven = along[0], np.where(full.points_m[:, 0] > 0.02, 0.3, 0.2) * modulus
     for others in (slanted, uneven):
-        assert bases.evaluate(modulus, 1.0, None, others) is None
+        assert bases.evaluate(Body(modulus, None, others), 1.0) is None
         bases.add(full.evaluate(modulus, fibres=others))
-        assert bases.evaluate(modulus, 1.0, None, others) is None
+        assert bases.evaluate(Body(modulus, None, others), 1.0) is None

@@ -7,7 +7,7 @@ import pytest
 
 from identify.body.linear_ratio import LinearRatio
 from identify.body.settings import BODY
-from identify.body.state import BodyState, ChangedMap
+from identify.body.state import ChangedMap
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from tests.identify.select import loop_problem as problem
 
@@ -49,7 +49,7 @@ def test_the_error_is_within_its_estimate_and_far_maps_are_refused(change):
 
 @pytest.mark.slow
 def test_a_search_near_a_solved_map_solves_the_coarse_model_alone(monkeypatch):
-    own = replace(problem.mechanics(), _ratios={}, _linear={}, _solutions={})
+    own = replace(problem.mechanics(), _ratios={}, _reduced_ratios={}, _solutions={})
     state = own.state().changed(shift_m=(0.0012, -0.0009), poisson_ratio=0.44)
     solved = []
     solve = type(own).solve
@@ -67,34 +67,3 @@ def test_a_search_near_a_solved_map_solves_the_coarse_model_alone(monkeypatch):
     exact = replace(own, settings=replace(BODY, ratio_error=-1.0), _ratios={}, _solutions={})
     np.testing.assert_allclose(found, exact.evaluate(near, state).compliance, rtol=1e-5)
     assert solved.count(False) == 12
-
-
-@pytest.mark.parametrize(
-    "law",
-    [
-        {"fibre_share": 0.3, "fibre_angle_rad": 0.4},
-        {"base_normal_m_per_pa": 2e-8, "base_tangential_m_per_pa": 2e-7},
-        {"skin_thickness_m": 1.5e-3, "skin_factor": 2.0},
-    ],
-)
-def test_bodies_with_nearly_the_same_fibres_support_or_skin_share_a_ratio(law):
-    own = problem.mechanics()
-    state, other = own.state().changed(**law), own.shifted.coarse_at((0.0012, 0.0))
-
-    def both(there: BodyState):
-        return (own.solve(model, problem.TRUE, there) for model in (own.coarse, other))
-
-    linear = LinearRatio.of(*both(state), ChangedMap(problem.TRUE, state))
-    errors = []
-    for size in (0.01, 0.3):
-        near = state.changed(**{name: (1 + size) * value for name, value in law.items()})
-        coarse, there = both(near)
-        changed, exact = (
-            ChangedMap(problem.TRUE, near),
-            np.log(there.compliance / coarse.compliance),
-        )
-        known, estimate = linear.estimated(changed, coarse.compliance)
-        errors.append(np.abs(known - exact).max())
-        assert errors[-1] < 3 * estimate
-    assert errors[0] < 1e-5
-    assert errors[0] < 0.1 * errors[1]

@@ -76,7 +76,7 @@ def test_at_a_ratio_with_a_model_no_other_one_is_built():
         built.append(nu)
         return own.at_poisson_ratio(nu)
 
-    counting = replace(own, at_poisson_ratio=at, _others={}, _ratios={}, _linear={})
+    counting = replace(own, at_poisson_ratio=at, _others={}, _ratios={}, _reduced_ratios={})
     node = own.settings.poisson_ratios[5]
     counting.evaluate(problem.TRUE, own.state().changed(poisson_ratio=node))
     assert built == [node]

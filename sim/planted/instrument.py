@@ -11,6 +11,11 @@ from sim.planted.contact import levelling
 from sim.planted.effect import Draw, any_direction, on_sensor
 
 
+def first_largest(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    """Draw nothing but the largest force of the first session: a sensor stays what it is."""
+    return {"largest_n": float(bench.program.force_n.max())}
+
+
 def _of_session(name: str, low: float, high: float) -> Draw:
     """Return a draw of a time as a share of the session."""
     return lambda bench, rng: {name: float(rng.uniform(low, high) * np.ptp(bench.time_s))}
@@ -51,10 +56,10 @@ def force_saturation(bench, force_n, travel_m, values):
 
 
 @on_sensor("structured", "(1 - loss) F + loss c arctan(F/c), c half of the largest", "loss", 0.1,
-           limit=0.9)  # fmt: skip
+           limit=0.9, draw=first_largest)  # fmt: skip
 def free_saturation(bench, force_n, travel_m, values):
     """A force channel whose sensitivity falls to a lower one."""
-    most = float(bench.program.force_n.max())
+    most = values["largest_n"]
     return most * levelling(force_n / most, values["loss"], 0.5), travel_m
 
 

@@ -139,27 +139,23 @@ def _knee(scene: PlantScene, v: Values) -> Reading:
     return lambda t, f: math.tanh(knee * f) / knee if knee else f
 
 
-def _largest_n(scene: PlantScene) -> float:
-    return float(scene.bench.program.force_n.max())
-
-
 def _yielding(scene: PlantScene, v: Values) -> Reading:
-    knee = 0.6 * _largest_n(scene)
+    knee = 0.6 * v["largest_n"]
     return lambda t, f: float(softened(np.array(f), knee, v["loss"]))
 
 
 def _levelling(scene: PlantScene, v: Values) -> Reading:
-    most = _largest_n(scene)
+    most = v["largest_n"]
     return lambda t, f: most * float(levelling(np.array(f / most), v["loss"], 0.5))
 
 
 def _loaded(scene: PlantScene, v: Values) -> Reading:
-    most = _largest_n(scene)
+    most = v["largest_n"]
     return lambda t, f: f / (1 + v["loss"] * (f / most) ** 2)
 
 
 def _full_range(scene: PlantScene, v: Values) -> Reading:
-    share = v["loss"] / _largest_n(scene)
+    share = v["loss"] / v["largest_n"]
     return lambda t, f: f / math.cbrt(1 + abs(share * f) ** 3)
 
 

@@ -102,6 +102,19 @@ CHEAP = [e for e in HIDDEN if e.body is HiddenEffect.body]
 
 
 @pytest.mark.parametrize("effect", CHEAP, ids=lambda effect: effect.name)
+def test_further_and_harder_presses_change_nothing_that_was_read_before(bench, effect):
+    program = bench.program
+    harder = replace(program, force_n=2 * program.force_n)
+    later = replace(bench, program=program.then(harder, BETWEEN_SCANS_S))
+    planted = [(effect, values_of(bench, effect))]
+    before, after = press(bench, planted), press(later, planted)
+    for name in ("force_n", "displacement_m"):
+        read = getattr(before, name)
+        off = np.abs(getattr(after, name)[: len(program)] - read).max()
+        assert off < 1e-6 * np.abs(read).max(), name
+
+
+@pytest.mark.parametrize("effect", CHEAP, ids=lambda effect: effect.name)
 @pytest.mark.parametrize("size", [0.01, 0.06])
 def test_an_effect_gets_the_size_that_was_asked_for(bench, effect, size):
     drawn = effect.draw(bench, np.random.default_rng(8))

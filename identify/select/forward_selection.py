@@ -46,6 +46,7 @@ from identify.select.explanation import (
 from identify.select.model_error import confounded, may_be_left_of_error
 from identify.select.reconsider import (
     at_their_ends,
+    followed_by_their_own,
     reconsider,
     with_exchanged,
     without_unneeded,
@@ -184,7 +185,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         candidates = leaving_noise(candidates, selection.is_noise, settings)
         before = list(ladder), list(path.accepted), list(path.dropped)
         path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
-        refitted = _refitted(now, candidates[0], path.accepted, policy, say, settings)
+        refitted = _refitted(now, candidates[0], path.accepted, effects, selection)
         if refitted is None:
             path.accepted, path.dropped = before[1:]
             return
@@ -271,14 +272,15 @@ def _refitted(
     now: Step,
     winner: Candidate,
     accepted: Sequence[AcceptedEffect],
-    policy: Policy,
-    say: Callable[[str], None],
-    settings: SelectionSettings,
+    effects: dict[str, Effect],
+    selection: _Selection,
 ) -> tuple[FitResult, list[AcceptedEffect], list[str], dict[str, str]] | None:
     """Refit with the last effect; the fit, its effects, those lost and those exchanged.
 
     None where it took the place of the map.
     """
+    policy, say, settings = selection.policy, selection.say, selection.settings
+    before = accepted[:-1]
     say(f"refitting with {winner.name}")
     fit = found_again(fit_jointly(winner.fit.model, winner.fit.map))
     fit, last = at_their_ends(fit, accepted[-1], say, settings)
@@ -287,6 +289,8 @@ def _refitted(
     kept = [a for a in accepted if a.name not in lost]
     # Beside an effect since lost, the last one may have beaten candidates that do as well now
     fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
+    if not lost and not exchanged:
+        fit, kept, exchanged = followed_by_their_own(now, fit, kept, before, effects, say, settings)
     if replaces_map(now.fit, fit):
         return None
     return fit, kept, lost, exchanged

@@ -6,26 +6,35 @@ first touch declared late is taken for a tilted surface. Once the other effect i
 earlier one is compared with its former candidates once more. A clearly better candidate takes its
 place, as does a special case that does as well; near ones form its group. One that no longer earns
 its place is left out.
+
+An effect that was found beside one of two equals may suit that one alone: behind a slow drift of
+the force, the rest looks like a jump of the displacement if the drift was taken for one of the
+displacement. Equals that fall behind then are followed by an effect of their own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from identify.effects import Effect
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import (
     Candidate,
+    compare_candidates,
     is_beaten,
     is_implausible,
     is_improvement,
     ranked,
     refit,
     refit_further,
+    shortlist,
     target_of,
 )
+from identify.select.diagnosis import diagnose
 from identify.select.settings import SELECTION, SelectionSettings
+from identify.select.step import Step
 
 
 def reconsider(
@@ -98,6 +107,98 @@ def at_their_ends(
     if _takes_over(candidates[0], accepted.name, candidates, settings):
         accepted, fit = replace(accepted, name=candidates[0].name), candidates[0].fit
     return fit, accepted
+
+
+def followed_by_their_own(
+    now: Step,
+    fit: FitResult,
+    accepted: Sequence[AcceptedEffect],
+    before: Sequence[AcceptedEffect],
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[FitResult, list[AcceptedEffect], dict[str, str]]:
+    """Compare equals of earlier effects, each followed by its own effect in place of the last one.
+
+    Parameters
+    ----------
+    now : step before the last effect
+    fit : with all effects
+    accepted, before : the effects, and as they were at that step
+    effects : of the catalogue
+
+    Returns
+    -------
+    The better fit, the effects, and the replacements by the names of the replaced.
+    """
+    accepted = list(accepted)
+    earlier = {a.name: a for a in before}
+    for index, effect in enumerate(accepted[:-1]):
+        for candidate in _fallen_behind(effect, earlier.get(effect.name), settings):
+            say(f"following {candidate.name} in place of {effect.name}")
+            found = _followed(now, effect.name, candidate, effects, say, settings)
+            if found is None or found[1].bic >= fit.bic + settings.margin:
+                continue
+            name, other = found
+            clearly = other.bic < fit.bic - settings.margin
+            for place, new in ((index, candidate.name), (-1, name)):
+                one = accepted[place]
+                compared = [*one.candidates, Candidate(new, other.chi2, other.bic, other)]
+                accepted[place] = replace(
+                    one,
+                    name=new if clearly else one.name,
+                    candidates=_each_once(compared, settings),
+                    first_candidates=one.first_candidates or one.candidates,
+                )
+            if clearly:
+                return other, accepted, {effect.name: candidate.name}
+    return fit, accepted, {}
+
+
+def _fallen_behind(
+    effect: AcceptedEffect, before: AcceptedEffect | None, settings: SelectionSettings
+) -> list[Candidate]:
+    """Equals of another family that an effect had before the last one was found, the best first."""
+    if before is None or effect.shown_by_presses or effect.is_unknown:
+        return []
+    own = next(c.family for c in before.candidates if c.name == before.name)
+    lost = [
+        c for c in before.candidates
+        if c.name in before.equivalents and c.name not in effect.equivalents and c.family != own
+    ]  # fmt: skip
+    return sorted(lost, key=lambda c: c.criterion)[: settings.followed]
+
+
+def _followed(
+    now: Step,
+    name: str,
+    candidate: Candidate,
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    settings: SelectionSettings,
+) -> tuple[str, FitResult] | None:
+    """Name of the effect that a candidate calls for in place of another, and the fit of both."""
+    fit = try_fit(_exchanged(now.fit, name, candidate), candidate.fit.map)
+    if fit is None or fit.bic >= now.fit.bic + settings.margin:
+        return None
+    scores = diagnose(fit, list(effects.values()), settings=settings.diagnosis)
+    step = replace(now, fit=fit, diagnosis=scores)
+    names = shortlist(scores, [name, *fit.effect_names], settings)
+    found = compare_candidates(step, effects, say, names, settings)
+    if not found:
+        return None
+    other = try_fit(found[0].fit.model, found[0].fit.map)
+    return None if other is None else (found[0].name, other)
+
+
+def _each_once(
+    candidates: Sequence[Candidate], settings: SelectionSettings
+) -> tuple[Candidate, ...]:
+    """Return candidates with the better fit of each name, best first."""
+    best: dict[str, Candidate] = {}
+    for candidate in sorted(candidates, key=lambda c: c.criterion):
+        best.setdefault(candidate.name, candidate)
+    return ranked(list(best.values()), settings)
 
 
 def with_exchanged(fit: FitResult, exchanged: Mapping[str, str], now: FitResult) -> FitResult:

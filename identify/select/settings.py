@@ -88,6 +88,7 @@ class SelectionSettings:
         does, and the share by which one of them is no imitation
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
+    followed : equals of an earlier effect that are followed by one of their own, at most
     close : difference of chi-square below which two effects count as equal at a higher price
     dear : difference of the criterion beyond which they do not
     whole_bound : of an amplitude's bound: a 95 % interval that covers more of it tells nothing
@@ -141,6 +142,7 @@ class SelectionSettings:
     alone: float = 0.9
     by_compliance: float = 0.9
     margin: float = 10.0
+    followed: int = 2
     close: float = 5.0
     dear: float = 40.0
     whole_bound: float = 0.95

@@ -8,8 +8,13 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
+from identify.fit.joint_fit import fit_jointly
+from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import Candidate
 from identify.select.forward_selection import forward_selection
+from identify.select.reconsider import followed_by_their_own
 from identify.select.settings import SELECTION
+from identify.select.step import step_of
 from tests.identify.select.loop_problem import TRUE, mechanics, model, scan, timing
 
 OFFSET_M = 1e-4
@@ -72,6 +77,76 @@ def test_rivals_are_judged_beside_all_that_is_in_the_last_model():
     assert tilt.chi2 > own.chi2 - SELECTION.margin
     before = {candidate.name: candidate.chi2 for candidate in offset.first_candidates}
     assert before["surface_tilt"] < before["contact_offset"] - SELECTION.margin
+
+
+DRIFT_N_PER_S, LATE_M = 2e-4, 3e-5
+ALONG = ("force_drift", "displacement_drift", "contact_offset", "surface_tilt")
+
+
+@cache
+def behind_a_drift():
+    """A drift of the force and a late touch; the drift taken for one of the displacement.
+
+    The step with that alone, and the fit with the tilt that the rest was taken for.
+    """
+    press, time, _, force = timing(6)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    read = force + DRIFT_N_PER_S * (time - time.min())
+    table = scan(compliance[press] * force - LATE_M, read, 6)
+    alone = fit_jointly(model(table), TRUE)
+    effects = {name: CATALOGUE[name] for name in ALONG}
+    drifts = [with_one(alone, name) for name in ALONG[:2]]
+    step = step_of(drifts[1], table, list(effects.values()), 0, lambda text: None)
+    return effects, drifts, step, with_one(drifts[1], "surface_tilt")
+
+
+def with_one(fit, name):
+    effect = CATALOGUE[name]
+    start = {p.name: 0.1 * p.typical for p in effect.parameters}
+    return fit_jointly(fit.model.with_effect(effect, start, fit.at.state), fit.map, rounds=0)
+
+
+def followed(fell_behind=True, settings=SELECTION):
+    """Return what stands for the drift of the displacement and the tilt, and the fit's effects."""
+    effects, (right, wrong), step, fit = behind_a_drift()
+    own = Candidate("displacement_drift", wrong.chi2, 0.0, wrong)
+    equal = Candidate("force_drift", right.chi2, 3.0, right)
+    before = AcceptedEffect("displacement_drift", (own, equal), settings=settings)
+    after = replace(before, candidates=(own,) if fell_behind else before.candidates)
+    last = AcceptedEffect(
+        "surface_tilt", (Candidate("surface_tilt", fit.chi2, fit.bic, fit),), settings=settings
+    )
+    return followed_by_their_own(
+        step, fit, [after, last], [before], effects, lambda text: None, settings
+    )
+
+
+def test_an_equal_that_fell_behind_takes_over_with_an_effect_of_its_own():
+    fit, accepted, exchanged = followed()
+    assert exchanged == {"displacement_drift": "force_drift"}
+    assert [a.name for a in accepted] == ["force_drift", "contact_offset"]
+    assert fit.effect_names == ("force_drift", "contact_offset")
+    assert fit.chi2_per_dof < 1.1
+    rate = "force_drift.rate_n_per_s"
+    assert abs(fit.values[rate] - DRIFT_N_PER_S) < 2.5 * fit.std[rate]
+    assert fit.std[rate] < 0.1 * DRIFT_N_PER_S
+
+
+def test_with_an_effect_of_its_own_an_equal_that_does_as_well_joins_the_group():
+    wide = replace(SELECTION, margin=1e6)
+    fit, accepted, exchanged = followed(settings=wide)
+    assert not exchanged
+    assert fit is behind_a_drift()[3]
+    assert [a.name for a in accepted] == ["displacement_drift", "surface_tilt"]
+    assert set(accepted[0].group) == {"displacement_drift", "force_drift"}
+    assert {"surface_tilt", "contact_offset"} <= {c.name for c in accepted[1].candidates}
+
+
+def test_equals_that_are_still_equals_are_not_followed():
+    fit, accepted, exchanged = followed(fell_behind=False)
+    assert not exchanged
+    assert fit is behind_a_drift()[3]
+    assert len(accepted[1].candidates) == 1
 
 
 class LittleOffset(ContactOffset):

@@ -1,4 +1,4 @@
-"""The form of an effect as a curve with its 95 % band: the course of a drift, a bent law, creep."""
+"""The form of an effect with its 95 % band: the course of a drift, a bent law, creep, a surface."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,13 +13,14 @@ from identify.fit.result import FitResult
 from identify.measurement.traced_chain import TracedChain
 from identify.select.form_average import posterior_covariance
 
+_OF_PLACE = "surface_tilt"  # family of what goes with the place
 _MOST = 60  # points of a curve
 _STEP = 1e-3  # of a scaled parameter, for difference quotients
 
 
 @dataclass(frozen=True)
 class FormCurve:
-    """Contribution of an effect, along its argument.
+    """Contribution of an effect, along its argument or over the surface.
 
     Attributes
     ----------
@@ -27,6 +28,7 @@ class FormCurve:
     along, at_unit : argument in words, and its unit
     of, unit : quantity in words, and its unit
     at, value, lower95, upper95 : (p,)
+    places_m : (p, 3) of a contribution that goes with the place, else empty; `at` counts presses
     """
 
     effect: str
@@ -38,6 +40,7 @@ class FormCurve:
     value: tuple[float, ...]
     lower95: tuple[float, ...]
     upper95: tuple[float, ...]
+    places_m: tuple[tuple[float, ...], ...] = ()
 
 
 def form_curves(fit: FitResult) -> tuple[FormCurve, ...]:
@@ -52,6 +55,7 @@ def form_curve(fit: FitResult, effect: Effect) -> FormCurve | None:
     if drawn is None:
         return None
     (along, at_unit, of, unit), at, added = drawn
+    places = _places(fit) if effect.family == _OF_PLACE else np.zeros((0, 3))
     names = list(fit.model.names)
     own = [names.index(f"{effect.name}.{p.name}") for p in effect.parameters]
     parameters = [fit.model.unknowns.unknowns[i] for i in own]
@@ -67,8 +71,9 @@ def form_curve(fit: FitResult, effect: Effect) -> FormCurve | None:
     covariance = posterior_covariance(fit)[np.ix_(own, own)]
     reach = NORMAL_95 * np.sqrt(np.einsum("pi,ij,pj->p", slopes, covariance, slopes))
     ends = (value, value - reach, value + reach)
-    return FormCurve(effect.name, along, at_unit, of, unit, tuple(at.tolist()),
-                     *(tuple(end.tolist()) for end in ends))  # fmt: skip
+    middle, low, high = (tuple(end.tolist()) for end in ends)
+    return FormCurve(effect.name, along, at_unit, of, unit, tuple(at.tolist()), middle, low, high,
+                     tuple(tuple(place) for place in places.tolist()))  # fmt: skip
 
 
 Words = tuple[str, str, str, str]
@@ -98,6 +103,13 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
             return words, at, lambda **p: hooks.reading(readings, none, none, **p)[rows]
         words = (*along, "added to the force", "N")
         return words, at, lambda **p: -hooks.force(readings, none, **p)[rows]
+    if effect.family == _OF_PLACE:
+        words = ("press", "", "added to the displacement", "m")
+        return (
+            words,
+            1.0 + np.arange(readings.presses),
+            lambda **p: hooks.reading(readings, none, none, **p)[readings.first],
+        )
     what = ("added to the travel, as a share of the press's largest", "1")
     if effect.link == "contact" or effect.family == "force_saturation":
         rows, share = _along_force(fit, effect)
@@ -128,6 +140,12 @@ def _drawn(fit: FitResult, effect: Effect) -> Drawn | None:
         )
     at = readings.time_s[rows] - readings.touch_time_s[readings.press[rows[0]]]
     return ("time since touch, in one press", "s", *what), at, lambda **p: share(**p)[rows]
+
+
+def _places(fit: FitResult) -> np.ndarray:
+    """Contact points (j, 3) m of all presses."""
+    readings = fit.model.readings
+    return readings.point_m[readings.first]
 
 
 def _along_force(fit: FitResult, effect: Effect) -> tuple[np.ndarray, Callable[..., np.ndarray]]:

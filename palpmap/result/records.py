@@ -178,6 +178,10 @@ class FormCurveRecord(Record):
     value: tuple[float, ...] = Field(description="added there")
     lower95: tuple[float, ...] = Field(description="lower end of the band")
     upper95: tuple[float, ...] = Field(description="upper end of the band")
+    places_m: tuple[tuple[float, ...], ...] = Field(
+        default=(),
+        description="contact points of what goes with the place, in the body's frame; else empty",
+    )
 
 
 class WithoutSuspectsRecord(Record):

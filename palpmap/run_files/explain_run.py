@@ -105,7 +105,7 @@ def explain_pictures(
         if parameters is not None:
             pictures["parameters"] = png(parameters)
         if record.form_curves:
-            pictures["forms"] = png(draw_forms(record.form_curves))
+            pictures["forms"] = png(draw_forms(record.form_curves, finding.origin_m))
         cosines = draw_cosines(first.diagnosis)
         if cosines is not None:
             pictures["confusion"] = png(cosines)

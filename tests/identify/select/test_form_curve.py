@@ -7,7 +7,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.select.form_average import posterior_covariance
 from identify.select.form_curve import form_curves
-from tests.identify.select.loop_problem import TRUE, model
+from tests.identify.select.loop_problem import SIZE, TRUE, model, points
 from tests.identify.select.test_forward_selection import creeping, planted
 
 
@@ -61,3 +61,20 @@ def test_a_bent_law_is_drawn_along_the_force():
 def test_an_effect_without_a_course_has_no_curve():
     fit = fitted(lambda d, f, t, phase, press: (d + 1e-4, f), "contact_offset", offset_m=5e-5)
     assert form_curves(fit) == ()
+
+
+def test_an_uneven_surface_is_drawn_over_the_contact_points():
+    high = 1e-4 * (points()[:, 0] - 0.5 * SIZE[0]) / SIZE[0]  # a plane along x
+
+    def raised(d, f, t, phase, press):
+        return d + high[press], f
+
+    fit = fitted(raised, "surface_tilt", offset_m=1e-5, slope_x=0.0, slope_y=0.0)
+    (curve,) = form_curves(fit)
+    assert (curve.unit, curve.of) == ("m", "added to the displacement")
+    np.testing.assert_allclose(curve.places_m, points())
+    off = np.subtract(curve.value, high)
+    reach = np.subtract(curve.upper95, curve.value)
+    assert np.abs(off).max() < 2e-5
+    assert np.mean(np.abs(off) < reach) > 0.8
+    assert 1e-6 < reach.min() < reach.max() < 4e-5

@@ -27,6 +27,7 @@ from palpmap.api import read_run
 from palpmap.commands.compare import run_compare
 from palpmap.console import Output
 from palpmap.figures.curves import draw_convergence, draw_curves
+from palpmap.figures.forms import draw_forms
 from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
 from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
@@ -35,6 +36,7 @@ from palpmap.report.fit_report import _outcome_table, write_report
 from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.next_step import after_fit
 from palpmap.result.press_outcomes import PressesRecord, press_record
+from palpmap.result.records import FormCurveRecord
 from palpmap.result.tables import parameter_table
 from palpmap.result.truth import TrueBodyRecord, TruthRecord, matched, read_truth
 from palpmap.run_files.fit_run import with_making
@@ -449,3 +451,21 @@ def test_the_presses_that_were_not_simply_made_are_listed_with_the_reason(tmp_pa
         ["press 2", "made", "0.3 N", "the held force is off by 3.0 %"],
         ["the other 1", "made", "", "with force and place as set"],
     ]
+
+
+def test_an_uneven_surface_is_drawn_over_the_contact_points_and_its_band_beside_it():
+    places = ((0.01, 0.02, 0.048), (0.03, 0.02, 0.048), (0.03, 0.05, 0.048))
+    surface = FormCurveRecord(
+        effect="uneven_surface", along="press", at_unit="", of="added to the displacement",
+        unit="m", at=(1, 2, 3), value=(1e-5, -4e-5, 2e-5), lower95=(0.0, -7e-5, 1e-5),
+        upper95=(2e-5, -1e-5, 3e-5), places_m=places,
+    )  # fmt: skip
+    drift = surface.model_copy(update={"effect": "force_drift", "unit": "N", "places_m": ()})
+    figure = draw_forms((surface, drift), np.array([0.1, 0.0, 0.0]))
+    height, band, along, *_ = figure.axes
+    (dots,), (widths,) = height.collections, band.collections
+    np.testing.assert_allclose(dots.get_offsets(), [(110, 20), (130, 20), (130, 50)])
+    np.testing.assert_allclose(dots.get_array(), [10, -40, 20])
+    np.testing.assert_allclose(widths.get_array(), [10, 30, 10])
+    assert (height.get_xlabel(), height.get_ylabel()) == ("x, mm", "y, mm")
+    assert along.get_ylabel() == "added to the displacement, mN"

@@ -34,6 +34,7 @@ BENCHMARKS = {
     "robot": robot_loop.table,
     "explain": explain.table,
     "reduced": reduced.table,
+    "reduced_ratio": reduced.ratio_table,
     "solver": solver.table,
     "accuracy": accuracy.table,
     "paper": paper_tests.table,

@@ -17,6 +17,7 @@ less apt the more E_f exceeds E.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numba
@@ -132,6 +133,17 @@ class FibrePlane:
         self.parts: PlaneParts | None = None
         if near_field:
             self.parts = _plane_parts(stiffness, contacts, plane)
+
+    @cached_property
+    def near_products(self) -> np.ndarray:
+        """Integrals (n, m, m, q, 9) of products of two functions' strains: `PlaneParts.products`.
+
+        In the order in which sums over pairs of functions read them.
+        """
+        parts = self.parts
+        assert parts is not None
+        by_function = parts.products.transpose(0, 1, 3, 5, 2, 4)
+        return np.ascontiguousarray(by_function.reshape(*by_function.shape[:4], 9))
 
     def holds(self, direction: np.ndarray) -> bool:
         """Return True if a direction lies in the plane."""

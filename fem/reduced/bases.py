@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fem.palpation.model import PalpationModel, Response
-from fem.reduced.model import MOST, Body, ReducedModel
+from fem.reduced.model import MOST, MOST_OF_FIBRES, Body, ReducedModel
 from fem.reduced.response import ReducedResponse
 from fem.reduced.snapshot import law_of, modulus_samples
 
@@ -81,7 +81,8 @@ class ReducedBases:
         if len(own) == (1 if any(kind) else self._kept):
             idle = [entry for entry in own if not entry[1].served]
             self._bases.remove((idle or own)[0])
-        basis = ReducedModel(self.full, self._most, fibres=kind[2])
+        most = min(self._most, MOST_OF_FIBRES) if law.share else self._most
+        basis = ReducedModel(self.full, most, fibres=bool(law.share))
         if plain is not None and plain is not response:
             basis.add(plain)
         basis.add(response)

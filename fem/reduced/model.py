@@ -54,6 +54,7 @@ from fem.reduced.snapshot import Law, Snapshot, law_of, modulus_samples
 
 MOST = 10  # snapshots of a basis: more are not worth their growth
 SPANNED = 1e-6  # of a compliance: first-order error by the part of a field beyond the span
+MOST_OF_FIBRES = 3  # ... of bodies with fibres, whose strains are kept, and summed nine times
 _RIDGE = 1e-9  # of a matrix's diagonal: keeps both bounds on their side, and the solves stable
 
 
@@ -192,28 +193,10 @@ class ReducedModel:
         stresses = [n for n, s in own.items() if law.stretch_m or not s.law.stretch_m]
         if not fields or not stresses:
             return None
-        relative = modulus / self._unit
-        spanned = np.array([SPANNED])
-        primal = self._primal.coefficients(relative[None], spanned, self._pairs)[0]
-        dual = self._dual.coefficients(1 / relative[None], spanned, self._pairs)[0]
-        by_fibres = FibreWeights(law, self._nu)
-        stiffness = self._matrix(
-            self._primal,
-            primal,
-            fields,
-            lambda a, b: self._of_law(law, a, b, modulus),
-            lambda a, b: by_fibres.of_energy,
-        )
+        stiffness, flexibility = self._matrices(law, modulus, fields, stresses)
         load = np.array([self._loads[n] for n in fields]).T
         weights = _solved(stiffness, load)
         low = np.einsum("ja,ja->j", weights, load)
-        flexibility = self._matrix(
-            self._dual,
-            dual,
-            stresses,
-            lambda a, b: self._of_stress(law, a, b, modulus),
-            lambda a, b: by_fibres.of_stress(self._snapshots[a].law, self._snapshots[b].law),
-        )
         high = 1 / _solved(flexibility, np.ones(flexibility.shape[:2])).sum(axis=1)
         self._evaluations += 1
         nearest = max(zip(np.abs(weights).max(axis=0), fields, strict=True))[1]
@@ -230,6 +213,30 @@ class ReducedModel:
         high += more
         low.setflags(write=False)
         return response
+
+    def _matrices(
+        self, law: Law, modulus: np.ndarray, fields: list[int], stresses: list[int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Matrices G (j, m, m) for the fields of some snapshots, and H (j, n, n) for stresses."""
+        relative, spanned = modulus / self._unit, np.array([SPANNED])
+        primal = self._primal.coefficients(relative[None], spanned, self._pairs)[0]
+        dual = self._dual.coefficients(1 / relative[None], spanned, self._pairs)[0]
+        by_fibres = FibreWeights(law, self._nu)
+        stiffness = self._matrix(
+            self._primal,
+            primal,
+            fields,
+            lambda a, b: self._of_law(law, a, b, modulus),
+            lambda a, b: by_fibres.of_energy,
+        )
+        flexibility = self._matrix(
+            self._dual,
+            dual,
+            stresses,
+            lambda a, b: self._of_stress(law, a, b, modulus),
+            lambda a, b: by_fibres.of_stress(self._snapshots[a].law, self._snapshots[b].law),
+        )
+        return stiffness, flexibility
 
     def _matrix(
         self,

@@ -11,6 +11,8 @@ from fem.reduced.energies import summed
 from fem.reduced.plane_energies import PlaneEnergies
 from fem.reduced.snapshot import Snapshot
 
+MOST = 32  # modes of a span: more cost more with each new solution than they save
+
 
 class Pair(NamedTuple):
     """Two snapshots, their energies (j, p) in each other, and those in the plane of fibres."""
@@ -46,10 +48,29 @@ class Modes:
         return len(self._modes)
 
     def coefficients(self, fields: np.ndarray, tolerance: np.ndarray, pairs: Pairs) -> np.ndarray:
-        """Coefficients (k, q) of fields (k, p); those beyond the span by more than (k,) join it."""
+        """Coefficients (k, q) of fields (k, p); those beyond the span by more than (k,) join it.
+
+        A span that has become large begins anew with these fields.
+        """
         scaled = fields * self._root
-        found = scaled @ self._modes.T
-        left = np.sum(scaled**2, axis=1) - np.sum(found**2, axis=1)
+        joined = self._beyond(scaled, tolerance)
+        if not len(joined):
+            return scaled @ self._modes.T
+        if len(self._modes) + len(joined) > MOST:
+            self._clear()
+            joined = self._beyond(scaled, tolerance)
+        self._modes = np.vstack([self._modes, joined])
+        for key, pair in pairs.items():
+            columns = joined / self._root * self._factor(pair.first, pair.second)
+            self.sums[key] = np.hstack([self.sums[key], summed(pair.energies, columns)])
+            if pair.in_plane is not None:
+                more = pair.in_plane.summed(columns)
+                self.in_plane[key] = np.concatenate([self.in_plane[key], more], axis=2)
+        return scaled @ self._modes.T
+
+    def _beyond(self, scaled: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
+        """Orthonormal modes (n, p) of the parts of fields (k, p) beyond the span."""
+        left = np.sum(scaled**2, axis=1) - np.sum((scaled @ self._modes.T) ** 2, axis=1)
         new = []
         for field, beyond, most in zip(scaled, left, tolerance, strict=True):
             if beyond <= most**2:
@@ -60,17 +81,13 @@ class Modes:
             length = float(np.linalg.norm(field))
             if length > most:
                 new.append(field / length)
-        if not new:
-            return found
-        joined = np.array(new)
-        self._modes = np.vstack([self._modes, joined])
-        for key, pair in pairs.items():
-            columns = joined / self._root * self._factor(pair.first, pair.second)
-            self.sums[key] = np.hstack([self.sums[key], summed(pair.energies, columns)])
-            if pair.in_plane is not None:
-                more = pair.in_plane.summed(columns)
-                self.in_plane[key] = np.concatenate([self.in_plane[key], more], axis=2)
-        return scaled @ self._modes.T
+        return np.array(new)
+
+    def _clear(self) -> None:
+        """Forget all modes."""
+        self._modes = self._modes[:0]
+        self.sums = {key: sums[:, :0] for key, sums in self.sums.items()}
+        self.in_plane = {key: sums[:, :, :0] for key, sums in self.in_plane.items()}
 
     def add(self, key: tuple[int, int], pair: Pair, exact: np.ndarray) -> None:
         """Sum the energies (j, p) of a new pair over the modes."""

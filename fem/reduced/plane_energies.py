@@ -24,7 +24,7 @@ from functools import cached_property
 import numba
 import numpy as np
 
-from fem.palpation.fibres import HORIZONTAL, PlaneParts
+from fem.palpation.fibres import HORIZONTAL
 from fem.palpation.model import PalpationModel
 from fem.reduced.energies import Strains
 from fem.reduced.snapshot import Law
@@ -40,19 +40,19 @@ class PlaneEnergies:
         stiffness = model.stiffness
         self._first, self._second = first.cells, second.cells
         self._weights = stiffness.volumes[:, None] * stiffness.rule[1]
-        parts = model.plane(HORIZONTAL).parts
-        if parts is None:
-            parts = PlaneParts([], [], np.zeros((0, 0, 3, 1, 4)), np.zeros((0, 0, 3, 0, 3, 1)))
-        self._cells = np.concatenate([np.zeros(0, int), *parts.cells])
-        lengths = [len(cells) for cells in parts.cells] or [0] * first.cells.shape[3]
+        plane = model.plane(HORIZONTAL)
+        cells = [] if plane.parts is None else plane.parts.cells
+        self._cells = np.concatenate([np.zeros(0, int), *cells])
+        lengths = [len(one) for one in cells] or [0] * first.cells.shape[3]
         self._begin = np.concatenate([[0], np.cumsum(lengths)])
         self._near = np.zeros((len(self._cells), stiffness.samples, 9), np.float32)
-        if len(self._cells):
+        if plane.parts is not None:
             at_vertices = np.linalg.pinv(stiffness.rule[0])  # strains are linear in a cell
-            mixed = np.ascontiguousarray(parts.mixed @ at_vertices)
+            mixed = np.ascontiguousarray(plane.parts.mixed @ at_vertices)
             _near_products(self._near, first.cells, second.cells, first.amplitude,
                            second.amplitude, self._begin, self._cells,
-                           np.concatenate(parts.rows), mixed, parts.products)  # fmt: skip
+                           np.concatenate(plane.parts.rows), mixed,
+                           plane.near_products)  # fmt: skip
 
     def summed(self, fields: np.ndarray) -> np.ndarray:
         """Return the sums (j, 9, k) over fields (k, p) at the samples, those of the cells first."""
@@ -126,20 +126,29 @@ def _near_products(out, first, second, own, other, begin, cells, rows, mixed, pr
     """Write to out (t, q, 9) what near fields of amplitudes (j, m) have part in.
 
     `first` and `second` (e, q, 6, j) are the strains of the finite element parts, `mixed`
-    (n, m, 3, q, r) and `products` those of `PlaneParts`, the former at the rule's points r.
+    (n, m, 3, q, r) is that of `PlaneParts` at the rule's points r, `products` those of
+    `FibrePlane.near_products`.
     """
     count, points = own.shape[1], out.shape[1]
     for j in numba.prange(len(own)):
         strain, near = np.empty((2, 3, points)), np.empty((2, 3, points, points))
+        total = np.empty((points, 9))
         for t in range(begin[j], begin[j + 1]):
             row, cell = rows[t], cells[t]
             near[:] = 0.0
+            total[:] = 0.0
             for m in range(count):
+                a, b = own[j, m], other[j, m]
                 for s in range(3):
                     for q in range(points):
                         for r in range(points):
-                            near[0, s, q, r] += own[j, m] * mixed[row, m, s, q, r]
-                            near[1, s, q, r] += other[j, m] * mixed[row, m, s, q, r]
+                            near[0, s, q, r] += a * mixed[row, m, s, q, r]
+                            near[1, s, q, r] += b * mixed[row, m, s, q, r]
+                for n in range(count):
+                    both = a * other[j, n]
+                    for q in range(points):
+                        for k in range(9):
+                            total[q, k] += both * products[row, m, n, q, k]
             for s in range(3):
                 for r in range(points):
                     strain[0, s, r] = first[cell, r, _IN_PLANE[s], j]
@@ -147,15 +156,8 @@ def _near_products(out, first, second, own, other, begin, cells, rows, mixed, pr
             for s in range(3):
                 for v in range(3):
                     for q in range(points):
-                        value = 0.0
+                        value = total[q, 3 * s + v]
                         for r in range(points):
                             value += near[0, s, q, r] * strain[1, v, r]
                             value += near[1, v, q, r] * strain[0, s, r]
                         out[t, q, 3 * s + v] = value
-            for m in range(count):
-                for n in range(count):
-                    both = own[j, m] * other[j, n]
-                    for s in range(3):
-                        for v in range(3):
-                            for q in range(points):
-                                out[t, q, 3 * s + v] += both * products[row, m, s, n, v, q]

@@ -128,7 +128,8 @@ class OtherModels(CoarseSolutions):
         tolerance = self.settings.ratio_error * max(slack, 1.0)
         log = bases.log_at(which, body, lambda one: self.body(one, stiffness, state), tolerance)
         if log is None:
-            own, other = self.solved(stiffness, state), self.solve(model(), stiffness, state)
+            there = bases.model(which) or model()
+            own, other = self.solved(stiffness, state), self.solve(there, stiffness, state)
             ratio = other.compliance / own.compliance
             if not (np.isfinite(ratio).all() and ratio.min() > 0):
                 raise InadmissibleError("the map is finer than the mesh of the body resolves")

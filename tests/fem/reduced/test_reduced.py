@@ -5,6 +5,7 @@ import pytest
 
 from fem import Contacts, PalpationModel, SolverError, Support, block_mesh
 from fem.reduced import Body, ReducedBases, ReducedModel, ReducedResponse
+from fem.reduced.modes import MOST
 
 CENTRE = np.array([5e3, 1.2e4, 0.020, 0.022, 0.012, 0.008])
 HALF = np.array([500, 4000, 0.003, 0.003, 0.003, 0.0012])
@@ -128,6 +129,23 @@ def test_any_field_is_taken_not_only_those_of_the_map(full, reduced):
     error = full.evaluate(modulus).compliance / found.compliance - 1
     assert np.all(error > 0)
     assert np.all(error < found.high / found.compliance - 1)
+
+
+def test_a_span_that_has_become_large_begins_anew_and_loses_nothing(full):
+    model = grown(full, 3)
+    places, found, sizes = drawn(12, 8), [], []
+    for parameters in places:
+        response = answered(model, Body(field(parameters, full.points_m)))
+        found.append((response.compliance, response.gradient(slopes(parameters, full.points_m))))
+        sizes.append(len(model._primal))
+    assert max(sizes) <= MOST
+    assert np.any(np.diff(sizes) < 0)  # it did begin anew
+    for parameters, (compliance, gradient) in zip(places, found, strict=True):
+        fresh = grown(full, 3)
+        alone = answered(fresh, Body(field(parameters, full.points_m)))
+        assert compliance == pytest.approx(alone.compliance, rel=2e-6)
+        other = alone.gradient(slopes(parameters, full.points_m))
+        assert np.all(np.abs(gradient - other).max(axis=0) < 5e-3 * np.abs(other).max(axis=0))
 
 
 def test_the_snapshot_that_went_unused_makes_place(full):

@@ -86,6 +86,29 @@ def test_derivatives_by_fibres_are_those_of_the_reduced_compliance(full, with_fi
         assert np.abs(own - other).max() < 1e-2 * np.abs(other).max()
 
 
+def test_a_span_that_begins_anew_keeps_nothing_of_fibres(full):  # noqa: F811
+    centre = field(CENTRE, full.points_m)
+    solutions = [solved(full, CENTRE), full.evaluate(centre, fibres=fibres(0.5, 0.3, centre))]
+
+    def begun() -> ReducedModel:
+        model = ReducedModel(full, fibres=True)
+        for solution in solutions:
+            model.add(solution)
+        return model
+
+    model, sizes = begun(), []
+    for parameters in drawn(12, 8):
+        modulus = field(parameters, full.points_m)
+        along, slope = fibres(0.6, 0.2, modulus), slopes(parameters, full.points_m)
+        fresh = begun()
+        found, other = (answered(m, Body(modulus, None, along)) for m in (model, fresh))
+        assert found.compliance == pytest.approx(other.compliance, rel=2e-6)
+        own, wanted = found.gradient(slope), other.gradient(slope)
+        assert np.all(np.abs(own - wanted).max(axis=0) < 5e-3 * np.abs(wanted).max(axis=0))
+        sizes.append(len(model._primal))
+    assert np.any(np.diff(sizes) < 0)
+
+
 def test_fibres_join_springs_and_skin(full):  # noqa: F811
     model, modulus = ReducedModel(full, fibres=True), field(CENTRE, full.points_m)
     base, skin = (1e-6, 5e-7), (1e-3, 4.0)

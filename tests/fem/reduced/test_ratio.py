@@ -108,3 +108,27 @@ def test_a_model_that_is_new_or_has_no_solution_in_common_has_no_ratio(models):
     ratio.add("moved", 7, own, moved)
     exact = np.log(moved.compliance / own.compliance)
     assert ratio.log_at("moved", 7, bodies[7], 1e-5) == pytest.approx(exact, abs=1e-6)
+
+
+def test_the_middle_of_both_bounds_is_nearer_than_the_lower_ones(models):
+    ratio = grown(models, [body(one, {}) for one in nearby(1.0, 3, 1)], {})
+    middle, lower = [], []
+    for number, parameters in enumerate(nearby(1.0, 6, 4)):
+        of = body(parameters, {})
+        own, moved, _ = solved(models, of)
+        exact = np.log(moved.compliance / own.compliance)
+        found = ratio.estimated("moved", number, of)
+        assert found is not None
+        middle.append(found[0] - exact)
+        low = [m.evaluate(of(m.full)) for m in (ratio._own, ratio._others["moved"])]
+        assert low[0] is not None
+        assert low[1] is not None
+        lower.append(np.log(low[1].compliance / low[0].compliance) - exact)
+    assert np.sqrt(np.mean(np.square(middle))) < 0.7 * np.sqrt(np.mean(np.square(lower)))
+
+
+def test_a_body_is_solved_once_for_all_other_models(models):
+    ratio = grown(models, [body(one, {}) for one in nearby(1.0, 2, 1)], {})
+    assert len(ratio._own) == 2
+    assert ratio.model("moved") is models[1]
+    assert ratio.model("another") is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
+from fem.palpation import Response
 from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion, Shape
 
@@ -265,3 +266,38 @@ def test_mechanics_of_one_model_share_their_bases(mechanics, monkeypatch):
     assert near == pytest.approx(again.evaluate(moved(0.01), again.state()).compliance, rel=1e-5)
     assert not other._bases
     assert not other._solutions
+
+
+def test_fibres_go_with_the_map_in_full_solutions_and_in_bases(mechanics):
+    state = mechanics.state().changed(fibre_share=0.4, fibre_angle_rad=0.5)
+    at = mechanics.evaluate(MAP, state)
+    for column, step in enumerate(1e-3 * STEPS):
+        values = MAP.values.copy()
+        up, down = (
+            mechanics.evaluate(
+                GaussianMap.from_values(values + sign * step * (np.arange(6) == column)), state
+            ).compliance
+            for sign in (1, -1)
+        )
+        slope = (up - down) / (2 * step)
+        assert np.abs(at.by_map[:, column] - slope).max() < 0.01 * np.abs(slope).max()
+    mechanics.evaluate(MAP, state, slack=10.0)
+    near = mechanics.evaluate(moved(0.1), state, slack=10.0)
+    assert not isinstance(near._response, Response)
+    full = mechanics.evaluate(moved(0.1), state)
+    assert near.compliance == pytest.approx(full.compliance, rel=1e-4)
+    assert np.all(
+        np.abs(near.by_map - full.by_map).max(axis=0) < 0.05 * np.abs(full.by_map).max(axis=0)
+    )
+
+
+def test_a_model_elsewhere_that_has_solutions_is_not_made_again(mechanics, monkeypatch):
+    state = mechanics.state().changed(shift_m=(8e-4, 0.0))
+    mechanics.evaluate(MAP, state, slack=1.0)
+    (ratios,) = mechanics._reduced_ratios.values()
+    solved = [counted(monkeypatch, bases.full) for bases in ratios._others.values()]
+    mechanics.shifted._models.clear()
+    mechanics.evaluate(moved(8.0), state, slack=1.0)
+    assert len(solved) == 2
+    assert all(len(each) == 1 for each in solved)
+    assert not mechanics.shifted._models

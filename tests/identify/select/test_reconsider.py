@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,20 +86,23 @@ ALONG = ("force_drift", "displacement_drift", "contact_offset", "surface_tilt")
 
 
 @cache
-def behind_a_drift():
-    """A drift of the force and a late touch; the drift taken for one of the displacement.
-
-    The step with that alone, and the fit with the tilt that the rest was taken for.
-    """
+def drifting(late_m=LATE_M):
+    """Return a scan with a drift of the force and a late touch."""
     press, time, _, force = timing(6)
     compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
     read = force + DRIFT_N_PER_S * (time - time.min())
-    table = scan(compliance[press] * force - LATE_M, read, 6)
+    return scan(compliance[press] * force - late_m, read, 6)
+
+
+@cache
+def behind_a_drift():
+    """Steps of that scan with the drift alone, and with one of the displacement in its place."""
+    table = drifting()
     alone = fit_jointly(model(table), TRUE)
     effects = {name: CATALOGUE[name] for name in ALONG}
     drifts = [with_one(alone, name) for name in ALONG[:2]]
-    step = step_of(drifts[1], table, list(effects.values()), 0, lambda text: None)
-    return effects, drifts, step, with_one(drifts[1], "surface_tilt")
+    steps = [step_of(fit, table, list(effects.values()), 0, lambda text: None) for fit in drifts]
+    return effects, steps
 
 
 def with_one(fit, name):
@@ -106,23 +111,31 @@ def with_one(fit, name):
     return fit_jointly(fit.model.with_effect(effect, start, fit.at.state), fit.map, rounds=0)
 
 
-def followed(fell_behind=True, settings=SELECTION):
-    """Return what stands for the drift of the displacement and the tilt, and the fit's effects."""
-    effects, (right, wrong), step, fit = behind_a_drift()
-    own = Candidate("displacement_drift", wrong.chi2, 0.0, wrong)
-    equal = Candidate("force_drift", right.chi2, 3.0, right)
-    before = AcceptedEffect("displacement_drift", (own, equal), settings=settings)
-    after = replace(before, candidates=(own,) if fell_behind else before.candidates)
-    last = AcceptedEffect(
-        "surface_tilt", (Candidate("surface_tilt", fit.chi2, fit.bic, fit),), settings=settings
+@cache
+def pair(right=False):
+    """Return the fit of the wrong pair of effects, or of the right one."""
+    steps = behind_a_drift()[1]
+    return with_one(steps[not right].fit, "contact_offset" if right else "surface_tilt")
+
+
+def followed(fell_behind=True, settings=SELECTION, equal=None, fit=None):
+    """Follow an equal, else the drift of the force, of the drift that was accepted."""
+    effects, (right, wrong) = behind_a_drift()
+    equal, fit, said = equal or right.fit, fit or pair(), []
+    name, last = "displacement_drift", "surface_tilt"
+    one = Candidate(name, 0.0, 0.0, wrong.fit)
+    two = Candidate(equal.effect_names[0], 0.0, 3.0, equal)
+    before = AcceptedEffect(name, (one, two), settings=settings)
+    after = replace(before, candidates=(one,) if fell_behind else before.candidates)
+    second = AcceptedEffect(last, (Candidate(last, 0.0, fit.bic, pair()),), settings=settings)
+    found = followed_by_their_own(
+        wrong, fit, [after, second], [before], effects, said.append, settings
     )
-    return followed_by_their_own(
-        step, fit, [after, last], [before], effects, lambda text: None, settings
-    )
+    return *found, said
 
 
 def test_an_equal_that_fell_behind_takes_over_with_an_effect_of_its_own():
-    fit, accepted, exchanged = followed()
+    fit, accepted, exchanged, _ = followed()
     assert exchanged == {"displacement_drift": "force_drift"}
     assert [a.name for a in accepted] == ["force_drift", "contact_offset"]
     assert fit.effect_names == ("force_drift", "contact_offset")
@@ -132,21 +145,40 @@ def test_an_equal_that_fell_behind_takes_over_with_an_effect_of_its_own():
     assert fit.std[rate] < 0.1 * DRIFT_N_PER_S
 
 
-def test_with_an_effect_of_its_own_an_equal_that_does_as_well_joins_the_group():
-    wide = replace(SELECTION, margin=1e6)
-    fit, accepted, exchanged = followed(settings=wide)
+@pytest.mark.parametrize(("behind", "joins"), [(-5.0, True), (5.0, True), (15.0, False)])
+def test_with_its_own_an_equal_joins_the_group_within_the_margin(behind, joins):
+    own: Any = SimpleNamespace(bic=pair(right=True).bic - behind)
+    fit, accepted, exchanged, _ = followed(fit=own)
     assert not exchanged
-    assert fit is behind_a_drift()[3]
+    assert fit is own
     assert [a.name for a in accepted] == ["displacement_drift", "surface_tilt"]
-    assert set(accepted[0].group) == {"displacement_drift", "force_drift"}
-    assert {"surface_tilt", "contact_offset"} <= {c.name for c in accepted[1].candidates}
+    assert ("force_drift" in {c.name for c in accepted[0].candidates}) == joins
+    assert ("contact_offset" in accepted[1].group) == joins
 
 
-def test_equals_that_are_still_equals_are_not_followed():
-    fit, accepted, exchanged = followed(fell_behind=False)
-    assert not exchanged
-    assert fit is behind_a_drift()[3]
-    assert len(accepted[1].candidates) == 1
+def test_equals_that_are_still_equals_or_forms_of_one_cause_are_not_followed():
+    right = behind_a_drift()[1][0]
+    form = with_one(right.fit, "displacement_jump")
+    form = fit_jointly(form.model.without("force_drift"), form.map, rounds=0)
+    for asked in ({"fell_behind": False}, {"equal": form}):
+        fit, accepted, exchanged, said = followed(**asked)
+        assert not exchanged
+        assert fit is pair()
+        assert len(accepted[1].candidates) == 1
+        assert not said
+
+
+def test_the_selection_follows_equals_beside_its_last_effect(monkeypatch):
+    effects, table, asked = behind_a_drift()[0], drifting(1e-4), []
+
+    def followed(now, fit, accepted, before, effects, say, settings):
+        asked.append((now.fit.effect_names, [a.name for a in accepted], [a.name for a in before]))
+        return fit, accepted, {}
+
+    monkeypatch.setattr("identify.select.forward_selection.followed_by_their_own", followed)
+    found = forward_selection(model(table), TRUE, table, list(effects.values()))
+    assert set(found.added) == {"force_drift", "contact_offset"}
+    assert asked[0] == ((), ["surface_tilt"], [])  # which is exchanged at the next step
 
 
 class LittleOffset(ContactOffset):

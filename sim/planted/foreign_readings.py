@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.planted.bench import Bench
 from sim.planted.effect import HiddenEffect, on_sensor
-from sim.planted.instrument import first_largest
+from sim.planted.instrument import first_largest, largest_n
 from sim.planted.response import follow, lag_behind
 
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
@@ -57,14 +57,14 @@ def softened(force_n: np.ndarray, knee_n: float, loss: float) -> np.ndarray:
            limit=0.9, kin=SATURATION, draw=first_largest)  # fmt: skip
 def form_yielding_sensor(bench, force_n, travel_m, values):
     """A sensor whose beam meets its stop: straight to a knee, and less steep beyond."""
-    return softened(force_n, 0.6 * values["largest_n"], values["loss"]), travel_m
+    return softened(force_n, 0.6 * largest_n(bench, values), values["loss"]), travel_m
 
 
 @on_sensor("form", "force / (1 + loss (force/largest)^2)", "loss", 0.1, limit=0.9,
            kin=SATURATION, draw=first_largest)  # fmt: skip
 def form_loaded_amplifier(bench, force_n, travel_m, values):
     """An amplifier that is loaded by its own output."""
-    level = force_n / values["largest_n"]
+    level = force_n / largest_n(bench, values)
     return force_n / (1 + values["loss"] * level**2), travel_m
 
 
@@ -72,7 +72,7 @@ def form_loaded_amplifier(bench, force_n, travel_m, values):
            kin=SATURATION, draw=first_largest)  # fmt: skip
 def form_full_range_sensor(bench, force_n, travel_m, values):
     """A sensor that is exact for long, and bends over near the end of its range."""
-    level = values["loss"] * force_n / values["largest_n"]
+    level = values["loss"] * force_n / largest_n(bench, values)
     return force_n / np.cbrt(1 + np.abs(level) ** 3), travel_m
 
 

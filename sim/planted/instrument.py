@@ -16,6 +16,11 @@ def first_largest(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
     return {"largest_n": float(bench.program.force_n.max())}
 
 
+def largest_n(bench: Bench, values: Mapping[str, float]) -> float:
+    """Largest force of the first session; of all presses in truths that did not keep it."""
+    return float(values.get("largest_n", bench.program.force_n.max()))
+
+
 def _of_session(name: str, low: float, high: float) -> Draw:
     """Return a draw of a time as a share of the session."""
     return lambda bench, rng: {name: float(rng.uniform(low, high) * np.ptp(bench.time_s))}
@@ -59,7 +64,7 @@ def force_saturation(bench, force_n, travel_m, values):
            limit=0.9, draw=first_largest)  # fmt: skip
 def free_saturation(bench, force_n, travel_m, values):
     """A force channel whose sensitivity falls to a lower one."""
-    most = values["largest_n"]
+    most = largest_n(bench, values)
     return most * levelling(force_n / most, values["loss"], 0.5), travel_m
 
 

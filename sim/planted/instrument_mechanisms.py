@@ -12,7 +12,7 @@ import numpy as np
 from sim.planted.bench import Bench
 from sim.planted.contact import levelling
 from sim.planted.foreign_readings import calming, resting, softened
-from sim.planted.instrument import changing_tone, two_tones
+from sim.planted.instrument import changing_tone, largest_n, two_tones
 from sim.planted.instrument_in_loop import (
     Averaging,
     Backlash,
@@ -140,22 +140,22 @@ def _knee(scene: PlantScene, v: Values) -> Reading:
 
 
 def _yielding(scene: PlantScene, v: Values) -> Reading:
-    knee = 0.6 * v["largest_n"]
+    knee = 0.6 * largest_n(scene.bench, v)
     return lambda t, f: float(softened(np.array(f), knee, v["loss"]))
 
 
 def _levelling(scene: PlantScene, v: Values) -> Reading:
-    most = v["largest_n"]
+    most = largest_n(scene.bench, v)
     return lambda t, f: most * float(levelling(np.array(f / most), v["loss"], 0.5))
 
 
 def _loaded(scene: PlantScene, v: Values) -> Reading:
-    most = v["largest_n"]
+    most = largest_n(scene.bench, v)
     return lambda t, f: f / (1 + v["loss"] * (f / most) ** 2)
 
 
 def _full_range(scene: PlantScene, v: Values) -> Reading:
-    share = v["loss"] / v["largest_n"]
+    share = v["loss"] / largest_n(scene.bench, v)
     return lambda t, f: f / math.cbrt(1 + abs(share * f) ** 3)
 
 

@@ -101,6 +101,14 @@ def test_an_effect_of_amplitude_zero_is_not_there(bench, effect):
 CHEAP = [e for e in HIDDEN if e.body is HiddenEffect.body]
 
 
+def test_a_truth_that_did_not_keep_the_largest_force_has_that_of_its_presses(bench):
+    effect = HIDDEN["form_yielding_sensor"]
+    values = values_of(bench, effect)
+    old = {name: value for name, value in values.items() if name != "largest_n"}
+    assert len(old) < len(values)
+    assert_allclose(press(bench, [(effect, old)]).force_n, press(bench, [(effect, values)]).force_n)
+
+
 @pytest.mark.parametrize("effect", CHEAP, ids=lambda effect: effect.name)
 def test_further_and_harder_presses_change_nothing_that_was_read_before(bench, effect):
     program = bench.program

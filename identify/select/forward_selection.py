@@ -5,10 +5,9 @@ pattern alike, are fitted jointly with the map. The winner must beat every other
 chi-square (after the price of its parameters), else they are an ambiguous group and one of them
 stands for the group. An effect is added only at p < 0.001 (`SelectionSettings.sure`), and beside a
 structured residual only if it removes at least 10 % of the excess chi-square: beside something
-large and unknown, everything is significant. An effect that the map imitates almost
-completely is never named alone: a small model error can mimic it. After each step the earlier
-effects must still earn their place, and are compared with their candidates again. The verdict
-follows from the last residual.
+large and unknown, everything is significant. An effect that the map imitates almost completely is
+never named alone: a small model error can mimic it. After each step the earlier effects must still
+earn their place, and are compared with their candidates again.
 """
 
 from __future__ import annotations

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.base import Effect
 from identify.effects.unknown_course import COURSES
 from identify.fit.joint_fit import fit_jointly, found_again
@@ -42,8 +41,9 @@ from identify.select.explanation import (
     verdict_of,
     within_laws,
 )
-from identify.select.model_error import confounded, may_be_left_of_error
+from identify.select.model_error import accept_best
 from identify.select.reconsider import (
+    as_special_cases,
     at_their_ends,
     followed_by_their_own,
     reconsider,
@@ -55,6 +55,7 @@ from identify.select.step import (
     Step,
     foretells_worse,
     hides_lead,
+    is_worthwhile,
     replaces_map,
     step_of,
     whitened_fit,
@@ -183,7 +184,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
             return
         candidates = leaving_noise(candidates, selection.is_noise, settings)
         before = list(ladder), list(path.accepted), list(path.dropped)
-        path.accepted.append(_accepted(ladder, path.accepted, candidates, settings))
+        path.accepted.append(accept_best(ladder, path.accepted, candidates, settings))
         refitted = _refitted(now, candidates[0], path.accepted, effects, selection)
         if refitted is None:
             path.accepted, path.dropped = before[1:]
@@ -290,28 +291,19 @@ def _refitted(
     fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
     if not lost and not exchanged:
         fit, kept, exchanged = followed_by_their_own(now, fit, kept, before, effects, say, settings)
+    some = kept if lost or exchanged else kept[:-1]  # the last has just been compared
+    fit, some, simpler = as_special_cases(now, fit, some, effects, say, settings)
+    kept = [*some, *kept[len(some) :]]
+    if simpler:
+        exchanged = {old: simpler.get(new, new) for old, new in exchanged.items()} | simpler
+    if exchanged:
+        fit, more = policy.prune(fit, [a.name for a in kept], say, settings)
+        kept = [a for a in kept if a.name not in more]
+        lost += [*more, *(old for old, new in exchanged.items() if new in more)]
+        exchanged = {old: new for old, new in exchanged.items() if new not in more}
     if replaces_map(now.fit, fit):
         return None
     return fit, kept, lost, exchanged
-
-
-def _accepted(
-    ladder: Sequence[Step],
-    accepted: Sequence[AcceptedEffect],
-    candidates: tuple[Candidate, ...],
-    settings: SelectionSettings,
-) -> AcceptedEffect:
-    """Return the best candidate with its group."""
-    now, winner = ladder[-1], candidates[0]
-    left = (MODEL_ERROR,) * may_be_left_of_error(ladder, accepted, winner, settings)
-    alike = {c.name: confounded(now, c.name, settings) or left for c in candidates}
-    return AcceptedEffect(winner.name, candidates, confounded=alike,
-                          chi2_before=now.fit.chi2, settings=settings)  # fmt: skip
-
-
-def _worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
-    """Whether a fit takes its share of the excess; any does without an excess."""
-    return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
 
 
 @dataclass(frozen=True)
@@ -335,7 +327,7 @@ class Policy:
         [Step, dict[str, Effect], Callable[[str], None], Sequence[str], SelectionSettings],
         tuple[Candidate, ...],
     ] = best_candidates
-    worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = _worthwhile
+    worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = is_worthwhile
     prune: Callable[
         [FitResult, Sequence[str], Callable[[str], None], SelectionSettings],
         tuple[FitResult, list[str]],

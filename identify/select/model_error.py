@@ -15,6 +15,20 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
 
 
+def accept_best(
+    ladder: Sequence[Step],
+    accepted: Sequence[AcceptedEffect],
+    candidates: tuple[Candidate, ...],
+    settings: SelectionSettings,
+) -> AcceptedEffect:
+    """Return the best candidate of a step, the ladder's last, with its group."""
+    now, winner = ladder[-1], candidates[0]
+    left = (MODEL_ERROR,) * _may_be_left_of_error(ladder, accepted, winner, settings)
+    alike = {c.name: confounded(now, c.name, settings) or left for c in candidates}
+    return AcceptedEffect(winner.name, candidates, confounded=alike,
+                          chi2_before=now.fit.chi2, settings=settings)  # fmt: skip
+
+
 def confounded(step: Step, name: str, settings: SelectionSettings = SELECTION) -> tuple[str, ...]:
     """Return the effects that cannot be separated from an effect because of model error.
 
@@ -31,7 +45,7 @@ def confounded(step: Step, name: str, settings: SelectionSettings = SELECTION) -
     return (MODEL_ERROR,) * (name in imitated or alike)
 
 
-def may_be_left_of_error(
+def _may_be_left_of_error(
     ladder: Sequence[Step],
     accepted: Sequence[AcceptedEffect],
     winner: Candidate,

@@ -10,6 +10,10 @@ its place is left out.
 An effect that was found beside one of two equals may suit that one alone: behind a slow drift of
 the force, the rest looks like a jump of the displacement if the drift was taken for one of the
 displacement. Equals that fall behind then are followed by an effect of their own.
+
+A free form that stood in for two causes keeps its place once the other cause is found, though a
+special case does as well by then: fifteen terms of a surface in place of one declared offset.
+Special cases are therefore tried in place of the form that contains them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -189,6 +193,57 @@ def _followed(
         return None
     other = try_fit(found[0].fit.model, found[0].fit.map)
     return None if other is None else (found[0].name, other)
+
+
+def as_special_cases(
+    now: Step,
+    fit: FitResult,
+    accepted: Sequence[AcceptedEffect],
+    effects: dict[str, Effect],
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[FitResult, list[AcceptedEffect], dict[str, str]]:
+    """Compare effects with the special cases that they contain, beside all other effects.
+
+    Parameters
+    ----------
+    now : step before the last effect
+    fit : with all effects
+    accepted : the effects; those whose candidates include the special cases stay
+    effects : of the catalogue
+
+    Returns
+    -------
+    The fit, the effects, and the replacements by the names of the replaced.
+    """
+    accepted, exchanged = list(accepted), {}
+    for index, effect in enumerate(accepted):
+        candidate = next(c for c in effect.candidates if c.name == effect.name)
+        known = {*(c.name for c in effect.candidates), *fit.effect_names}
+        names = [name for name in candidate.contains if name in effects and name not in known]
+        if effect.shown_by_presses or not names:
+            continue
+        without = try_fit(
+            fit.model.without(effect.name),
+            fit.map,
+            rounds=0,
+            max_evaluations=settings.refit_evaluations,
+        )
+        if without is None:
+            continue
+        cases = [effects[name] for name in names]
+        step = replace(
+            now, fit=without, diagnosis=diagnose(without, cases, settings=settings.diagnosis)
+        )
+        found = compare_candidates(step, effects, say, names, settings)
+        candidates = ranked([Candidate(effect.name, fit.chi2, fit.bic, fit), *found], settings)
+        if candidates[0].name == effect.name or candidates[0].criterion >= fit.bic:
+            continue
+        name, fit = candidates[0].name, fit_jointly(candidates[0].fit.model, candidates[0].fit.map)
+        exchanged[effect.name] = name
+        first = effect.first_candidates or effect.candidates
+        accepted[index] = replace(effect, name=name, candidates=candidates, first_candidates=first)
+    return fit, accepted, exchanged
 
 
 def _each_once(

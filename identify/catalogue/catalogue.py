@@ -48,6 +48,7 @@ from identify.catalogue.skin_layer import SkinLayer
 from identify.catalogue.spherical_tip import SphericalTip
 from identify.catalogue.stiffness_gradient import StiffnessGradient
 from identify.catalogue.strain_stiffening import StrainStiffening
+from identify.catalogue.surface_bump import SurfaceBump
 from identify.catalogue.surface_tilt import SurfaceTilt
 from identify.catalogue.time_lag import TimeLag
 from identify.catalogue.tool_compliance import ToolCompliance
@@ -107,6 +108,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         SurfaceTilt(),
         CurvedSurface(),
         UnevenSurface(),
+        SurfaceBump(),
         DisplacementDrift(),
         DisplacementWander(),
         DisplacementJump(),

@@ -52,6 +52,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.surface_tilt,
         surfaces.curved_surface,
         surfaces.uneven_surface,
+        surfaces.surface_bump,
         instrument.displacement_drift,
         instrument.displacement_wander,
         jumps.displacement_jump,

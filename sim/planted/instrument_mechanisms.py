@@ -23,7 +23,7 @@ from sim.planted.instrument_in_loop import (
     PlantScene,
     on_sensor,
 )
-from sim.planted.surfaces import bow, bump, rim, terrain, wave
+from sim.planted.surfaces import bow, bump, mound, rim, terrain, wave
 from sim.robot.mechanism import Mechanism
 
 Values = Mapping[str, float]
@@ -212,6 +212,7 @@ SINKING: Mapping[str, Callable[[PlantScene, Values], Course]] = {
     "surface_tilt": _tilt,
     "curved_surface": partial(_uneven, bow),
     "uneven_surface": partial(_uneven, terrain),
+    "surface_bump": partial(_uneven, mound),
     "form_hill_of_the_surface": partial(_uneven, bump),
     "form_wavy_surface": partial(_uneven, wave),
     "form_raised_rim": partial(_uneven, rim),

@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from sim.planted.bench import Bench
 from sim.planted.effect import any_axis, on_sensor
 
-SURFACE = ("surface_tilt", "curved_surface", "uneven_surface")
+SURFACE = ("surface_tilt", "curved_surface", "uneven_surface", "surface_bump")
 _DEGREE = 4
 
 
@@ -60,6 +60,24 @@ def terrain(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
 def uneven_surface(bench, force_n, travel_m, values):
     """The surface has hills and dents, and travel counts from the plane."""
     return force_n, travel_m + values["height_m"] * terrain(bench, values)[:, None]
+
+
+def mound(bench: Bench, values: Mapping[str, float]) -> np.ndarray:
+    """Height (j,) of a round bump that ends at its radius."""
+    away = np.hypot(*(places(bench) - (values["x"], values["y"])).T) / values["radius"]
+    return np.where(away < 1, 0.5 * (1 + np.cos(np.pi * away)), 0.0)
+
+
+def _mound(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
+    x, y = rng.uniform(-0.5, 0.5, 2)
+    return {"x": float(x), "y": float(y), "radius": float(rng.uniform(0.5, 1.1))}
+
+
+@on_sensor("structured", "travel + height (1 + cos(pi r/radius))/2 where r < radius", "height_m",
+           2e-4, two_sided=True, draw=_mound)  # fmt: skip
+def surface_bump(bench, force_n, travel_m, values):
+    """The surface has one hill or dent, and travel counts from the plane."""
+    return force_n, travel_m + values["height_m"] * mound(bench, values)[:, None]
 
 
 # ---- by laws that no catalogue has ---------------------------------------------------------

@@ -209,6 +209,12 @@ def test_a_surface_is_high_where_it_is_said_to_be(bench):
     assert_allclose(added("curved_surface", angle_rad=0.7, ratio=1.0), x**2 + y**2)
     assert_allclose(added("curved_surface", angle_rad=np.pi / 2, ratio=0.0), y**2, atol=1e-12)
     assert_allclose(added("uneven_surface", c_20=2.0, c_01=-1.0), 3 * x**2 - 1 - y)
+    away = np.hypot(x - 0.2, y + 0.1) / 0.6
+    assert_allclose(
+        added("surface_bump", x=0.2, y=-0.1, radius=0.6),
+        np.where(away < 1, np.cos(np.pi * away / 2) ** 2, 0),
+        atol=1e-12,
+    )
     assert_allclose(
         added("form_hill_of_the_surface", x=0.2, y=-0.1, width=0.5),
         np.exp(-2 * ((x - 0.2) ** 2 + (y + 0.1) ** 2)),

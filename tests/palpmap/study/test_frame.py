@@ -31,6 +31,7 @@ def places(sentence: str) -> list[float]:
         ("local_creep", {"g": 0.1, "tau_s": 1.0, "x_m": 0.03, "y_m": 0.02, "radius_m": 0.01}),
         ("side_creep", {"g": 0.1, "tau_s": 1.0, "angle_rad": 0.6, "edge_m": 0.004,
                         "width_m": 0.005}),
+        ("surface_bump", {"height_m": 1e-4, "x_m": 0.03, "y_m": 0.02, "radius_m": 0.02}),
         ("extra_inclusion", {"weight_pa": 5e3, "x_m": 0.03, "y_m": 0.02, "z_m": 0.03,
                              "radius_m": 0.01}),
     ],

@@ -98,7 +98,7 @@ def explain(
     """
     problem = start(experiment, effects, progress, on_iteration)
     found, without, answered = explain_scan(problem, seed, on_step)
-    if found.apart is not None:
+    if answered is not problem:  # without presses that stand apart, or an error of the map
         problem = replace(problem, **{f.name: getattr(answered, f.name) for f in fields(answered)})
 
     def free() -> PlacedExperiment:

@@ -76,12 +76,14 @@ class Breathing(Advice, Effect):
         frequency_hz: float,
         waves: Sequence[float],
         drift_hz_per_s: float = 0.0,
+        bend_hz_per_s2: float = 0.0,
     ) -> np.ndarray:
         """Motion (m,) of the body, since touch where travel counts from there."""
-        moved = motion(readings.elapsed_s, frequency_hz, waves, drift_hz_per_s)
+        course = (frequency_hz, waves, drift_hz_per_s, bend_hz_per_s2)
+        moved = motion(readings.elapsed_s, *course)
         if "touch" in (self.counted_from, readings.travel_from):
             touch = readings.touch_time_s - readings.clock_start_s
-            moved = moved - motion(touch, frequency_hz, waves, drift_hz_per_s)[readings.press]
+            moved = moved - motion(touch, *course)[readings.press]
         return moved
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
@@ -136,13 +138,18 @@ class Breathing(Advice, Effect):
 
 
 def motion(
-    time_s: np.ndarray, frequency_hz: float, waves: Sequence[float], drift_hz_per_s: float = 0.0
+    time_s: np.ndarray,
+    frequency_hz: float,
+    waves: Sequence[float],
+    drift_hz_per_s: float = 0.0,
+    bend_hz_per_s2: float = 0.0,
 ) -> np.ndarray:
     """Motion of the body at times since the scan's clock began, m.
 
     `waves` are sine and cosine of the frequency, of twice it, and so on.
     """
-    angle = 2 * math.pi * (frequency_hz + drift_hz_per_s * time_s / 2) * time_s
+    mean_hz = frequency_hz + time_s * (drift_hz_per_s / 2 + time_s * bend_hz_per_s2 / 6)
+    angle = 2 * math.pi * mean_hz * time_s
     total = np.zeros_like(angle)
     for number, size in enumerate(waves):
         if size:  # a pattern of one amplitude needs no other, and there are thousands
@@ -160,7 +167,8 @@ def band(readings: Readings) -> tuple[float, float]:
 def free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies in Hz, and which of them lie far enough from any that is locked.
 
-    Locked: the presses start at nearly one angle of the motion. `tones` fold the resolution.
+    Locked: the presses start at nearly one angle of the motion, or of one of its `tones`, which
+    are whole multiples of its frequency. Half the rhythm of the presses is not locked by itself.
     """
     oversampling = tones * _OVERSAMPLING
     time = float(readings.elapsed_s[-1])
@@ -169,7 +177,9 @@ def free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.nda
     start = readings.elapsed_s[readings.first]
     turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
     limit = max(_COHERENT, _CHANCE / math.sqrt(readings.presses))
-    locked = np.abs(turn.mean(axis=1)) >= limit
-    reach = round(_RESOLUTION * oversampling)
-    near = np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
+    near = np.zeros(len(frequency), bool)
+    for tone in range(1, tones + 1):
+        locked = np.abs((turn**tone).mean(axis=1)) >= limit
+        reach = round(_RESOLUTION * oversampling / tone)
+        near |= np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
     return frequency, ~near

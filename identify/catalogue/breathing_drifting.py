@@ -1,4 +1,4 @@
-"""The body moves up and down on its own, ever faster or ever slower."""
+"""The body moves up and down on its own, in a rhythm that changes slowly."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ _SHAPES = 4000  # of the grid: a long scan is searched for smaller drifts alone
 
 
 class BreathingDrifting(Breathing):
-    """One tone whose frequency changes evenly over the scan."""
+    """One tone whose frequency changes slowly over the scan, as a parabola over time."""
 
     name = "breathing_drifting"
     family = "breathing"
@@ -29,28 +29,48 @@ class BreathingDrifting(Breathing):
         "the first press to the last. No single frequency fits the whole scan."
     )
     formula = (
-        "d = u + m(t),  m = sine sin(a) + cosine cos(a),  a = 2 pi (f t + drift t^2 / 2);  less "
-        "m(t_touch) where travel counts from each touch"
+        "d = u + m(t),  m = sine sin(a) + cosine cos(a),  a = 2 pi (f t + drift t^2 / 2 + "
+        "bend t^3 / 6);  less m(t_touch) where travel counts from each touch"
     )
     latex = (
         r"\begin{array}{l} d = u + m(t) - m(t_{\text{touch}}), \quad m = \text{sine} \cdot \sin a "
         r"+ \text{cosine} \cdot \cos a \\ a = 2\pi \left(f t + \tfrac{1}{2} \, \text{drift} \, "
-        r"t^2\right) \end{array}"
+        r"t^2 + \tfrac{1}{6} \, \text{bend} \, t^3\right) \end{array}"
     )
     gives_away = "the misfit swings with the clock, at the end in another rhythm than at first"
     parameters = (
         *Breathing.parameters[:-1],
         replace(Breathing.parameters[-1], meaning="of the motion, at the scan's start"),
-        EffectParameter("drift_hz_per_s", "Hz/s", "change of the frequency", None, -0.01, 0.01,
-                        1e-4),
+        EffectParameter("drift_hz_per_s", "Hz/s", "change of the frequency, at the scan's start",
+                        None, -0.01, 0.01, 1e-4),
+        EffectParameter("bend_hz_per_s2", "Hz/s^2", "change of the drift", None, -1e-3, 1e-3, 1e-6),
     )  # fmt: skip
     examples = (
         WorkedExample(
             "0.1 mm at 0.25 Hz that gains 0.1 Hz a second: a quarter and a twentieth of a turn "
             "after one second, half and a fifth after two.",
-            {"sine_m": 1e-4, "cosine_m": 0.0, "frequency_hz": 0.25, "drift_hz_per_s": 0.1},
+            {
+                "sine_m": 1e-4,
+                "cosine_m": 0.0,
+                "frequency_hz": 0.25,
+                "drift_hz_per_s": 0.1,
+                "bend_hz_per_s2": 0.0,
+            },
             {"time_s": (5.0, 6.0, 7.0), "travel_m": 1e-3},
             {"displacement_m": (1e-3, 1.0951057e-3, 0.9048943e-3)},
+        ),
+        WorkedExample(
+            "0.1 mm at 0.2 Hz whose drift grows by 0.3 Hz/s a second: a fifth and a twentieth of "
+            "a turn after one second, two fifths and 8 twentieths after two.",
+            {
+                "sine_m": 1e-4,
+                "cosine_m": 0.0,
+                "frequency_hz": 0.2,
+                "drift_hz_per_s": 0.0,
+                "bend_hz_per_s2": 0.3,
+            },
+            {"time_s": (5.0, 6.0, 7.0), "travel_m": 1e-3},
+            {"displacement_m": (1e-3, 1.1e-3, 0.9048943e-3)},
         ),
     )
 
@@ -64,10 +84,11 @@ class BreathingDrifting(Breathing):
         cosine_m: float,
         frequency_hz: float,
         drift_hz_per_s: float,
+        bend_hz_per_s2: float,
     ) -> np.ndarray:
         """Add the motion."""
-        waves = (sine_m, cosine_m)
-        return travel_m + self.moved(readings, frequency_hz, waves, drift_hz_per_s)
+        course = (frequency_hz, (sine_m, cosine_m), drift_hz_per_s, bend_hz_per_s2)
+        return travel_m + self.moved(readings, *course)
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Frequencies as of `Breathing`, each with drifts to either side."""
@@ -84,9 +105,10 @@ class BreathingDrifting(Breathing):
         tested |= np.interp(np.minimum(first[:, None], last), frequency, free) > 0.5
         tested &= np.abs(last / first[:, None] - 1) <= _MOST
         return [
-            {"frequency_hz": float(first[i]), "drift_hz_per_s": float(drift[k])}
+            {"frequency_hz": float(first[i]), "drift_hz_per_s": float(drift[k]),
+             "bend_hz_per_s2": 0.0}
             for i, k in np.argwhere(tested)
-        ]
+        ]  # fmt: skip
 
     def doubt(self, values: Values, readings: Readings) -> str | None:
         """Doubt a rhythm that keeps step with the presses from the first to the last."""
@@ -97,13 +119,17 @@ class BreathingDrifting(Breathing):
         return f"{ends[0]:.3g} Hz keeps step with the presses, whose own course it imitates"
 
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
-        """Bound the drift by half of the frequency over the scan."""
+        """Bound drift and bend by the frequency over the length of the scan."""
         if readings.time_s is None:
             return self.parameters
-        *others, drift = super().bounded(readings, state)
+        *others, drift, bend = super().bounded(readings, state)
         time = float(readings.elapsed_s[-1])
         most = 0.5 * band(readings)[1] / time
-        return *others, replace(drift, lower=-most, upper=most, typical=1 / time**2)
+        return (
+            *others,
+            replace(drift, lower=-2 * most, upper=2 * most, typical=1 / time**2),
+            replace(bend, lower=-4 * most / time, upper=4 * most / time, typical=6 / time**3),
+        )
 
     def evidence(self, values: Values, readings: Readings) -> str:
         """Say how far the body moves, and how often at first and at last."""
@@ -118,5 +144,6 @@ class BreathingDrifting(Breathing):
 def _ends(values: Values, readings: Readings) -> tuple[float, float]:
     """Frequency at the scan's start and at its end, Hz."""
     first = values["frequency_hz"]
-    last = first + values["drift_hz_per_s"] * float(readings.elapsed_s[-1])
+    time = float(readings.elapsed_s[-1])
+    last = first + time * (values["drift_hz_per_s"] + time * values["bend_hz_per_s2"] / 2)
     return first, max(last, 1e-9)

@@ -9,7 +9,7 @@ class BreathingHarmonicsFromTouch(BreathingHarmonics):
 
     name = "breathing_harmonics_from_touch"
     family = "breathing"
-    title = "Breathing with a harmonic, counted from each touch"
+    title = "Breathing with harmonics, counted from each touch"
     order = 103
     counted_from = "touch"
     summary = (
@@ -17,11 +17,11 @@ class BreathingHarmonicsFromTouch(BreathingHarmonics):
         "counts its travel from where it met the surface. Only the motion since touch shows."
     )
     formula = (
-        "d = u + m(t) - m(t_touch),  m = sum over n = 1, 2 of sine_n sin(2 pi n f t) + cosine_n "
+        "d = u + m(t) - m(t_touch),  m = sum over n = 1, 2, 3 of sine_n sin(2 pi n f t) + cosine_n "
         "cos(2 pi n f t)"
     )
     latex = (
-        r"d = u + m(t) - m(t_{\text{touch}}), \quad m = \sum_{n=1}^{2} \text{sine}_n "
+        r"d = u + m(t) - m(t_{\text{touch}}), \quad m = \sum_{n=1}^{3} \text{sine}_n "
         r"\sin(2\pi n f t) + \text{cosine}_n \cos(2\pi n f t)"
     )
     gives_away = "the misfit swings with the clock, not along a sine, and grows from each touch on"

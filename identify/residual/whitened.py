@@ -102,12 +102,15 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
             f"the fit was made on another scan: it has {len(fit.force_n)} used rows, this scan "
             f"{len(rows)}, or their readings differ; fit this scan anew"
         )
-    derivative = fit.derivative_m
+    derivative, inside = fit.derivative_m, within_bounds(fit)
     if fit.field is not None:
-        own = [] if derivative is None else [derivative]
+        own = [] if derivative is None else [derivative[:, inside]]
         derivative = np.hstack([*own, fit.field.absorbed_m(rows.press_index)])
     elif derivative is None:
-        derivative = fit.compliance_jacobian[rows.press_index] * fit.latent_force_n[:, None]
+        by_map = fit.compliance_jacobian[:, inside]
+        derivative = by_map[rows.press_index] * fit.latent_force_n[:, None]
+    else:
+        derivative = derivative[:, inside]
     directions, shared_m = shared_errors(fit.noise, Readings.of(rows), rows.displacement_m)
     return Whitened(
         scan=rows,
@@ -119,6 +122,14 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
         size=None if fit.field is None else (fit.chi2, fit.dof),
         shared_m=shared_m,
     )
+
+
+def within_bounds(fit: FitResult) -> np.ndarray:
+    """Fitted parameters (k,) bool that no bound of the search holds.
+
+    What one beyond its bound would explain is left in the residual.
+    """
+    return np.array([name not in fit.at_bound for name in fit.covariance_names], bool)
 
 
 def shared_errors(

@@ -13,6 +13,7 @@ from identify.measurement.experiment import Progress
 from identify.measurement.model import MeasurementModel
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
+from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation
 from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION, SelectionSettings
@@ -59,6 +60,29 @@ def selected(
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
         first=start.joint,
     )
+
+
+def with_exact_map(
+    start: StartFit, seed: int, settings: SelectionSettings
+) -> tuple[Explanation, StartFit] | None:
+    """Select the effects beside a map without an error of its own, where one was counted.
+
+    A large effect that is missing misfits as grossly as a map of a wrong form. It is sought where
+    one effect takes half of the misfit or more by its score.
+
+    Returns
+    -------
+    the explanation and its start; None where structure remains, which the map's error may be
+    """
+    exact = replace(start, model=replace(start.model, press_error=0.0))
+    start.experiment.say("fitting the map without an error of its own")
+    fit = exact.joint
+    scores = diagnose(fit, list(start.catalogue), seed=seed, settings=settings.diagnosis)
+    best = max((scores[name].statistic for name in scores.significant), default=0.0)
+    if best < settings.elsewhere * scores.excess:
+        return None
+    found = selected(exact, seed, None, settings)
+    return (found, exact) if found.final.comparison.is_noise else None
 
 
 def _refitted(

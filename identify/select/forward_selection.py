@@ -38,6 +38,7 @@ from identify.select.explanation import (
     further_missing,
     is_more_missing,
     mended,
+    residues,
     verdict_of,
     within_laws,
 )
@@ -118,8 +119,9 @@ def forward_selection(
     names = dict.fromkeys(path.dropped)
     gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
     within = within_laws(ladder[0].fit, ladder[-1].fit, accepted, settings)
+    may_imitate = [*mended(ladder, accepted, settings), *residues(ladder, accepted, settings)]
     return Explanation(
-        verdict_of(ladder[-1], accepted, further, within, mended(ladder, accepted, settings)),
+        verdict_of(ladder[-1], accepted, further, within, may_imitate),
         tuple(ladder),
         tuple(accepted),
         gone,

@@ -25,7 +25,7 @@ from identify.residual.trimmed import further, missed, presses_apart
 from identify.select.confirm import confirmed
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation, PressesApart, Verdict
-from identify.select.first_step import selected
+from identify.select.first_step import selected, with_exact_map
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
@@ -76,6 +76,13 @@ def explain(
     the explanation, its verdict changed if it rests on these presses, the other one, and the start
     of the explanation: without the presses that stand apart, where these hold all that is missing
     """
+    if start.model.press_error and (found := with_exact_map(start, seed, settings)):
+        explained, start = found
+        if on_step:
+            for step in explained.ladder:
+                on_step(step)
+        without = without_suspects(start, seed, explained, settings)
+        return weighed(explained, without), without, start
     others = _Others(start, seed, settings)
     rest = _apart(others, start.joint)
     explained = selected(start, seed, on_step, settings, rest and rest.answer)

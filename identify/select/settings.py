@@ -120,8 +120,9 @@ class SelectionSettings:
     of_lead : share of what follows a simple law of the residual that an effect must take, where the
         law is gone beside it
     elsewhere : of the unexplained chi-square: share outside the outlying presses below which these
-        may have hidden the explanation of the others; and what each press with a compliance of its
-        own must leave of it to exclude every map
+        may have hidden the explanation of the others; what each press with a compliance of its own
+        must leave of it to exclude every map; and what one effect must take of it to be sought
+        beside a map that has an error of its own
     rough : relative error of a free map in each press's compliance beyond which it is no error of
         its form
     diagnosis, residual, cross_validation : of the analysis of each step. Of a hundred scans with

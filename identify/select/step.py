@@ -11,7 +11,7 @@ from identify.fit.result import FitResult
 from identify.measurement.shared_error import correlated
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.whitened import Whitened, shared_errors, whitened
+from identify.residual.whitened import Whitened, shared_errors, whitened, within_bounds
 from identify.select.diagnosis import Diagnosis, diagnose
 from identify.select.settings import SELECTION, SelectionSettings
 from models import Scan
@@ -94,7 +94,8 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         return whitened(fit, scan)
     press = fit.model.readings.press
     # The comparison knows the noise alone, not an error of the map (`press_error`)
-    absorbed = correlated(fit.at.jacobian, fit.at.common_errors, 0 * press)
+    inside = fit.at.jacobian[:, within_bounds(fit)]
+    absorbed = correlated(inside, fit.at.common_errors, 0 * press)
     absorbed = correlated(absorbed, fit.at.shared_errors, press)
     model = fit.model
     directions, shared_m = shared_errors(model.noise, model.readings, model.displacement_m)

@@ -56,6 +56,9 @@ def headline(explained: Explanation) -> str:
         return "Ambiguous: the structure that is left is no larger than the error of contact laws."
     if explained.verdict == "ambiguous" and explained.mended:
         return "Ambiguous: several effects together may imitate one unknown cause."
+    if explained.verdict == "ambiguous" and explained.residues:
+        small = listed(explained.residues)
+        return f"Ambiguous: {small} may only make up for the inexact form of another effect."
     if explained.ambiguous and all(OTHER_CAUSE in group for group in explained.ambiguous):
         return "Ambiguous: the model that fits has values that make its cause doubtful."
     if few := len(explained.in_few_presses) * (explained.verdict == "unexplained"):
@@ -309,6 +312,13 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
     if name in explained.mended:
         return [
             f"{name} may be a part of one unknown cause that several effects imitate, {offered}"
+        ]
+    if name in explained.residues:
+        chi2 = [step.fit.chi2 for step in explained.ladder]
+        share = percent((chi2[-2] - chi2[-1]) / (chi2[0] - chi2[-1]))
+        return [
+            f"{name} takes {share} of what all effects explain: it may only make up for the "
+            f"inexact form of another effect of the body, {offered}"
         ]
     if name in explained.unknown:
         return ["It stands in for a cause that is in no catalogue: its course is found, no name."]

@@ -18,6 +18,14 @@ STATE = BodyState(((0.0, 0.0, 0.0), SIZE), 0.47)
 SIDE = np.linspace(0.012, 0.084, 9)
 POINTS = [(x, y, SIZE[2]) for x in SIDE for y in SIDE]
 READINGS = Inputs({"press": tuple(range(81)), "point_m": tuple(POINTS)}).readings()
+EVEN_PACE_S = 4.4
+EVEN = Inputs(
+    {
+        "press": tuple(np.repeat(np.arange(81), 9).tolist()),
+        "point_m": tuple(np.repeat(POINTS, 9, axis=0).tolist()),
+        "time_s": tuple((EVEN_PACE_S * np.arange(81)[:, None] + np.linspace(0, 3, 9)).ravel()),
+    }
+).readings()
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +78,14 @@ def test_neighbouring_directions_of_fibres_are_alike(response):
     assert np.diff(angles) == pytest.approx(np.pi / len(angles))
     closed = [*patterns.T, patterns[:, 0]]  # half a turn further it is the first again
     assert min(a @ b for a, b in pairwise(closed)) > 0.8
+
+
+def test_no_tone_of_a_breath_keeps_step_with_the_presses():
+    """At half the rhythm of the presses the second tone comes round with each of them."""
+    effect, time_s = CATALOGUE["breathing_harmonics"], float(EVEN.elapsed_s[-1])
+    found = np.array([values["frequency_hz"] for values in effect.grid(EVEN, STATE)])
+    for tone in (1, 2, 3):
+        assert np.abs(found - 1 / EVEN_PACE_S / tone).min() > 0.9 / tone / time_s
+    one = np.array([v["frequency_hz"] for v in CATALOGUE["breathing"].grid(EVEN, STATE)])
+    assert np.abs(one - 0.5 / EVEN_PACE_S).min() < 0.2 / time_s
+    assert effect.doubt({"frequency_hz": 0.5 / EVEN_PACE_S}, EVEN) is not None

@@ -168,7 +168,7 @@ def free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.nda
     """Return frequencies in Hz, and which of them lie far enough from any that is locked.
 
     Locked: the presses start at nearly one angle of the motion, or of one of its `tones`, which
-    are whole multiples of its frequency. Half the rhythm of the presses is not locked by itself.
+    are whole multiples of its frequency: a sine at half the presses' rhythm is free.
     """
     oversampling = tones * _OVERSAMPLING
     time = float(readings.elapsed_s[-1])

@@ -14,7 +14,7 @@ from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
 from identify.select.candidates import is_implausible
-from identify.select.model_error import few_presses, within_laws
+from identify.select.model_error import beside_edge, few_presses, residues, within_laws
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
 
@@ -148,7 +148,8 @@ class Explanation:
         """Effects whose values, or the structure left beside them, make the cause doubtful."""
         left = tuple(effect.name for effect in self.accepted) if self.within_laws else ()
         values = (*self.at_bound, *self.undetermined, *self.implausible)
-        return tuple(dict.fromkeys((*values, *left, *self.mended, *self.residues)))
+        small = (*self.mended, *self.residues, *self.beside_edge)
+        return tuple(dict.fromkeys((*values, *left, *small)))
 
     @property
     def mended(self) -> tuple[str, ...]:
@@ -159,6 +160,11 @@ class Explanation:
     def residues(self) -> tuple[str, ...]:
         """Effects of the body that may only make up for the inexact form of another one."""
         return residues(self.ladder, self.accepted, self.settings)
+
+    @property
+    def beside_edge(self) -> tuple[str, ...]:
+        """Effects of the body beside an inclusion of the map at a side of the body."""
+        return beside_edge(self.final.fit, self.accepted)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -258,23 +264,6 @@ def mended(
     leads = chi2[0] - chi2[1] > settings.alone * explained
     known = ladder[1].fit.effect_names if leads else ladder[0].fit.effect_names
     return tuple(a.name for a in accepted if not (a.shown_by_presses or a.name in known))
-
-
-def residues(
-    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
-) -> tuple[str, ...]:
-    """Effects of the body, last found, that take no more than another one's form may be off by.
-
-    A modulus that grows exponentially across the body, found as a straight gradient, left 1.5 % of
-    what that explained, and fibres took it.
-    """
-    chi2 = [step.fit.chi2 for step in ladder]
-    if len(ladder) < 3 or chi2[-2] - chi2[-1] > settings.trace * (chi2[0] - chi2[-1]):
-        return ()
-    body = {p.effect.name for p in ladder[-1].fit.model.effects if p.effect.link == "body"}
-    names = body & {a.name for a in accepted if not a.shown_by_presses}
-    last = names - set(ladder[-2].fit.effect_names)
-    return tuple(a.name for a in accepted if a.name in last) if names > last else ()
 
 
 def ended_by_presses(

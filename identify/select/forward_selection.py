@@ -38,11 +38,10 @@ from identify.select.explanation import (
     further_missing,
     is_more_missing,
     mended,
-    residues,
     verdict_of,
     within_laws,
 )
-from identify.select.model_error import accept_best
+from identify.select.model_error import accept_best, beside_edge, residues
 from identify.select.reconsider import (
     as_special_cases,
     at_their_ends,
@@ -120,6 +119,7 @@ def forward_selection(
     gone = tuple(name for name in names if name not in ladder[-1].fit.effect_names)
     within = within_laws(ladder[0].fit, ladder[-1].fit, accepted, settings)
     may_imitate = [*mended(ladder, accepted, settings), *residues(ladder, accepted, settings)]
+    may_imitate += beside_edge(ladder[-1].fit, accepted)
     return Explanation(
         verdict_of(ladder[-1], accepted, further, within, may_imitate),
         tuple(ladder),

@@ -88,6 +88,34 @@ def within_laws(
     return small and last.chi2_per_dof <= settings.nearly_noise**2
 
 
+def residues(
+    ladder: Sequence[Step], accepted: Sequence[AcceptedEffect], settings: SelectionSettings
+) -> tuple[str, ...]:
+    """Effects of the body, last found, that take no more than another one's form may be off by.
+
+    A modulus that grows exponentially across the body, found as a straight gradient, left 1.5 % of
+    what that explained, and fibres took it.
+    """
+    chi2 = [step.fit.chi2 for step in ladder]
+    if len(ladder) < 3 or chi2[-2] - chi2[-1] > settings.trace * (chi2[0] - chi2[-1]):
+        return ()
+    body = {p.effect.name for p in ladder[-1].fit.model.effects if p.effect.link == "body"}
+    names = body & {a.name for a in accepted if not a.shown_by_presses}
+    last = names - set(ladder[-2].fit.effect_names)
+    return tuple(a.name for a in accepted if a.name in last) if names > last else ()
+
+
+def beside_edge(fit: FitResult, accepted: Sequence[AcceptedEffect]) -> tuple[str, ...]:
+    """Effects of the body that are found while an inclusion of the map is held at a side of it.
+
+    Such an inclusion stands for another cause: one that wandered into a corner imitated a gradient,
+    and the true one was said to be an extra inclusion.
+    """
+    sides = [name for name in fit.at_bound if name in fit.map.names and name[-3:] in ("x_m", "y_m")]
+    body = {part.effect.name for part in fit.model.effects if part.effect.link == "body"}
+    return tuple(a.name for a in accepted if sides and a.name in body and not a.shown_by_presses)
+
+
 def few_presses(
     fit: FitResult, accepted: Sequence[AcceptedEffect], settings: SelectionSettings
 ) -> np.ndarray:

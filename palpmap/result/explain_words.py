@@ -313,6 +313,11 @@ def _name_notes(explained: Explanation, name: str) -> list[str]:
         return [
             f"{name} may be a part of one unknown cause that several effects imitate, {offered}"
         ]
+    if name in explained.beside_edge:
+        return [
+            f"An inclusion of the map stands at a side of the body, as if it stood for another "
+            f"cause beside {name}, {offered}"
+        ]
     if name in explained.residues:
         chi2 = [step.fit.chi2 for step in explained.ladder]
         share = percent((chi2[-2] - chi2[-1]) / (chi2[0] - chi2[-1]))

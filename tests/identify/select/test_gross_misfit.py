@@ -10,9 +10,10 @@ import pytest
 from identify.catalogue.catalogue import CATALOGUE
 from identify.catalogue.contact_offset import ContactOffset
 from identify.fit.joint_fit import fit_jointly
+from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.residual.compare import compare_residual
 from identify.residual.whitened import whitened
-from identify.select import explanation
+from identify.select import model_error
 from identify.select.first_step import with_exact_map
 from identify.select.settings import SELECTION
 from identify.select.start_fit import StartFit
@@ -115,4 +116,24 @@ def ladder(*chi2: float, names: tuple[str, ...]) -> Any:
 def test_a_trace_beside_an_effect_of_the_body_may_be_of_its_form(chi2, names, pressed, residues):
     accepted: Any = [SimpleNamespace(name=n, shown_by_presses=n == pressed) for n in names]
     steps = ladder(*chi2, names=names)
-    assert explanation.residues(steps, accepted, SELECTION) == residues
+    assert model_error.residues(steps, accepted, SELECTION) == residues
+
+
+@pytest.mark.parametrize(
+    ("held", "doubted"),
+    [
+        (("inclusion_1.x_m",), ("side_gradient",)),
+        (("inclusion_2.y_m", "inclusion_1.z_m"), ("side_gradient",)),
+        (("inclusion_1.z_m", "inclusion_1.weight_pa"), ()),  # a shallow one, or a rigid one
+        (("body_shift.x_m",), ()),
+        ((), ()),
+    ],
+)
+def test_an_inclusion_at_a_side_of_the_body_stands_for_another_cause(held, doubted):
+    names = ("side_gradient", "force_drift")
+    (step,) = ladder(1.0, names=names)[-1:]
+    fit: Any = step.fit
+    fit.at_bound, fit.map = held, GaussianMap(1.0, (Inclusion(1, 0, 0, 0, 1),) * 2)
+    fit.model.effects = [SimpleNamespace(effect=CATALOGUE[n]) for n in names]
+    accepted: Any = [SimpleNamespace(name=n, shown_by_presses=False) for n in names]
+    assert model_error.beside_edge(fit, accepted) == doubted

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import palpmap as pm
+from palpmap import selection
 from tests.paths import LAB, ROOT
 
 TWELVE = ROOT / "tests" / "data" / "twelve_presses" / "study.toml"
@@ -188,3 +189,19 @@ def test_bad_input_gets_a_sentence(make, sentence):
         make()
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_an_explanation_tells_of_the_start_that_it_was_made_from(monkeypatch):
+    """Of the model beside which the answer holds: without an error of the map, say."""
+    real = selection.explain_scan
+
+    def without_error(problem, seed, on_step):
+        found, without, answered = real(problem, seed, on_step)
+        model = replace(answered.model, press_error=0.25)
+        return found, without, replace(answered, model=model)
+
+    monkeypatch.setattr(selection, "explain_scan", without_error)
+    study = pm.read_study(TWELVE)
+    why = pm.explain(study, [pm.CATALOGUE["contact_offset"]])
+    assert why.problem.model.press_error == 0.25
+    assert why.problem.study == study.study

@@ -101,3 +101,19 @@ def test_a_tilt_is_told_by_its_angle_and_its_ends():
 )
 def test_numbers_are_short_and_without_exponents(said, expected):
     assert said == expected
+
+
+@pytest.mark.parametrize(("height_m", "shape"), [(1e-4, "dent"), (-2e-4, "hill")])
+def test_a_bump_says_whether_it_is_met_late_or_early(height_m, shape):
+    values = {"height_m": height_m, "x_m": 0.031, "y_m": 0.018, "radius_m": 0.02}
+    sentence = CATALOGUE["surface_bump"].evidence(values, trial().readings)
+    assert f"has a {shape} there" in sentence
+    assert "x = 31 mm, y = 18 mm" in sentence
+    assert "up to 20 mm from there" in sentence
+
+
+def test_a_rhythm_that_bends_says_how_often_the_body_moves_at_the_end():
+    own = Inputs({"time_s": (0.0, 50.0, 100.0), "press": (0.0, 1.0, 2.0)}).readings()
+    values = {"sine_m": 3e-4, "cosine_m": 4e-4, "frequency_hz": 0.25, "drift_hz_per_s": 2e-3}
+    sentence = CATALOGUE["breathing_drifting"].evidence({**values, "bend_hz_per_s2": -5e-5}, own)
+    assert "by 0.5 mm, every 4 s at first and every 5 s at the end" in sentence

@@ -13,7 +13,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.residual.compare import compare_residual
 from identify.residual.whitened import whitened
-from identify.select import model_error
+from identify.select import explain, explanation, forward_selection, model_error, outlying_presses
 from identify.select.first_step import with_exact_map
 from identify.select.settings import SELECTION
 from identify.select.start_fit import StartFit
@@ -137,3 +137,27 @@ def test_an_inclusion_at_a_side_of_the_body_stands_for_another_cause(held, doubt
     fit.model.effects = [SimpleNamespace(effect=CATALOGUE[n]) for n in names]
     accepted: Any = [SimpleNamespace(name=n, shown_by_presses=False) for n in names]
     assert model_error.beside_edge(fit, accepted) == doubted
+
+
+def test_the_answer_of_explain_is_the_one_beside_the_exact_map(breathing, monkeypatch):
+    asked: list[Any] = []
+    monkeypatch.setattr(outlying_presses, "without_suspects", lambda start, *_: asked.append(start))
+    start, _ = breathing
+    steps: list[Any] = []
+    explained, _, answered = explain(start, on_step=steps.append)
+    assert explained.added == ("breathing",)
+    assert asked == [answered]
+    assert answered.model.press_error == 0.0
+    assert steps == list(explained.ladder)
+
+
+@pytest.mark.parametrize("doubt", ["beside_edge", "residues"])
+def test_an_effect_whose_form_is_in_doubt_is_not_named_alone(doubt, monkeypatch):
+    press, _, _, force = timing(4)
+    compliance = mechanics().evaluate(TRUE, mechanics().state()).compliance
+    table = scan(compliance[press] * force - 1e-4, force, 4)
+    for module in (explanation, forward_selection):
+        monkeypatch.setattr(module, doubt, lambda *_: ("contact_offset",))
+    found = forward_selection.forward_selection(model(table), TRUE, table, [ContactOffset()])
+    assert (found.verdict, found.added) == ("ambiguous", ())
+    assert found.ambiguous == (("contact_offset", explanation.OTHER_CAUSE),)

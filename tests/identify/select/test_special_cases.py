@@ -138,3 +138,30 @@ def test_after_an_exchange_every_effect_must_be_needed_again(unneeded):
     assert [a.name for a in found.accepted] == [kept]
     assert found.final.fit.effect_names == (kept,)
     assert {"curved_surface", unneeded} <= set(found.dropped)
+
+
+def test_the_ladder_leads_to_a_special_case_of_what_took_an_effect_s_place():
+    table, step, _ = beside_a_drift()
+    alone = fit_jointly(model(table), TRUE)
+    fits = {"surface_tilt": with_one(alone, "surface_tilt"), "force_drift": None}
+    fits["force_drift"] = with_one(step.fit, "surface_tilt")
+    curved = with_one(step.fit, "curved_surface")
+
+    def proposed(now, effects, say, exclude, settings):
+        name = list(fits)[len(now.fit.effect_names)]
+        return (Candidate(name, fits[name].chi2, fits[name].bic, fits[name]),)
+
+    def compared(fit, accepted, say, last_too, settings):
+        if len(accepted) < 2:
+            return fit, accepted, {}
+        return curved, [surface(curved), accepted[1]], {"surface_tilt": "curved_surface"}
+
+    policy = Policy(propose=proposed, worthwhile=lambda *_: True, compare=compared,
+                    goes_on=lambda ladder, *_: len(ladder) < 3)  # fmt: skip
+    few = [EFFECTS[name] for name in ("force_drift", "curved_surface", "contact_offset")]
+    found = forward_selection(
+        model(table), TRUE, table, [*few, EFFECTS["surface_tilt"]], policy=policy
+    )
+    assert set(found.final.fit.effect_names) == {"force_drift", "contact_offset"}
+    assert found.ladder[1].fit.effect_names == ("contact_offset",)
+    assert {"surface_tilt", "curved_surface"} <= set(found.dropped)

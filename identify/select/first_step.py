@@ -8,6 +8,7 @@ from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_map_fit import refit_free_map
 from identify.fit.joint_fit import fit_jointly, try_fit
 from identify.fit.result import FitResult
+from identify.fit.settings import PRECISE
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.experiment import Progress
 from identify.measurement.model import MeasurementModel
@@ -68,12 +69,15 @@ def with_exact_map(
     """Select the effects beside a map without an error of its own, where one was counted.
 
     A large effect that is missing misfits as grossly as a map of a wrong form. It is sought where
-    one effect takes half of the misfit or more by its score.
+    the presses alone, each with a compliance of its own, misfit grossly as well, and one effect
+    takes half of the misfit or more by its score.
 
     Returns
     -------
     the explanation and its start; None where structure remains, which the map's error may be
     """
+    if start.law is None or not PRECISE.is_gross(start.law.found.chi2_per_dof):
+        return None
     exact = replace(start, model=replace(start.model, press_error=0.0))
     start.experiment.say("fitting the map without an error of its own")
     fit = exact.joint

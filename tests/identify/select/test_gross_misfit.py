@@ -33,13 +33,19 @@ def begun(rough: float) -> StartFit:
     table = scan((compliance * off)[press] * force + moved, force, 7)
     known = replace(model(table), press_error=0.05)
     told: Any = SimpleNamespace(scan=table, say=lambda text: None)
-    return StartFit(told, Catalogue(CATALOGUE[n] for n in NAMES), Any, known, TRUE)  # type: ignore[arg-type]
+    fit = fit_jointly(known, TRUE)
+    return StartFit(told, Catalogue(CATALOGUE[n] for n in NAMES), fit, known, TRUE, presses(30.0))
+
+
+def presses(chi2_per_dof: float) -> Any:
+    """Return a law of the presses alone that calls for no effect."""
+    found = SimpleNamespace(chi2_per_dof=chi2_per_dof)
+    return SimpleNamespace(names=(), partial=None, found=found)
 
 
 @pytest.fixture(scope="module")
 def breathing():
     start = begun(rough=0.0)
-    start = replace(start, fit=fit_jointly(start.model, start.start))
     return start, with_exact_map(start, 0, SELECTION)
 
 
@@ -60,9 +66,13 @@ def test_without_an_effect_that_takes_half_of_the_misfit_none_is_sought(breathin
     assert with_exact_map(start, 0, all_of_it) is None
 
 
+def test_where_the_presses_alone_are_met_the_map_is_wrong_and_no_effect_is_sought(breathing):
+    start, _ = breathing
+    assert with_exact_map(replace(start, law=presses(9.0)), 0, SELECTION) is None
+
+
 def test_beside_a_map_that_is_wrong_as_well_nothing_is_named():
     start = begun(rough=0.05)
-    start = replace(start, fit=fit_jointly(start.model, start.start))
     assert with_exact_map(start, 0, SELECTION) is None
 
 

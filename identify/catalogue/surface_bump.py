@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
+from identify.catalogue.placed_creep import surface
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import length
@@ -80,7 +81,7 @@ class SurfaceBump(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Places all over the pressed surface, and few radii."""
-        low, edges = readings.point_m[:, :2].min(axis=0), _edges(readings)
+        low, edges = surface(readings)[0], _edges(readings)
         shares = (np.arange(_PLACES) + 0.5) / _PLACES
         return [
             {"x_m": x, "y_m": y, "radius_m": radius}
@@ -92,7 +93,7 @@ class SurfaceBump(Effect):
     def bounded(self, readings: Readings, state: BodyState) -> tuple[EffectParameter, ...]:
         """Bound the place by the pressed surface, the radius by the presses' distances."""
         height, *places, radius = self.parameters
-        low, edges = readings.point_m[:, :2].min(axis=0), _edges(readings)
+        low, edges = surface(readings)[0], _edges(readings)
         if min(edges) <= 0:
             return self.parameters
         narrowest, widest = _radii(readings)
@@ -117,7 +118,8 @@ class SurfaceBump(Effect):
 
 def _edges(readings: Readings) -> np.ndarray:
     """Edges (2,) of the pressed surface, m."""
-    return np.ptp(readings.point_m[:, :2], axis=0)
+    low, high = surface(readings)
+    return high - low
 
 
 def _radii(readings: Readings) -> tuple[float, float]:

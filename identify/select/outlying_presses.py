@@ -74,7 +74,8 @@ def explain(
     Returns
     -------
     the explanation, its verdict changed if it rests on these presses, the other one, and the start
-    of the explanation: without the presses that stand apart, where these hold all that is missing
+    of the explanation: without the presses that stand apart, where these hold all that is missing,
+    and without an error of the map, where one effect takes its place
     """
     if start.model.press_error and (found := with_exact_map(start, seed, settings)):
         explained, start = found

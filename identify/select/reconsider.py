@@ -223,12 +223,7 @@ def as_special_cases(
         names = [name for name in candidate.contains if name in effects and name not in known]
         if effect.shown_by_presses or not names:
             continue
-        without = try_fit(
-            fit.model.without(effect.name),
-            fit.map,
-            rounds=0,
-            max_evaluations=settings.refit_evaluations,
-        )
+        without = _without(fit, effect.name, settings)
         if without is None:
             continue
         cases = [effects[name] for name in names]
@@ -325,13 +320,14 @@ def without_unneeded(
     lost: list[str] = []
     for name in names:
         say(f"testing the need of {name}")
-        without = try_fit(
-            fit.model.without(name),
-            fit.map,
-            rounds=0,
-            max_evaluations=settings.refit_evaluations,
-        )
+        without = _without(fit, name, settings)
         if without is not None and without.bic < fit.bic:
             fit = without
             lost.append(name)
     return (fit_jointly(fit.model, fit.map) if lost else fit), lost
+
+
+def _without(fit: FitResult, name: str, settings: SelectionSettings) -> FitResult | None:
+    """Refit without an effect, by few evaluations."""
+    most = settings.refit_evaluations
+    return try_fit(fit.model.without(name), fit.map, rounds=0, max_evaluations=most)

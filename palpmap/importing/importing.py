@@ -178,7 +178,8 @@ def import_recording(
     if asked := rig.needed():
         keys = "; ".join(f"{key}: {question}" for key, question in asked)
         raise InputError(
-            f"the recording does not tell everything; give in the mapping (--rig): {keys}"
+            f"the recording does not tell everything; give in the mapping (--rig): {keys}. "
+            "--propose prints a mapping to complete"
         )
     assert rig.body  # `Rig.needed` asks
     assert rig.probe

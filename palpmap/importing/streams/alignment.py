@@ -11,7 +11,7 @@ from models import InputError
 from palpmap.importing.mapping.columns import matrices, numbers, rotated
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
 from palpmap.importing.readers.recording import Recording
-from palpmap.importing.streams.clocks import rough_offsets
+from palpmap.importing.streams.clocks import rough_offsets, share_clock
 from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
 from palpmap.importing.streams.path import smooth_path
@@ -78,7 +78,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     assert rig.pose  # `Rig.needed` asks
     force = read_force(recording, rig, said)
     pose = read_pose(recording, rig, rig.pose, said)
-    force, jumps = without_jumps(force)
+    force, jumps = without_jumps(force, pose if share_clock(force, pose) else None)
     said += [
         f"At {time:.2f} s the force jumps by {size:.3g} N from one message to the next and stays: "
         "the sensor was set to zero anew; the force was run on."
@@ -141,7 +141,8 @@ def force_with_depth(recording: Recording, rig: Rig) -> float:
     """
     assert rig.pose  # the caller's mapping has one
     force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
-    return _roughly_aligned(without_jumps(force)[0], pose, rig)[2].correlation
+    force, _ = without_jumps(force, pose if share_clock(force, pose) else None)
+    return _roughly_aligned(force, pose, rig)[2].correlation
 
 
 def _roughly_aligned(force: Stream, pose: Stream, rig: Rig) -> tuple[Stream, Stream, Way, float]:

@@ -15,6 +15,7 @@ from palpmap.importing.streams.stream import Stream
 GRID_S = 0.01
 SMOOTHED_S = 0.02
 NEAR_STEP_S = 0.02
+SAME_TIMES = 0.9  # of the messages
 SHARED_S = 0.5  # two sensors of one clock are never further apart
 NEARLY = 0.9  # of the best correlation: so good, an offset of one clock is preferred
 POSSIBLE, MOST_POSSIBLE = 0.7, 8  # of the best correlation: offsets that are looked at closer
@@ -40,6 +41,8 @@ def rough_offsets(force: Stream, pose: Stream, known_s: float | None) -> list[Ro
     Parameters
     ----------
     known_s : offset that the user states; only the direction is then found
+
+    Messages at the same times have one clock: the offset is small then.
     """
     start_f, start_p = force.time_s[0], pose.time_s[0]
     rate, velocity = _rate(force, slice(None), cut=True), _rate(pose, slice(0, 3), cut=False)
@@ -58,7 +61,8 @@ def rough_offsets(force: Stream, pose: Stream, known_s: float | None) -> list[Ro
         best = int(np.abs(offsets - known_s).argmin())
         return [RoughOffset(known_s, _line(correlation[best]))]
     near = np.abs(offsets) <= SHARED_S
-    if near.any() and strength[near].max() >= NEARLY * strength.max():
+    one_clock = share_clock(force, pose)
+    if near.any() and (one_clock or strength[near].max() >= NEARLY * strength.max()):
         strength = np.where(near, strength, 0.0)
     least, found = POSSIBLE * strength.max(), []
     while strength.max() > least and len(found) < MOST_POSSIBLE:
@@ -66,6 +70,12 @@ def rough_offsets(force: Stream, pose: Stream, known_s: float | None) -> list[Ro
         found.append(RoughOffset(float(offsets[best]), _line(correlation[best])))
         strength[np.abs(offsets - offsets[best]) <= 2 * SHARED_S] = 0.0
     return found
+
+
+def share_clock(force: Stream, pose: Stream) -> bool:
+    """Return True for streams whose messages come at the same times, as columns of one table do."""
+    few, many = sorted((force.time_s, pose.time_s), key=len)  # frozen messages may be left out
+    return bool(np.isin(few, many).mean() > SAME_TIMES)
 
 
 def _line(correlation: np.ndarray) -> np.ndarray:

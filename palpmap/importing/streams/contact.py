@@ -13,8 +13,8 @@ from palpmap.importing.streams.clocks import SMOOTHED_S, smooth
 NOISE_LEVELS = 5.0
 LEAST_CONTACT = 0.03  # of the press's largest force
 SHALLOW = 0.2  # share of a side's free samples, the shallowest, by which contact is first told
-TARE_S = 0.4  # of free samples next to the contact
-FEWEST_FREE = 8
+TARE_S, TARE_STEPS = 0.4, 12  # of free samples next to the contact: whichever lasts longer
+FEWEST_FREE = 6
 AGAIN = 0.2  # of the largest force: felt outside the contact, the tip touched twice
 TOUCH_SHARE = 0.6  # of the travel: the part of the way in from which the touch is found
 
@@ -97,17 +97,27 @@ def _free_level(even: np.ndarray, depth: np.ndarray, side: slice) -> float | Non
 
 def _tared(time: np.ndarray, force: np.ndarray, touch: int, release: int, margin: int) -> Contact:
     """Tare on the free samples next to the contact, a margin away from it."""
-    first, last = touch - margin, release + 1 + margin
-    early = (time >= time[touch] - TARE_S) & (np.arange(len(time)) < first)
-    late = (time <= time[release] + TARE_S) & (np.arange(len(time)) > last)
-    if np.sum(early) < FEWEST_FREE:
-        raise SpoiltPress("there are too few samples of the approach to tare the force")
+    first, last, width = touch - margin, release + 1 + margin, tare_s(time)
+    early = (time >= time[touch] - width) & (np.arange(len(time)) < first)
+    late = (time <= time[release] + width) & (np.arange(len(time)) > last)
+    for free, way, use in (
+        (early, "approach", "tare the force"),
+        (late, "retreat", "see the sensor's drift"),
+    ):
+        if np.sum(free) < FEWEST_FREE:
+            raise SpoiltPress(
+                f"fewer than {FEWEST_FREE} samples of the {way} are free of contact, too few to "
+                f"{use}: press from higher above the body, move slower or log faster"
+            )
     start = float(force[early].mean())
-    if np.sum(late) < FEWEST_FREE:
-        raise SpoiltPress("there are too few samples of the retreat to see the sensor's drift")
     end = float(force[late].mean())
     share = np.clip((time - time[early].mean()) / (time[late].mean() - time[early].mean()), 0, 1)
     return Contact(touch, release, start + (end - start) * share, end - start)
+
+
+def tare_s(time: np.ndarray) -> float:
+    """Duration of the free samples next to a contact that count, s, for samples at times (m,) s."""
+    return max(TARE_S, TARE_STEPS * float(np.median(np.diff(time))))
 
 
 def tared_at(

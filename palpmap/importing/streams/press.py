@@ -9,12 +9,12 @@ import numpy as np
 from palpmap.importing.mapping.rig import Rows
 from palpmap.importing.streams.clocks import smooth
 from palpmap.importing.streams.contact import (
-    TARE_S,
     TOUCH_SHARE,
     Contact,
     SpoiltPress,
     find_contact,
     find_touch,
+    tare_s,
     tared_at,
 )
 from palpmap.importing.streams.stream import Stream, noise_of
@@ -215,7 +215,7 @@ def _way_in(time: np.ndarray, depth: np.ndarray, contact: Contact) -> tuple[floa
     start = depth[contact.touch]
     travel = float(depth[contact.touch : contact.release + 1].max() - start)
     top = int(np.flatnonzero(depth >= start + TOUCH_SHARE * travel)[0])
-    return travel, slice(int(np.searchsorted(time, time[contact.touch] - TARE_S)), top + 1)
+    return travel, slice(int(np.searchsorted(time, time[contact.touch] - tare_s(time))), top + 1)
 
 
 def _hold(time: np.ndarray, travel: np.ndarray) -> slice:

@@ -16,12 +16,14 @@ FEWEST_MESSAGES = 100
 MOST_EMPTY = 0.2  # of the rows
 GAP_STEPS = 5.0  # of the usual time step: a longer one is a gap
 FROZEN_ROWS = 5
+JUMP_STEPS = 2.5  # steps behind it: with a longer one, a pose that was frozen goes on
 SELDOM = 0.05  # share of equal neighbours below which a run of them is a frozen sensor
 JUMP_NOISE = 8.0  # standard deviations of a sample: a re-tare, in one step
 WINDOW = 12  # samples on either side of a jump
 LONGEST_WINDOW = 400  # samples by which the size of a jump is known
 AGREE = 2.5  # standard deviations: so close a wider fit must stay to all narrower ones
 BESIDE, ALONE = 4, 2.5  # a jump is so much larger than the steps of so many samples on either side
+STAIR = 8.0  # times the usual way from message to message around it: the tip goes a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ def read_pose(recording: Recording, rig: Rig, pose: Pose, said: list[str]) -> St
                 f"{length[bad[0]]:.3g}, expected 1; check the columns and their order"
             )
         values = np.hstack([values, continuous(quaternion)])
-    stream = ordered(time, values, f"pose ({table.name})", said)
+    stream = ordered(time, values, f"pose ({table.name})", said, may_rest=True)
     values = stream.values
     position = values[:, :3]
     if any(pose.tip_offset_m):
@@ -114,8 +116,13 @@ def _time(recording: Recording, table: Table, clock: Clock | None, key: str) -> 
     return time
 
 
-def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) -> Stream:
-    """Sort messages by time, leave out repeated and frozen ones, and find the gaps."""
+def ordered(
+    time: np.ndarray, values: np.ndarray, name: str, said: list[str], may_rest: bool = False
+) -> Stream:
+    """Sort messages by time, leave out repeated and frozen ones, and find the gaps.
+
+    `may_rest` : of a pose, which repeats a value where the tip stands still
+    """
     whole = np.all(np.isfinite(values), axis=1)
     if empty := int(np.sum(~whole)):
         if empty > MOST_EMPTY * len(whole):
@@ -140,7 +147,7 @@ def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) ->
     if repeated := int(np.sum(~first)):
         said.append(f"{name}: {repeated} repeated messages were left out.")
         time, values = time[first], values[first]
-    frozen = _frozen(values)
+    frozen = _frozen(values, may_rest)
     if count := int(np.sum(frozen)):
         said.append(f"{name}: {count} messages repeat a frozen value and were left out.")
         time, values = time[~frozen], values[~frozen]
@@ -158,18 +165,25 @@ def ordered(time: np.ndarray, values: np.ndarray, name: str, said: list[str]) ->
     return Stream(time, values, np.column_stack([time[long], time[long + 1]]))
 
 
-def _frozen(values: np.ndarray) -> np.ndarray:
+def _frozen(values: np.ndarray, may_rest: bool) -> np.ndarray:
     """Messages that repeat the one before in a run of at least `FROZEN_ROWS`, (m,) bool.
 
-    Where neighbours are often equal, the readings are coarse and nothing is left out.
+    Where neighbours are often equal, the readings are coarse and nothing is left out. A tip that
+    stood still begins to move at the end of the run, or goes one step and stands still again; a
+    frozen pose jumps over what it missed, and moves on.
     """
+    moved = np.linalg.norm(np.diff(values, axis=0), axis=1)
     same = np.append(False, np.all(values[1:] == values[:-1], axis=1))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
-    frozen = np.zeros(len(values), dtype=bool)
+    frozen, resting = np.zeros((2, len(values)), dtype=bool)
     for start, end in edges.reshape(-1, 2):
-        if end - start >= FROZEN_ROWS:
-            frozen[start:end] = True
-    others = np.mean(same[~frozen]) if not frozen.all() else 1.0
+        if end - start < FROZEN_ROWS:
+            continue
+        jump, after = moved[end - 1 : end].max(initial=0.0), moved[end : end + 3].max(initial=0.0)
+        of_rest = may_rest and (jump <= JUMP_STEPS * after or not after)
+        (resting if of_rest else frozen)[start:end] = True
+    rest = ~(frozen | resting)
+    others = np.mean(same[rest]) if rest.any() else 1.0
     return frozen if others < SELDOM else np.zeros_like(frozen)
 
 
@@ -183,8 +197,14 @@ def noise_of_moving(values: np.ndarray) -> np.ndarray:
     return noise_of(np.diff(values, axis=0)) / np.sqrt(3)
 
 
-def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
+def without_jumps(
+    force: Stream, pose: Stream | None = None
+) -> tuple[Stream, list[tuple[float, float]]]:
     """Take out re-tares: jumps from one message to the next that stay.
+
+    Parameters
+    ----------
+    pose : by the same clock, if given: where the tip goes a step and rests, so does the force
 
     Returns
     -------
@@ -199,6 +219,8 @@ def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
     step = np.diff(values, axis=0)
     doubtful = np.flatnonzero(np.max(np.abs(step) / noise, axis=1) > JUMP_NOISE)
     usual = np.diff(force.time_s) < GAP_STEPS * force.step_s
+    if pose is not None:
+        doubtful = doubtful[~_steps(pose.at(force.time_s)[:, :3])[doubtful]]
     jumps, offset = [], np.zeros_like(values)
     for i in doubtful[(doubtful >= WINDOW) & (doubtful < m - WINDOW - 1) & usual[doubtful]]:
         before, after = (
@@ -214,6 +236,18 @@ def without_jumps(force: Stream) -> tuple[Stream, list[tuple[float, float]]]:
             jumps.append((float(force.time_s[i + 1]), float(np.linalg.norm(stays))))
             offset[i + 1 :] += _size(values, i, noise)
     return Stream(force.time_s, values - offset, force.gaps), jumps
+
+
+def _steps(position_m: np.ndarray) -> np.ndarray:
+    """Whether the tip goes a step from each message (m, 3) to the next, and rests around, (m - 1,).
+
+    Steps of single messages, ones beside it included, between much slower ones.
+    """
+    way = np.linalg.norm(np.diff(position_m, axis=0), axis=1)
+    padded = np.pad(way, BESIDE, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1)
+    step = way > STAIR * np.median(around, axis=1)
+    return step | np.append(step[1:], False) | np.append(False, step[:-1])
 
 
 def _size(values: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:

@@ -76,6 +76,59 @@ def test_presses_in_an_exact_rhythm_leave_the_offset_of_two_clocks_to_be_stated(
         cut_stream(rhythmic(0.0), parse_rig(RIG, Path("rig.toml")))
 
 
+STAGE = """
+kind = "stream"
+time = {column = "t_s", unit = "s"}
+press = {direction = "travel"}
+force = {column = "force_n", unit = "N"}
+pose = {columns = ["x_mm", "y_mm", "z_mm"], unit = "mm"}
+probe = {tip = "flat", radius_m = 0.005}
+body = {shape = "block", size_m = [0.1, 0.1, 0.048], poisson_ratio = 0.49}
+"""
+
+
+def of_a_stage(hz: float, stairs_mm: float = 0.0) -> Recording:
+    """Sixteen presses of a stage that reports where it is to the last digit, with rests.
+
+    `stairs_mm` : height of the steps in which it goes, if it does
+    """
+    rng, rows, begin = np.random.default_rng(1), [], 0.0
+    for x, y in np.ndindex(4, 4):
+        along = [[0, -3], [5, 2], [6, 2], [11, -3], [12, -3]]
+        time = np.arange(0.0, 13.0, 1 / hz)
+        depth = np.interp(time, *np.transpose(along))
+        if stairs_mm:
+            depth = stairs_mm * np.round(depth / stairs_mm)
+        force = np.maximum(depth, 0.0) / 8 + rng.normal(0.0, 0.003, len(time))
+        place = 20.0 * np.array([x + 1, y + 1])[:, None] + 0 * time
+        rows.append(np.vstack([begin + time, place, 48 - depth, force]))
+        begin += 13.0
+    names = ("t_s", "x_mm", "y_mm", "z_mm", "force_n")
+    return Recording.of([Table("log", dict(zip(names, np.hstack(rows), strict=True)), {}, str)])
+
+
+@pytest.mark.parametrize(("hz", "stairs_mm"), [(5, 0.0), (10, 0.0), (100, 0.0), (50, 0.2)])
+def test_a_log_of_a_stage_that_stands_still_is_cut(hz, stairs_mm):
+    cut = cut_stream(of_a_stage(hz, stairs_mm), parse_rig(STAGE, Path("rig.toml")))
+    assert len(cut.presses) == 16
+    for press in cut.presses:
+        assert "hold" in press.phase
+        assert abs(press.point_m[2] - 0.048) < 3 * press.touch_error_m
+        off = press.force_n - 125 * press.displacement_m
+        assert abs(off.mean()) < 3 * (0.003 / 6**0.5 + 125 * press.touch_error_m)
+
+
+def test_a_pose_that_froze_in_motion_is_a_gap_and_its_press_left_out():
+    recording = of_a_stage(100)
+    pose = recording.tables[0].columns
+    frozen = slice(360, 400)  # 0.4 s of the first press's way in
+    for name in ("x_mm", "y_mm", "z_mm"):
+        pose[name][frozen] = pose[name][360]
+    cut = cut_stream(recording, parse_rig(STAGE, Path("rig.toml")))
+    assert len(cut.presses) == 15
+    assert "of the pose are missing" in cut.left_out[0][1]
+
+
 def test_the_size_of_a_re_tare_is_known_to_a_fraction_of_the_noise():
     rng = np.random.default_rng(8)
     time, off = 0.002 * np.arange(1200), []

@@ -14,7 +14,7 @@ from palpmap.importing.readers.units import DIMENSIONS, FORCE, LENGTH, TIME, nam
 
 NAMES = {
     "time": r"^(t|time|zeit|timestamp|stamp|clock|when|sec|seconds|date.*)$",
-    "force": r"force|kraft|wrench|load.?cell|^f_?[xyzn]?$|^f[xyz]\b|^ft[_ ]",
+    "force": r"force|kraft|wrench|load.?cell|^f_?[xyzn]?$|^f[xyz]\b|^ft[_ ]|f_ext",
     "travel": r"travel|displac|depth|indent|weg|eindring|stroke|^d$|height",
     "point": r"contact|point|place|touch|tip|tcp|^p?_?[xyz]$|^pos|position|^[xyz]\b",
     "pose": r"pose|position|tcp|tip|translation|^p?_?[xyz]$|^pos|^[xyz]\b",
@@ -86,26 +86,6 @@ def _axes(channel: Channel) -> list[re.Match]:
         found = [m for m in re.finditer(r"(?P<q>(?!))?(?P<axis>[xyz])(?P<number>(?!))?"
                                         r"(?=(_|\s|\[|\(|/|$))", name, re.I)]  # fmt: skip
     return found[-1:]
-
-
-def find_force(recording: Recording) -> tuple[Channel, ...]:
-    """Three columns of the force, or one."""
-    triples = [t for t in find_triples(recording) if is_force(t[0]) and "torque" not in t[0].name]
-    if triples:
-        return max(triples, key=lambda t: sum(float(np.nanstd(c.values)) for c in t))
-    single = [
-        c
-        for c in recording.channels
-        if c.is_number and (c.unit in FORCE or (not c.unit and matches(c, "force")))
-    ]
-    single = [c for c in single if np.nanstd(c.values) > 0] or single
-    if not single:
-        raise InputError(
-            "no column of the recording looks like a force (by unit or name); it has "
-            f"{', '.join(recording.names[:12])}; write the mapping by hand, with force.column"
-        )
-    named = [c for c in single if matches(c, "force")]
-    return ((named or single)[0],)
 
 
 def is_force(channel: Channel) -> bool:

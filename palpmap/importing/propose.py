@@ -14,8 +14,6 @@ from models import PHASES, InputError
 from palpmap.importing.look import (
     counts_presses,
     find_clock,
-    find_force,
-    find_quaternion,
     find_travel,
     find_triples,
     first_fitting,
@@ -29,9 +27,12 @@ from palpmap.importing.look import (
 from palpmap.importing.mapping.rig import Rig, parse_rig
 from palpmap.importing.readers.recording import PART, Channel, Recording, Table
 from palpmap.importing.readers.units import LENGTH
+from palpmap.importing.robot_columns import find_force, find_place
 from palpmap.importing.streams.alignment import force_with_depth
 
 ALIKE = 0.02  # of the correlation: two frames cannot be separated
+_IN_BASE = r"^O_F_|TCP_force|base|world"
+"""Forces in the base's axes by their names: of Franka's and of Universal Robots' own loggers."""
 PHASE_WORDS = {
     "approach": ("approach", "anfahr", "annäh"),
     "load": ("load", "press", "belast", "loading", "in", "down"),
@@ -200,32 +201,28 @@ def _phase_names(phase: Channel) -> dict[str, str]:
 def _stream(recording: Recording, force: tuple[Channel, ...]) -> list[Line]:
     unit, why = unit_of(force, "force")
     table = force[0].table
-    triples = [
-        t
-        for t in find_triples(recording)
-        if t[0] not in force and not is_force(t[0]) and matches(t[0], "pose")
-        and t[0].unit in ("", *LENGTH) and "torque" not in t[0].name
-    ]  # fmt: skip
+    place = find_place(recording, force)
     head = [Line("\n[press]"), Line('direction = "travel"', "the way the tip goes")]
     head += [Line("\n[force]"), _force_columns(force), Line(f'unit = "{unit}"', why)]
-    if not triples:
+    if place is None:
         return [
             *head,
             Line("\n# [pose]"),
             Line("# columns =", "the tip's position [x, y, z]; joint angles do not give it"),
             Line("# unit =", "its unit"),
         ]
-    pose = max(triples, key=lambda t: len(t[0].values) * (sum(np.ptp(c.values) for c in t) > 0))
+    pose = place.position
     unit, why = unit_of(pose, "length")
     tail = [
         Line("\n[pose]"),
         Line(f"columns = {_quoted(pose)}", "by their names"),
         Line(f'unit = "{unit}"', why),
     ]
-    quaternion = find_quaternion(recording, pose[0].table)
-    if quaternion:
-        tail += [Line(f"orientation = {_quoted(quaternion)}", "four columns of unit length"),
-                 Line('order = "xyzw"')]  # fmt: skip
+    if place.orientation:
+        tail += [Line(f"orientation = {_quoted(place.orientation)}", place.reason),
+                 Line(f'order = "{place.order}"')]  # fmt: skip
+    if place.angle_unit:
+        tail.append(Line(f'angle_unit = "{place.angle_unit}"'))
     other = pose[0].table
     clock = find_clock(other)
     if other is not table and clock is not None:
@@ -267,18 +264,21 @@ def _tried(recording: Recording, force: tuple[Channel, ...], lines: list[Line]) 
         return [Line("# sign =", "1 or -1; it could not be tried, as force and pose do not align")]
     correlation, sign, frame = max(found)
     why = f"force and depth then rise together (correlation {correlation:.2f})"
-    made = [Line(f"sign = {sign}", why)]
-    if len(frames) == 2:
-        others = max((c for c, _, f in found if f != frame), default=0.0)
-        if correlation - others < ALIKE:
-            frame, why = _frame_by_name(force[0].table), "both frames fit alike: check it"
-        else:
-            why = f"{why}; in the other frame {others:.2f}"
-        made.append(Line(f'frame = "{frame}"', why))
-    return made
+    if len(frames) == 1:
+        return [Line(f"sign = {sign}", why)]
+    others = max(((c, s, f) for c, s, f in found if f != frame), default=(0.0, sign, frame))
+    if correlation - others[0] < ALIKE:
+        named = _frame_by_name(force[0])
+        _, sign, frame = others if others[2] == named else (correlation, sign, frame)
+        said = "both frames fit alike: check it"
+    else:
+        said = f"{why}; in the other frame {others[0]:.2f}"
+    return [Line(f"sign = {sign}", why), Line(f'frame = "{frame}"', said)]
 
 
-def _frame_by_name(table: Table) -> str:
-    names = table.columns.get("frame_id")
-    name = str(names[0]).lower() if names is not None else "sensor"
-    return "base" if re.search("base|world|map", name) else "tip"
+def _frame_by_name(force: Channel) -> str:
+    """Frame of three columns of the force, by their table's `frame_id` or their own name."""
+    names = force.table.columns.get("frame_id")
+    if names is not None:
+        return "base" if re.search("base|world|map", str(names[0]).lower()) else "tip"
+    return "base" if re.search(_IN_BASE, force.name, re.I) else "tip"

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from models import InputError
+from palpmap.importing.mapping.orientation import ORDERS, fits_order
 from palpmap.importing.readers.units import factor
 from palpmap.study.body import Body, Point, Positive, Real, Table
 from palpmap.study.faults import fault_sentence
@@ -31,7 +32,18 @@ def _list_of(count: int, what: str) -> BeforeValidator:
 
 Name = Annotated[str, Field(min_length=1)]
 ThreeNames = Annotated[tuple[Name, Name, Name], _list_of(3, "columns [x, y, z]")]
-FourNames = Annotated[tuple[Name, Name, Name, Name], _list_of(4, "columns, in the stated order")]
+
+
+def _orientation(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) in ORDERS:
+        return tuple(value)
+    raise ValueError(
+        "a list of 3 columns (rotation vector, or angles of turns), of 4 (quaternion) or of 9 "
+        "(matrix)"
+    )
+
+
+Orientation = Annotated[tuple[Name, ...], BeforeValidator(_orientation)]
 Quaternion = Annotated[tuple[Real, Real, Real, Real], _list_of(4, "numbers [w, x, y, z]")]
 Sign = Literal[1, -1]
 AXES = ("tip +x", "tip -x", "tip +y", "tip -y", "tip +z", "tip -z")
@@ -130,7 +142,9 @@ class Pose(Table):
     Attributes
     ----------
     columns, unit : position
-    orientation : four columns of a quaternion, in `order`
+    orientation : columns of a rotation vector or of angles (3), a quaternion (4) or a matrix (9)
+    order : of these, see `palpmap.importing.mapping.orientation.ORDERS`
+    angle_unit : of three columns
     tip_offset_m : from the measured point to the tip's end, in the axes of the tip
     clock : time of these readings, where it is another than `[time]`
     clock_offset_s : add it to this clock to get the force's; found where it is missing
@@ -138,8 +152,9 @@ class Pose(Table):
 
     columns: ThreeNames = Field(description="three columns [x, y, z]")
     unit: Name = Field(description="the position's unit, in quotes")
-    orientation: FourNames | None = None
-    order: Literal["xyzw", "wxyz"] = "xyzw"
+    orientation: Orientation | None = None
+    order: str = ""
+    angle_unit: Name = "rad"
     tip_offset_m: Point = (0.0, 0.0, 0.0)
     clock: Clock | None = None
     clock_offset_s: Real | None = None
@@ -147,7 +162,14 @@ class Pose(Table):
     @model_validator(mode="after")
     def _offset_needs_axes(self) -> Self:
         if any(self.tip_offset_m) and self.orientation is None:
-            raise ValueError("orientation = [four columns], as tip_offset_m is in the tip's axes")
+            raise ValueError("orientation = [its columns], as tip_offset_m is in the tip's axes")
+        return self
+
+    @model_validator(mode="after")
+    def _order_goes_with_columns(self) -> Self:
+        count = len(self.orientation or ())
+        if count and self.order and not fits_order(count, self.order):
+            raise ValueError(f"order = {ORDERS[count]}, as orientation has {count} columns")
         return self
 
 
@@ -272,6 +294,8 @@ def parse_rig(text: str, path: Path) -> Rig:
 
 
 def _check_units(rig: Rig) -> None:
+    if rig.pose is not None:
+        factor(rig.pose.angle_unit, "angle", "pose.angle_unit")
     for name, dimension in (
         ("time", "time"), ("force", "force"), ("travel", "length"), ("point", "length"),
         ("radius", "length"), ("pose", "length"),

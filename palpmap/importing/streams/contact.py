@@ -79,8 +79,9 @@ def find_contact(
         raise SpoiltPress("the recording ends in contact")
     release = most + int(off[0]) - 1
     as_deep = depth > depth[touch] - 0.05 * np.ptp(depth)
+    felt = max(AGAIN * peak, 2 * threshold)  # noise crosses the threshold itself
     again = np.concatenate(
-        [even[:touch] > before + AGAIN * peak, even[release + 1 :] > after + AGAIN * peak]
+        [even[:touch] > before + felt, even[release + 1 :] > after + felt]
     ) & np.concatenate([as_deep[:touch], as_deep[release + 1 :]])
     if np.sum(again) > 0.03 / np.median(np.diff(time)):
         raise SpoiltPress("the tip touched more than once")

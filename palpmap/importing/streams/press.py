@@ -153,7 +153,7 @@ def cut_press(
     if touch_error > UNSURE * travel:
         raise SpoiltPress(
             f"the depth of first touch is known to {1e3 * touch_error:.2g} mm only, of a travel of "
-            f"{1e3 * travel:.2g} mm"
+            f"{1e3 * travel:.2g} mm; deeper or slower presses show it better"
         )
     felt_until = contact.release
     contact = tared_at(contact, time, window.force_n, even_depth, touch)

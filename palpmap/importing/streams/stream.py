@@ -9,8 +9,10 @@ import numpy as np
 
 from models import InputError
 from palpmap.importing.mapping.columns import continuous, matrices, numbers, rotated, seconds
+from palpmap.importing.mapping.orientation import USUAL, quaternions
 from palpmap.importing.mapping.rig import Clock, Pose, Rig
 from palpmap.importing.readers.recording import Recording, Table
+from palpmap.importing.readers.units import factor
 
 FEWEST_MESSAGES = 100
 MOST_EMPTY = 0.2  # of the rows
@@ -77,14 +79,19 @@ def read_pose(recording: Recording, rig: Rig, pose: Pose, said: list[str]) -> St
                 f"key pose.orientation: stands in {home.name} and the position in {table.name}, "
                 "expected columns of one table"
             )
-        if pose.order == "xyzw":
-            quaternion = np.roll(quaternion, 1, axis=1)
-        length = np.linalg.norm(quaternion, axis=1)
-        bad = np.flatnonzero(np.abs(length - 1) > 0.02)
+        count = len(pose.orientation)
+        scale = factor(pose.angle_unit, "angle", "pose.angle_unit") if count == 3 else 1.0
+        quaternion, none = quaternions(scale * quaternion, pose.order or USUAL[count])
+        bad = np.flatnonzero(none)
         if len(bad):
             raise InputError(
-                f"{table.where(int(bad[0]))}, key pose.orientation: found a quaternion of length "
-                f"{length[bad[0]]:.3g}, expected 1; check the columns and their order"
+                f"{table.where(int(bad[0]))}, key pose.orientation: found "
+                + (
+                    f"a quaternion of length {np.linalg.norm(quaternion[bad[0]]):.3g}, expected 1"
+                    if count == 4
+                    else "a matrix that is no rotation"
+                )
+                + "; check the columns and their order"
             )
         values = np.hstack([values, continuous(quaternion)])
     stream = ordered(time, values, f"pose ({table.name})", said, may_rest=True)

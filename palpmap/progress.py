@@ -22,6 +22,7 @@ from rich.text import Text
 from palpmap.lasting_console import LastingConsole
 
 FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
+MOST_OF_STAGE = 0.95  # of its usual steps: then the next one is awaited
 LINE_S = 5.0  # between two lines of a stage, at least ...
 LINE_SHARE = 0.05  # ... and this share of the time so far
 
@@ -99,20 +100,25 @@ class Course:
         """Return the share done when a step begins, 0 to 1; it never falls."""
         following = range(self._now, len(self._stages))
         stage = next((k for k in following if text.startswith(self._stages[k].words)), self._now)
-        self._step = self._step + 1 if stage == self._now else 0
-        self._now = stage
+        if stage == self._now:
+            return self.again()
+        self._step, self._now = 0, stage
         self._seconds[stage] = self._stages[stage].seconds
         return self.share()
 
     def again(self) -> float:
         """Return the share done after one more step of the present stage."""
         self._step += 1
+        now, usual = self._stages[self._now], MOST_OF_STAGE * self._stages[self._now].steps
+        # Beyond its usual steps a stage lasts longer, and with it the whole
+        longer = max(self._step - usual, 0) / now.steps
+        self._seconds[self._now] = now.seconds * (1 + longer)
         return self.share()
 
     def share(self) -> float:
         """Return the share done, 0 to 1."""
         seconds, now = self._seconds, self._stages[self._now]
-        within = now.seconds * min(max(self._step, 0) / now.steps, 0.95)
+        within = now.seconds * max(self._step, 0) / now.steps
         return (sum(seconds[: self._now]) + within) / sum(seconds)
 
     @property

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -116,3 +117,20 @@ def test_a_run_outlives_a_reader_who_leaves(tmp_path):
     (entry,) = json.loads((tmp_path / "run" / "run.json").read_text())["runs"]
     assert entry["outcome"] == "done"
     assert (tmp_path / "run" / "report.html").exists()
+
+
+def test_a_stage_that_lasts_longer_than_usual_goes_on_and_the_share_never_falls():
+    course = Course(EXPLAIN)
+    words = [
+        "meshing",
+        "fitting",
+        "analysing",
+        "trying",
+        "scoring",
+        *["trying x", "testing y"] * 60,
+    ]
+    shares = [course.at(text) for text in [*words, "computing", "looking"]]
+    assert all(before <= after for before, after in pairwise(shares))
+    over = shares[-40:-2]
+    assert all(before < after for before, after in pairwise(over))
+    assert shares[-1] < 1

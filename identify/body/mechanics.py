@@ -82,6 +82,14 @@ class BodyMechanics(OtherModels):
         own = {"_solutions": other._solutions, "_bases": other._bases}
         return replace(self, narrower=other.narrower or self.narrower, **own)
 
+    def forget(self) -> None:
+        """Free everything that is kept of other maps and other models, hundreds of MB."""
+        self.forget_others()
+        for kept in (self._solutions, self._bases, self._ratios, self._corrections._fine):
+            kept.clear()
+        if self.narrower is not None:
+            self.narrower.forget()
+
     @property
     def contacts(self) -> Contacts:
         """The presses' contacts (j,)."""

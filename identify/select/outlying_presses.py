@@ -9,7 +9,7 @@ If any does not, the selection runs once more without these presses, and an effe
 them is not offered by name.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -52,15 +52,8 @@ class WithoutSuspects:
         """Return the result of a selection without the presses."""
         final = again.final
         found = frozenset(a.name for a in again.accepted if a.decided)
-        return cls(
-            presses,
-            again.verdict,
-            again.added,
-            again.ambiguous,
-            found,
-            final.fit,
-            final.comparison,
-        )
+        said = again.verdict, again.added, again.ambiguous
+        return cls(presses, *said, found, final.fit, final.comparison)
 
 
 def explain(
@@ -85,10 +78,10 @@ def explain(
         without = without_suspects(start, seed, explained, settings)
         return weighed(explained, without), without, start
     others = _Others(start, seed, settings)
-    rest = _apart(others, start.joint)
+    rest = _apart(others, start.joint, (True,))
     explained = selected(start, seed, on_step, settings, rest and rest.answer)
     if not explained.final.comparison.is_noise:
-        rest = rest or _apart(others, explained.final.fit)
+        rest = rest or _apart(others, explained.final.fit, (True, False))
         if rest is not None:
             if on_step:
                 on_step(rest.answer.final)
@@ -130,11 +123,8 @@ class _Others:
         self, presses: tuple[int, ...], rest: StartFit, one_effect: bool = False
     ) -> Explanation:
         """Return the selection of the `rest`, the scan without presses; see `selected`."""
-        key = presses, one_effect
-        if key not in self.answers:
-            self.answers[key] = selected(
-                rest, self.seed, None, self.settings, one_effect=one_effect
-            )
+        if (key := (presses, one_effect)) not in self.answers:
+            self.answers[key] = selected(rest, self.seed, None, self.settings, None, one_effect)
         return self.answers[key]
 
     def is_noise(self, fit: FitResult, start: StartFit) -> bool:
@@ -148,16 +138,17 @@ class _Others:
         return model, model.linearise(fit.u)
 
 
-def _apart(others: _Others, fit: FitResult) -> _Rest | None:
+def _apart(others: _Others, fit: FitResult, one_effect: Sequence[bool]) -> _Rest | None:
     """Return the scan without the presses that stand apart from a map and effects of the others.
 
     None where no press stands apart, or the others have structure that no effect takes. Several
-    effects, one after the other, would otherwise be fitted to a few presses that slipped. First one
-    effect of the others is sought, then all.
+    effects, one after the other, would otherwise be fitted to a few presses that slipped. One
+    effect of the others is sought, or all: these take long where the map has another form.
 
     Parameters
     ----------
     fit : of all presses, beside whose effects they are sought first
+    one_effect : one after the other
     """
     start = others.start
     if start.fit.field is not None or start.model.press_error:
@@ -167,9 +158,9 @@ def _apart(others: _Others, fit: FitResult) -> _Rest | None:
         return None
     try:
         suspected = _suspected(others, fit, bad)
-        for one_effect in (True, False):
+        for one in one_effect:
             for found in suspected:
-                rest = _settled(others, found, one_effect)
+                rest = _settled(others, found, one)
                 if rest is not None:
                     return rest
     except (InputError, InadmissibleError):
@@ -214,12 +205,15 @@ def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | No
         model, at = others.beside(answer.final.fit)
         if not answer.final.comparison.is_noise:
             again = presses_apart(model, at, trimmed)
-            if not np.array_equal(again, found):
+            press = model.readings.press
+            if hold_misfit(press, at.residual, found, again, others.settings.elsewhere):
+                rest.model.mechanics.forget()
                 found = again
                 continue
             if not one_effect:
                 answer = others.answer(presses, rest)
                 model, at = others.beside(answer.final.fit)
+        rest.model.mechanics.forget()
         if not answer.final.comparison.is_noise:
             break
         still = missed(model, at, found, trimmed)
@@ -231,6 +225,23 @@ def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | No
         if still.all():
             break
     return larger
+
+
+def hold_misfit(
+    press: np.ndarray, residual: np.ndarray, found: np.ndarray, again: np.ndarray, share: float
+) -> bool:
+    """Whether presses found again hold a share of what is unexplained beside those found before.
+
+    Else a map of the wrong form makes another press stand apart at every turn.
+
+    Parameters
+    ----------
+    press, residual : (m,) index of each reading's press, and its whitened residual
+    found, again : presses (indices)
+    """
+    excess = np.bincount(press, residual**2 - 1)
+    excess[found] = 0.0
+    return bool(excess[again].sum() > share * max(excess.sum(), 0.0))
 
 
 def _ids(start: StartFit, found: np.ndarray) -> tuple[int, ...]:

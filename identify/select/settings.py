@@ -121,8 +121,8 @@ class SelectionSettings:
         law is gone beside it
     elsewhere : of the unexplained chi-square: share outside the outlying presses below which these
         may have hidden the explanation of the others; what each press with a compliance of its own
-        must leave of it to exclude every map; and what one effect must take of it to be sought
-        beside a map that has an error of its own
+        must leave of it to exclude every map; what one effect must take of it to be sought beside
+        a map that has an error of its own; and what presses found to stand apart, too, must hold
     rough : relative error of a free map in each press's compliance beyond which it is no error of
         its form
     diagnosis, residual, cross_validation : of the analysis of each step. Of a hundred scans with

@@ -184,16 +184,21 @@ def draw_map(seed: int, scale: float = 1.0) -> "TruthMap":
     return TruthMap(background, (Inclusion(weight, (x, y, z), radius),))
 
 
-def make_trial(folder: Path, trial: Trial, per_side: int | None = None) -> int:
+def make_trial(
+    folder: Path, trial: Trial, per_side: int | None = None, truth: "TruthMap | None" = None
+) -> int:
     """Make a trial's scan, study and sealed answer in a folder; return the number of presses.
 
-    `per_side` : presses along each edge, None for 9, or 6 of a small trial
+    Parameters
+    ----------
+    per_side : presses along each edge, None for 9, or 6 of a small trial
+    truth : the body, None for that of `draw_map`
     """
     from sim.bench import planted_scan
     from sim.planted import HIDDEN
 
     radii = (SMALL_RADII_M if trial.small else RADII_M)[trial.radii]
-    truth = draw_map(trial.seed, SMALL if trial.small else 1.0)
+    truth = truth or draw_map(trial.seed, SMALL if trial.small else 1.0)
     mixed: dict[str, Any] = MIXED if trial.mixed else {}
     finer: dict[str, Any] = {"divisions": SMALL_DIVISIONS} if trial.small else {}
     per_side = per_side or (SMALL_PER_SIDE if trial.small else PRESSES_PER_SIDE)

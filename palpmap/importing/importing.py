@@ -12,6 +12,7 @@ import numpy as np
 from identify import Progress, silent
 from models import InputError, Scan, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
+from palpmap.importing.places import at_places, with_places
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
 from palpmap.importing.streams.cutting import Cut, cut_stream
@@ -183,15 +184,16 @@ def import_recording(
         )
     assert rig.body  # `Rig.needed` asks
     assert rig.probe
-    recording = read_recording(files, progress)
+    recording, placed = with_places(read_recording(files, progress), rig)
     progress("finding the presses")
     said = list(recording.notes)
     cut = None
     if rig.kind == "readings":
-        scan, found = scan_of_readings(recording, rig)
+        scan, found = scan_of_readings(recording, placed)
     else:
-        cut = cut_stream(recording, rig)
-        scan, moved = put_on_surface(cut.scan(rig.probe.radius_m), rig.body, rig.rows.surface_m)
+        cut = cut_stream(recording, placed)
+        scan = at_places(cut.scan(rig.probe.radius_m), rig)
+        scan, moved = put_on_surface(scan, rig.body, rig.rows.surface_m)
         found = [*cut.said, moved]
     return Imported(tuple(map(Path, files)), rig, scan, (*said, *found), cut)
 

@@ -15,7 +15,7 @@ from palpmap.importing.readers.units import DIMENSIONS, FORCE, LENGTH, TIME, nam
 NAMES = {
     "time": r"^(t|time|zeit|timestamp|stamp|clock|when|sec|seconds|date.*)$",
     "force": r"force|kraft|wrench|load.?cell|^f_?[xyzn]?$|^f[xyz]\b|^ft[_ ]|f_ext",
-    "travel": r"travel|displac|depth|indent|weg|eindring|stroke|^d$|height",
+    "travel": r"travel|displac|depth|indent|weg|eindring|stroke|extension|crosshead|^d$|height",
     "point": r"contact|point|place|touch|tip|tcp|^p?_?[xyz]$|^pos|position|^[xyz]\b",
     "pose": r"pose|position|tcp|tip|translation|^p?_?[xyz]$|^pos|^[xyz]\b",
     "press": r"press|kontakt|contact.?(no|id|nr)?$|^no$|^nr$|^id$|trial|touch.?(no|id)|^n$",

@@ -30,6 +30,7 @@ from palpmap.importing.readers.units import LENGTH
 from palpmap.importing.robot_columns import find_force, find_place
 from palpmap.importing.streams.alignment import force_with_depth
 
+COURSE = 40  # rows a file: fewer are readings, not a course
 ALIKE = 0.02  # of the correlation: two frames cannot be separated
 _IN_BASE = r"^O_F_|TCP_force|base|world"
 """Forces in the base's axes by their names: of Franka's and of Universal Robots' own loggers."""
@@ -62,7 +63,7 @@ def propose_rig(recording: Recording) -> str:
     table = force[0].table
     press = first_fitting(recording, "press", counts_presses)
     travel = find_travel(recording, force)
-    readings = press is not None and travel is not None
+    readings = press is not None and travel is not None and not _is_machine(recording, travel)
     lines = [
         Line("# What the columns of this rig's recordings mean. Correct it, fill in what is"),
         Line("# missing (lines that begin with '# ... ='), and keep it for all recordings."),
@@ -70,6 +71,8 @@ def propose_rig(recording: Recording) -> str:
         Line(
             f'kind = "{"readings" if readings else "stream"}"',
             f"'{press.name}' numbers the presses" if readings and press else
+            "each file is a course from free to contact: its press will be cut from it"
+            if press and travel else
             "no column numbers the presses: they will be cut from the stream",
         ),
     ]  # fmt: skip
@@ -204,6 +207,9 @@ def _stream(recording: Recording, force: tuple[Channel, ...]) -> list[Line]:
     place = find_place(recording, force)
     head = [Line("\n[press]"), Line('direction = "travel"', "the way the tip goes")]
     head += [Line("\n[force]"), _force_columns(force), Line(f'unit = "{unit}"', why)]
+    travel = find_travel(recording, force) if place is None else None
+    if travel is not None and travel.table.parts:
+        return [*head[2:], *_of_parts(travel)]
     if place is None:
         return [
             *head,
@@ -234,6 +240,29 @@ def _stream(recording: Recording, force: tuple[Channel, ...]) -> list[Line]:
             )  # fmt: skip
     tail.append(Line("# tip_offset_m =", "from the measured point to the tip's end, in its axes"))
     return [*head, *_tried(recording, force, [*head, *_time_lines(table), *tail]), *tail]
+
+
+def _is_machine(recording: Recording, travel: Channel) -> bool:
+    """Return true for files that are courses of a machine, with its travel and no position."""
+    parts = travel.table.parts
+    timed = find_clock(travel.table) is not None
+    long = len(travel.values) >= COURSE * max(len(parts), 1)
+    return bool(parts) and timed and long and find_place(recording, ()) is None
+
+
+def _of_parts(travel: Channel) -> list[Line]:
+    """Lines for files of one press each, without a position."""
+    unit, why = unit_of([travel], "length")
+    return [
+        Line("\n[travel]"),
+        Line(f'column = "{travel.name}"', "by its name; it may count from anywhere"),
+        Line(f'unit = "{unit}"', why),
+        _sign(travel.values - travel.values[0], "travel into the body counts positive"),
+        Line("\n[press]"),
+        Line("direction = [0.0, 0.0, -1.0]", "into the body, straight down: check it"),
+        Line("\n# [parts]", "the contact point of each file's press, [x, y, z] in m"),
+        *(Line(f'# "{name}" =') for name in travel.table.parts),
+    ]
 
 
 def _time_lines(table: Table) -> list[Line]:

@@ -198,6 +198,8 @@ class Rig(Table):
     Attributes
     ----------
     kind : "readings" where rows are already presses, "stream" where presses are to be cut
+    parts : where each file's press touched, [x, y, z] in m, by the file's name without its ending,
+        for recordings without position; of a stream, `travel` then counts from anywhere
     """
 
     kind: Literal["readings", "stream"] = Field(description='"readings" or "stream"')
@@ -208,6 +210,7 @@ class Rig(Table):
     travel: Column | None = None
     point: Place | None = None
     radius: Column | None = None
+    parts: dict[str, Point] = Field(default_factory=dict)
     pose: Pose | None = None
     frame: Frame = Field(default_factory=Frame)
     rows: Rows = Rows()
@@ -233,7 +236,8 @@ class Rig(Table):
             asked += [
                 (self.press.number, "press.number", "the column that numbers the presses"),
                 (self.travel, "travel.column", "the column of the tip's travel since first touch"),
-                (self.point, "point.columns", "the columns of the contact points"),
+                (self.point or self.parts or None, "point.columns",
+                 "the columns of the contact points"),
                 (None if self.press.direction == TRAVEL else 1, "press.direction",
                  "the direction of pressing, into the body, such as [0.0, 0.0, -1.0]"),
             ]  # fmt: skip
@@ -241,9 +245,11 @@ class Rig(Table):
             asked += [
                 (self.time or (self.force.clock and self.pose and self.pose.clock), "time.column",
                  "the column of the time"),
-                (self.pose, "pose.columns",
+                (self.pose or self.parts or None, "pose.columns",
                  "the columns of the tip's position; joint angles alone do not give it without "
-                 "the robot's kinematics"),
+                 "the robot's kinematics. Of files of one press each, [parts] may give the places"),
+                (self.travel or not self.parts or None, "travel.column",
+                 "the column of the tip's way, as parts give the places alone"),
             ]  # fmt: skip
         asked += [
             (self.probe, "probe.tip and probe.radius_m",
@@ -284,6 +290,7 @@ def parse_rig(text: str, path: Path) -> Rig:
     try:
         rig = Rig.model_validate(tomllib.loads(text))
         _check_units(rig)
+        _check_parts(rig)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(f"{path}: found text that is not TOML: {error}; correct it") from error
     except ValidationError as error:
@@ -291,6 +298,22 @@ def parse_rig(text: str, path: Path) -> Rig:
     except InputError as error:
         raise InputError(f"{path}, {error}") from error
     return rig
+
+
+def _check_parts(rig: Rig) -> None:
+    if not rig.parts:
+        return
+    if rig.pose is not None or rig.point is not None:
+        key = "pose" if rig.pose is not None else "point"
+        raise InputError(
+            f"key parts: found the places of presses, and positions in {key}; remove one of the two"
+        )
+    direction = rig.press.direction
+    if rig.kind == "stream" and (isinstance(direction, str) or isinstance(direction[0], str)):
+        raise InputError(
+            "key press.direction: expected three numbers, into the body, as parts have no way of "
+            "their own"
+        )
 
 
 def _check_units(rig: Rig) -> None:

@@ -26,6 +26,7 @@ class Table:
     units : unit of a column as its source states it, by the column's name
     where : names a row (0-based) for a person, with its file
     stacks_by : tables of equal columns and equal `stacks_by` are parts of one; "" never stacks
+    parts : names of the tables of which it was made, in their order
     """
 
     name: str
@@ -33,6 +34,7 @@ class Table:
     units: dict[str, str]
     where: Callable[[int], str]
     stacks_by: str = ""
+    parts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
@@ -214,4 +216,5 @@ def _stack(parts: list[Table]) -> Table:
         columns[column] = np.concatenate(arrays)
     columns[PART] = np.repeat(np.arange(len(parts), dtype=float), [len(part) for part in parts])
     units = {name: unit for part in reversed(parts) for name, unit in part.units.items()}
-    return replace(parts[0], columns=columns, units=units, where=where)
+    names = tuple(part.name for part in parts)
+    return replace(parts[0], columns=columns, units=units, where=where, parts=names)

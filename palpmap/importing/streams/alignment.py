@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models import InputError
-from palpmap.importing.mapping.columns import matrices, numbers, rotated
+from palpmap.importing.mapping.columns import matrices, numbers, rotated, seconds
 from palpmap.importing.mapping.rig import AXES, TRAVEL, Rig
-from palpmap.importing.readers.recording import Recording
+from palpmap.importing.readers.recording import PART, Recording
 from palpmap.importing.streams.clocks import rough_offsets, share_clock
 from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
@@ -76,6 +76,8 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         A stream in which no presses are seen, with the key that would help.
     """
     assert rig.pose  # `Rig.needed` asks
+    if rig.parts:
+        return _of_parts(recording, rig, said)
     force = read_force(recording, rig, said)
     pose = read_pose(recording, rig, rig.pose, said)
     force, jumps = without_jumps(force, pose if share_clock(force, pose) else None)
@@ -129,6 +131,25 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, lag_error_s,
         offset, [time for time, _ in jumps],
     )  # fmt: skip
+
+
+def _of_parts(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
+    """Presses in files of their own: each file is a span, and force and travel have one clock."""
+    assert rig.pose
+    force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
+    force, _ = without_jumps(_in_base(force, pose, rig), pose)
+    _, table = numbers(recording, rig.pose.columns, "m", "length", "pose.columns", True)
+    time = seconds(recording, table, rig.time, "time")
+    assert time is not None  # the force has been read by it
+    part = table.columns.get(PART, np.zeros(len(table)))
+    spans = [
+        (float(time[part == k].min()), float(time[part == k].max())) for k in range(len(rig.parts))
+    ]
+    said.append(f"Each of the {len(spans)} files is one press, at the place that the mapping says.")
+    stated = _stated_directions(recording, rig, pose, 0.0)
+    assert isinstance(stated, np.ndarray)  # the mapping's own rule for parts
+    noise = float(noise_of_moving(pose.values[:, :3]).max())
+    return Aligned(force, force, force, pose, noise, stated, spans, stated, None, 0.0, 0.0, [])
 
 
 def force_with_depth(recording: Recording, rig: Rig) -> float:

@@ -15,6 +15,7 @@ LEAST_CONTACT = 0.03  # of the press's largest force
 SHALLOW = 0.2  # share of a side's free samples, the shallowest, by which contact is first told
 TARE_S, TARE_STEPS = 0.4, 12  # of free samples next to the contact: whichever lasts longer
 FEWEST_FREE = 6
+RETURNED = 0.03  # of the stroke: less above the deepest point, the recording ends there
 AGAIN = 0.2  # of the largest force: felt outside the contact, the tip touched twice
 TOUCH_SHARE = 0.6  # of the travel: the part of the way in from which the touch is found
 
@@ -32,13 +33,14 @@ class Contact:
     touch, release : first and last sample in contact
     tare_n : (m,) the force without contact, a line from before to after
     jump_n : by how much the force after differs from that before, N
-    tared : whether there were free samples (before, after)
+    returns : false for a recording that ends where the tip is deepest
     """
 
     touch: int
     release: int
     tare_n: np.ndarray
     jump_n: float
+    returns: bool = True
 
 
 def find_contact(
@@ -56,11 +58,11 @@ def find_contact(
     SpoiltPress
         No free samples before it, or the tip touched more than once.
     """
-    even, top = smooth(force, time), int(smooth(depth, time).argmax())
-    before, after = (
-        free_n if free_n is not None else _free_level(even, depth, slice(0, top)),
-        _free_level(even, depth, slice(top, len(force))),
-    )
+    even, even_depth = smooth(force, time), smooth(depth, time)
+    top = int(even_depth.argmax())
+    returns = bool(even_depth[-1] < even_depth[top] - RETURNED * np.ptp(even_depth))
+    before = free_n if free_n is not None else _free_level(even, depth, slice(0, top))
+    after = _free_level(even, depth, slice(top, len(force))) if returns else before
     if before is None or after is None:
         return None
     peak = float(even.max()) - before
@@ -75,9 +77,9 @@ def find_contact(
         raise SpoiltPress("the recording begins in contact")
     touch = int(off[-1]) + 1
     off = np.flatnonzero(even[most:] < after + threshold)
-    if not len(off):
+    if returns and not len(off):
         raise SpoiltPress("the recording ends in contact")
-    release = most + int(off[0]) - 1
+    release = most + int(off[0]) - 1 if returns else len(force) - 1
     as_deep = depth > depth[touch] - 0.05 * np.ptp(depth)
     felt = max(AGAIN * peak, 2 * threshold)  # noise crosses the threshold itself
     again = np.concatenate(
@@ -85,7 +87,7 @@ def find_contact(
     ) & np.concatenate([as_deep[:touch], as_deep[release + 1 :]])
     if np.sum(again) > 0.03 / np.median(np.diff(time)):
         raise SpoiltPress("the tip touched more than once")
-    return _tared(time, force, touch, release, count)
+    return _tared(time, force, touch, release, count, returns)
 
 
 def _free_level(even: np.ndarray, depth: np.ndarray, side: slice) -> float | None:
@@ -96,21 +98,23 @@ def _free_level(even: np.ndarray, depth: np.ndarray, side: slice) -> float | Non
     return float(np.median(f[shallow]))
 
 
-def _tared(time: np.ndarray, force: np.ndarray, touch: int, release: int, margin: int) -> Contact:
+def _tared(
+    time: np.ndarray, force: np.ndarray, touch: int, release: int, margin: int, returns: bool
+) -> Contact:
     """Tare on the free samples next to the contact, a margin away from it."""
     first, last, width = touch - margin, release + 1 + margin, tare_s(time)
     early = (time >= time[touch] - width) & (np.arange(len(time)) < first)
     late = (time <= time[release] + width) & (np.arange(len(time)) > last)
-    for free, way, use in (
-        (early, "approach", "tare the force"),
-        (late, "retreat", "see the sensor's drift"),
-    ):
+    sides = [(early, "approach", "tare the force"), (late, "retreat", "see the sensor's drift")]
+    for free, way, use in sides if returns else sides[:1]:
         if np.sum(free) < FEWEST_FREE:
             raise SpoiltPress(
                 f"fewer than {FEWEST_FREE} samples of the {way} are free of contact, too few to "
                 f"{use}: press from higher above the body, move slower or log faster"
             )
     start = float(force[early].mean())
+    if not returns:
+        return Contact(touch, release, np.full(len(time), start), 0.0, returns)
     end = float(force[late].mean())
     share = np.clip((time - time[early].mean()) / (time[late].mean() - time[early].mean()), 0, 1)
     return Contact(touch, release, start + (end - start) * share, end - start)
@@ -134,7 +138,7 @@ def tared_at(
     first = np.flatnonzero(above[: contact.touch + 1]).max(initial=0)
     behind = np.flatnonzero(above[contact.release :])
     last = contact.release + int(behind[0]) if len(behind) else len(time)
-    return _tared(time, force, int(first), min(last, len(time) - 1), 0)
+    return _tared(time, force, int(first), min(last, len(time) - 1), 0, contact.returns)
 
 
 def find_touch(

@@ -165,7 +165,7 @@ def cut_press(
     first = int(above[-1]) + 1 if len(above) else contact.touch
     # A viscous body stays behind: the tip leaves it before it is back where it touched
     touched = slice(first, felt_until + 1)
-    held = _hold(time[touched], depth[touched] - touch)
+    held = _hold(time[touched], depth[touched] - touch, contact.returns)
     loading = slice(first, first + held.start)
     beside = window.position_m[loading] - np.outer(depth[loading], window.direction)
     columns = np.column_stack([time, force, depth - touch])[touched]
@@ -218,12 +218,13 @@ def _way_in(time: np.ndarray, depth: np.ndarray, contact: Contact) -> tuple[floa
     return travel, slice(int(np.searchsorted(time, time[contact.touch] - tare_s(time))), top + 1)
 
 
-def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
+def _hold(time: np.ndarray, travel: np.ndarray, returns: bool) -> slice:
     """Return the samples in which the tip holds: after it has slowed, before it goes out.
 
     Parameters
     ----------
     time, travel : (m,) of the contact, s and m
+    returns : false if it holds to the end, or goes in to the end
     """
     ramp = time[int(np.flatnonzero(smooth(travel, time) > 0.5 * travel.max())[0])] - time[0]
     even = smooth(travel, time, max(HOLD_SMOOTHED_S, HOLD_SMOOTHED * 2 * ramp))
@@ -236,6 +237,8 @@ def _hold(time: np.ndarray, travel: np.ndarray) -> slice:
     still = np.flatnonzero(speed[: going_out + 1] > -STILL * usual_out)
     first = going_in + int(slow[0]) if len(slow) else len(time)
     last = int(still[-1]) + 1 if len(still) else 0
+    if not returns:
+        return slice(min(first, len(time)), len(time))
     if last - first < 2:  # no hold: the way in ends where it is deepest
         first = last = int(even.argmax()) + 1
     else:  # a tip that starts softly has left long before it is fast

@@ -154,7 +154,7 @@ def ordered(
     if repeated := int(np.sum(~first)):
         said.append(f"{name}: {repeated} repeated messages were left out.")
         time, values = time[first], values[first]
-    frozen = _frozen(values, may_rest)
+    frozen = _frozen(time, values, may_rest)
     if count := int(np.sum(frozen)):
         said.append(f"{name}: {count} messages repeat a frozen value and were left out.")
         time, values = time[~frozen], values[~frozen]
@@ -172,13 +172,15 @@ def ordered(
     return Stream(time, values, np.column_stack([time[long], time[long + 1]]))
 
 
-def _frozen(values: np.ndarray, may_rest: bool) -> np.ndarray:
+def _frozen(time: np.ndarray, values: np.ndarray, may_rest: bool) -> np.ndarray:
     """Messages that repeat the one before in a run of at least `FROZEN_ROWS`, (m,) bool.
 
     Where neighbours are often equal, the readings are coarse and nothing is left out. A tip that
     stood still begins to move at the end of the run, or goes one step and stands still again; a
-    frozen pose jumps over what it missed, and moves on.
+    frozen pose jumps over the missed motion, and moves on. A step over a pause tells nothing.
     """
+    steps = np.diff(time)
+    paused = steps > GAP_STEPS * np.median(steps)
     moved = np.linalg.norm(np.diff(values, axis=0), axis=1)
     same = np.append(False, np.all(values[1:] == values[:-1], axis=1))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
@@ -187,7 +189,8 @@ def _frozen(values: np.ndarray, may_rest: bool) -> np.ndarray:
         if end - start < FROZEN_ROWS:
             continue
         jump, after = moved[end - 1 : end].max(initial=0.0), moved[end : end + 3].max(initial=0.0)
-        of_rest = may_rest and (jump <= JUMP_STEPS * after or not after)
+        is_step = jump <= JUMP_STEPS * after or not after or paused[end - 1 : end].any()
+        of_rest = may_rest and is_step
         (resting if of_rest else frozen)[start:end] = True
     rest = ~(frozen | resting)
     others = np.mean(same[rest]) if rest.any() else 1.0

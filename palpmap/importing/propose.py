@@ -161,7 +161,7 @@ def _readings(
         ]
     else:
         lines += [Line("\n# [point]"), Line("# columns =", "the contact points [x, y, z]"),
-                  Line("# unit =", "their unit")]  # fmt: skip
+                  Line("# unit =", "their unit"), *_places(travel.table)]  # fmt: skip
     radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")), None)
     if radius is not None:
         unit, why = unit_of([radius], "length")
@@ -260,9 +260,16 @@ def _of_parts(travel: Channel) -> list[Line]:
         _sign(travel.values - travel.values[0], "travel into the body counts positive"),
         Line("\n[press]"),
         Line("direction = [0.0, 0.0, -1.0]", "into the body, straight down: check it"),
-        Line("\n# [parts]", "the contact point of each file's press, [x, y, z] in m"),
-        *(Line(f'# "{name}" =') for name in travel.table.parts),
+        *_places(travel.table),
     ]
+
+
+def _places(table: Table) -> list[Line]:
+    """Lines for the places of files of one press each."""
+    if not table.parts:
+        return []
+    head = Line("\n# [parts]", "the contact point of each file's press, [x, y, z] in m")
+    return [head, *(Line(f'# "{name}" =') for name in table.parts)]
 
 
 def _time_lines(table: Table) -> list[Line]:

@@ -106,3 +106,27 @@ def test_what_does_not_fit_is_refused_in_one_sentence(machine, tmp_path, old, ne
     with pytest.raises(InputError, match=said) as caught:
         pm.import_recording(machine, tmp_path / "rig.toml")
     assert "\n" not in str(caught.value)
+
+
+def test_readings_without_position_stand_at_the_places_of_their_files(tmp_path):
+    files = []
+    for number in range(1, 5):
+        file = tmp_path / f"press_{number}.csv"
+        rows = (f"{d},{0.1 * number * d:.4f}" for d in (0.5, 1.0, 1.5, 2.0))
+        file.write_text("Depth (mm),Load (N)\n" + "\n".join(rows))
+        files.append(file)
+    proposed = propose_rig(read_recording(files, lambda text: None))
+    assert 'kind = "readings"' in proposed
+    assert '# "press_4" =' in proposed
+    (tmp_path / "rig.toml").write_text(
+        RIG.replace('"stream"', '"readings"')
+        .replace('time = {column = "Time", unit = "s", pause_s = 20.0}\n', "")
+        .replace('"Load"', '"Load (N)"')
+        .replace('"Extension"', '"Depth (mm)"')
+        .replace("press = {", 'press = {number = "part", ')
+        + "\n".join(f"{f.stem} = [0.0{n}, 0.05, 0.048]" for n, f in enumerate(files, 2))
+    )
+    scan = pm.import_recording(files, tmp_path / "rig.toml").scan
+    expected = [(0.01 * n, 0.05, 0.048) for n in range(2, 6)]
+    assert scan.contact_points == pytest.approx(np.array(expected))
+    assert scan.force_n[scan.press == 2].max() == pytest.approx(0.6)

@@ -48,7 +48,7 @@ def about_text(
         *following,
         markdown(ladder_table(record.ladder)),
         markdown(explained_table(record)),
-        unseen_effects(record),
+        unseen_effects(record, explained),
         markdown(verdict_table(record.candidates)),
         "\n".join(f"- {doubt}" for doubt in doubts(record, explained)),
         f"**Timelines** (choose below): `{parts.ITERATION}` goes up the ladder, 0 is the model "

@@ -70,7 +70,7 @@ def explain_summary(
         *form_notes(record, explained),
         *counting_notes(explained),
     ]
-    if unseen := unseen_effects(record):
+    if unseen := unseen_effects(record, explained):
         further.insert(0, unseen)
     final = explained.final.fit
     of_field = map(console, field_tables(final, problem.experiment.origin_m, problem.scan))

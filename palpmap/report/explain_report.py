@@ -73,7 +73,7 @@ def write_explain_report(
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
         unreliable=words.unreliable(record),
         apart=bool(record.presses_apart),
-        unseen=doubts.unseen_effects(record),
+        unseen=doubts.unseen_effects(record, explained),
         trust=[*doubts.limits_of_method(explained, record), *finding.limits],
         ladder=ladder_table(record.ladder),
         field_tables=field_tables(explained.final.fit, finding.origin_m, finding.scan),

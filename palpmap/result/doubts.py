@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from identify.design import DETECTION
 from identify.effects import COUNTED_FROM, length, more, percent
 from identify.select import Explanation
@@ -168,11 +170,19 @@ def unseen_inclusions(record: ExplainRecord) -> str:
     return f"{which} Set inclusions = {count - len(unseen)} under [map], or scan closer."
 
 
-def unseen_effects(record: ExplainRecord) -> str:
-    """Return a sentence on the shifts of the parameters by undetected effects; or empty."""
-    shifts = record.unseen_shifts
+_LAYERS = (
+    "A stiffness that changes with depth alone, as in layers, passes for another background under "
+    'one tip: kind = "free" under [map] counts it, a second tip radius shows more of it.'
+)
+
+
+def unseen_effects(record: ExplainRecord, explained: Explanation) -> str:
+    """Return sentences on the shifts of the parameters by undetected effects; or empty."""
+    shifts, fit = record.unseen_shifts, explained.final.fit
+    one_tip = len(np.unique(np.round(fit.model.readings.radius_m, 6))) == 1
+    layers = f" {_LAYERS}" if one_tip and fit.field is None else ""
     if not shifts:
-        return ""
+        return layers.strip()
     errors = {name: record.parameters[name].std for name in shifts}
     known = [name for name in shifts if errors[name] > 0]
     known.sort(key=lambda name: shifts[name].shift / errors[name], reverse=True)
@@ -188,6 +198,7 @@ def unseen_effects(record: ExplainRecord) -> str:
         "`palpmap limits` names the scan that narrows it."
         + counted
         + (f" {neither}, as this scan shows nothing of them: {listed(hidden)}." if hidden else "")
+        + layers
     )
 
 

@@ -29,7 +29,7 @@ from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
 from palpmap.report.explain_report import write_explain_report
-from palpmap.result.doubts import stated_lengths, unseen_inclusions
+from palpmap.result.doubts import stated_lengths, unseen_effects, unseen_inclusions
 from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.result.explain_record import limit_record
 from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, _name_notes, verdict_detail
@@ -429,6 +429,17 @@ def with_unseen_effects(told):
 
 def without_unseen_effects(told):
     return told.record.changed(unseen_shifts={})
+
+
+def test_one_tip_is_said_not_to_tell_layers_from_another_background(told, tmp_path):
+    assert (
+        "as in layers, passes for another background under one tip" in written(told, tmp_path).text
+    )
+    own = told.explained.final.fit.model.readings
+    readings = replace(own, radius_m=np.where(own.press % 2, 0.003, own.radius_m))
+    fit = SimpleNamespace(field=None, model=SimpleNamespace(readings=readings))
+    two_tips = SimpleNamespace(final=SimpleNamespace(fit=fit))
+    assert "as in layers" not in unseen_effects(told.record, two_tips)
 
 
 def test_what_an_unseen_effect_may_have_done_stands_beside_the_intervals(told, tmp_path):

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from models.errors import InputError
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.readers.recording import Recording, Table
+from palpmap.importing.streams.clocks import rough_offsets
 from palpmap.importing.streams.cutting import cut_stream
 from palpmap.importing.streams.lag import WITHIN_2_MS, find_lag
 from palpmap.importing.streams.path import smooth_path
@@ -87,7 +88,7 @@ body = {shape = "block", size_m = [0.1, 0.1, 0.048], poisson_ratio = 0.49}
 """
 
 
-def of_a_stage(hz: float, stairs_mm: float = 0.0) -> Recording:
+def of_a_stage(hz: float, stairs_mm: float = 0.0, noise_n: float = 0.003) -> Recording:
     """Sixteen presses of a stage that reports where it is to the last digit, with rests.
 
     `stairs_mm` : height of the steps in which it goes, if it does
@@ -99,7 +100,7 @@ def of_a_stage(hz: float, stairs_mm: float = 0.0) -> Recording:
         depth = np.interp(time, *np.transpose(along))
         if stairs_mm:
             depth = stairs_mm * np.round(depth / stairs_mm)
-        force = np.maximum(depth, 0.0) / 8 + rng.normal(0.0, 0.003, len(time))
+        force = np.maximum(depth, 0.0) / 8 + rng.normal(0.0, noise_n, len(time))
         place = 20.0 * np.array([x + 1, y + 1])[:, None] + 0 * time
         rows.append(np.vstack([begin + time, place, 48 - depth, force]))
         begin += 13.0
@@ -116,6 +117,26 @@ def test_a_log_of_a_stage_that_stands_still_is_cut(hz, stairs_mm):
         assert abs(press.point_m[2] - 0.048) < 3 * press.touch_error_m
         off = press.force_n - 125 * press.displacement_m
         assert abs(off.mean()) < 3 * (0.003 / 6**0.5 + 125 * press.touch_error_m)
+
+
+def test_columns_of_one_table_have_one_clock_however_well_another_offset_fits():
+    table = of_a_stage(50).tables[0].columns
+    time, none = table["t_s"], np.zeros((0, 2))
+    position = 1e-3 * np.column_stack([table[name] for name in ("x_mm", "y_mm", "z_mm")])
+    late = Stream(time, np.roll(table["force_n"], 250)[:, None], none)  # by 5 s
+    offsets = [one.offset_s for one in rough_offsets(late, Stream(time, position, none), None)]
+    assert offsets
+    assert np.abs(offsets).max() <= 0.5
+    others = rough_offsets(late, Stream(time + 0.003, position, none), None)
+    assert abs(others[0].offset_s) > 0.5
+
+
+def test_noise_at_the_threshold_of_contact_is_no_second_touch():
+    recording = of_a_stage(100, noise_n=0.010)  # a 25th of the force
+    cut = cut_stream(recording, parse_rig(STAGE, Path("rig.toml")))
+    assert len(cut.presses) + len(cut.left_out) == 16
+    assert len(cut.presses) >= 4
+    assert not any("more than once" in reason for _, reason in cut.left_out)
 
 
 def test_a_pose_that_froze_in_motion_is_a_gap_and_its_press_left_out():

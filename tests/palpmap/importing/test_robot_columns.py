@@ -18,9 +18,9 @@ LEAN = Rotation.from_euler("xyz", [176.0, 5.0, 20.0], degrees=True)
 FLANGE_M = np.array([0.003, -0.002, 0.05])  # the tip's end, in its axes
 
 
-def pressed(hz: float = 125.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pressed(seed: int = 2, hz: float = 125.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time (m,), position of the flange (m, 3) and force on the tip in the base's axes, (m, 3)."""
-    rng, parts, begin = np.random.default_rng(2), [], 0.0
+    rng, parts, begin = np.random.default_rng(seed), [], 0.0
     course = np.array([[0.0, -3.0], [2.5, 2.0], [3.5, 2.0], [6.0, -3.0], [6.5, -3.0]])
     for x, y in np.ndindex(3, 3):
         time = np.arange(0.0, 6.5, 1 / hz)
@@ -94,6 +94,15 @@ def test_a_robots_own_log_is_understood_and_cut(log, order, frame):
         place = press.point_m[:2]
         assert place == pytest.approx(0.02 * np.round(place / 0.02), abs=1e-4)
         assert press.force_n.max() == pytest.approx(0.25, abs=0.01)
+
+
+def test_where_both_frames_fit_alike_the_sign_goes_with_the_one_that_the_name_tells():
+    for seed in range(6):
+        log = universal_robots(*pressed(seed))
+        text = propose_rig(Recording.of([Table("log", log, {}, str)]))
+        rig = parse_rig(text, Path("rig.toml"))
+        assert "both frames fit alike" in text
+        assert (rig.force.frame, rig.force.sign) == ("base", -1)
 
 
 @pytest.mark.parametrize(

@@ -254,8 +254,11 @@ def test_effects_that_the_scan_shows_nothing_of_are_named_beside_the_shifts():
         unseen_shifts={"background_pa": UndetectedBias(80.0, "tool_compliance", 0.03)},
         not_counted=("breathing", "force_drift"),
     )  # fmt: skip
-    assert "nothing of them: breathing and force_drift." in unseen_effects(record)
-    assert "Not counted" not in unseen_effects(record.changed(not_counted=()))
+    readings = SimpleNamespace(radius_m=np.array([0.003, 0.005]))
+    fit = SimpleNamespace(field=None, model=SimpleNamespace(readings=readings))
+    told = SimpleNamespace(final=SimpleNamespace(fit=fit))
+    assert "nothing of them: breathing and force_drift." in unseen_effects(record, told)
+    assert "Not counted" not in unseen_effects(record.changed(not_counted=()), told)
 
 
 def test_an_earlier_model_that_had_both_gets_the_effect_that_stays_once(explained_case):

@@ -8,6 +8,7 @@ import numpy as np
 from models import InputError
 from palpmap.console import Output, plain
 from palpmap.importing.mapping.rig import load_rig
+from palpmap.importing.places import with_places
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.streams.rig_check import RigCheck, check_rig
 from palpmap.progress import read_stages
@@ -25,7 +26,7 @@ def run_check_rig(*, files: Sequence[Path], rig: Path, out: Path | None, output:
     """
     mapping = load_rig(rig)
     with output.task(read_stages(len(files))) as task:
-        recording = read_recording(files, task.say)
+        recording, mapping = with_places(read_recording(files, task.say), mapping)
         task.say("finding the presses")
         found = check_rig(recording, mapping)
     figures = figures_table(found, mapping.name)

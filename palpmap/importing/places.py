@@ -51,6 +51,11 @@ def _of_rows(table: Table, rig: Rig) -> np.ndarray:
     """Places (m, 3) of a table's rows, m, in the recording's frame."""
     files = table.parts or (table.name,)
     for name in files:
+        if files.count(name) > 1:
+            raise InputError(
+                f"key parts: {files.count(name)} files are called {name}, which leaves open whose "
+                "place it has; give each file a name of its own"
+            )
         if name not in rig.parts:
             raise InputError(
                 f'key parts: no place of {name}, expected "{name}" = [x, y, z] in m, the contact '

@@ -1,5 +1,6 @@
 """Presses of a testing machine: a file each, along one line, without a position."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 import palpmap as pm
 from models.errors import InputError
+from palpmap.commands.check_rig import run_check_rig
+from palpmap.console import Output
 from palpmap.importing.mapping.rig import parse_rig
 from palpmap.importing.propose import propose_rig
 from palpmap.importing.readers.read import read_recording
@@ -106,6 +109,29 @@ def test_what_does_not_fit_is_refused_in_one_sentence(machine, tmp_path, old, ne
     with pytest.raises(InputError, match=said) as caught:
         pm.import_recording(machine, tmp_path / "rig.toml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("machine", ["back", "in a hold"], indirect=True)
+def test_a_machine_that_comes_back_is_checked_as_a_rig(machine, tmp_path, capsys, request):
+    (tmp_path / "rig.toml").write_text(mapping(machine))
+    output = Output(quiet=False, json=True)
+    rig = {"files": machine, "rig": tmp_path / "rig.toml", "out": None, "output": output}
+    if request.node.callspec.params["machine"] == "in a hold":
+        with pytest.raises(InputError, match="record approach and retreat too"):
+            run_check_rig(**rig)
+        return
+    run_check_rig(**rig)
+    assert json.loads(capsys.readouterr().out)["bias_n"] == pytest.approx([0.02], abs=2e-3)
+
+
+@pytest.mark.parametrize("machine", ["back"], indirect=True)
+def test_two_files_of_one_name_are_refused(machine, tmp_path):
+    twin = tmp_path / "again" / machine[0].name
+    twin.parent.mkdir()
+    twin.write_text(machine[1].read_text())
+    (tmp_path / "rig.toml").write_text(mapping(machine))
+    with pytest.raises(InputError, match="2 files are called Specimen_1"):
+        pm.import_recording([machine[0], twin], tmp_path / "rig.toml")
 
 
 def test_readings_without_position_stand_at_the_places_of_their_files(tmp_path):

@@ -137,3 +137,9 @@ def test_nothing_is_left_to_be_filled_in():
     for page, text in PAGES.items():
         prose = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
         assert re.findall(r"\b(?:TODO|TBD|FIXME|[A-Z]+_[A-Z_]+)\b", prose) == [], page
+
+
+def test_the_readme_counts_the_catalogue():
+    from identify.catalogue import CATALOGUE
+
+    assert f"a catalogue of {len(CATALOGUE)} such effects" in README.replace("\n", " ")

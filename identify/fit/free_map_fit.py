@@ -111,6 +111,7 @@ class FreeMapFit:
         self.history: list[FitIteration] = []
         self.spent = 0
         self._start, self._compliance = model, compliance
+        self._damping: float | None = None  # of the last step, None as long as shares of it do
         self._spread: tuple[_Point, Hyper, np.ndarray] | None = None  # of the last step
 
     @property
@@ -151,7 +152,6 @@ class FreeMapFit:
             told = (self.weight > 0) & (readings.doubt == 0)
             unit = np.sqrt(error**2 + readings.variance)
             step = float(np.percentile(np.abs(posterior.step / unit)[told], 95)) / 1.96
-            change = float(np.abs(posterior.mean - point.field).max())
             if near and number >= s.evidence_rounds and step < s.settled:
                 message = f"the last step was {step:.2g} standard deviations of a press long"
                 success = True
@@ -161,11 +161,12 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, share = self._stepped(point, posterior, pace)
-            if share == 0:
+            after, lowered = self._stepped(point, posterior, pace)
+            if after is None:
                 message, success = "no step lowers the misfit", near
                 break
-            point, near = after, change * share < s.near
+            change = float(np.abs(after.field - point.field).max())
+            point, near = after, change < s.near or lowered < s.enough
             if near:
                 point = self._corrected(point)
         else:
@@ -228,29 +229,52 @@ class FreeMapFit:
 
     def _stepped(
         self, point: _Point, posterior: FieldPosterior, pace: float
-    ) -> tuple[_Point, float]:
-        """Follow the step as far as the misfit with the prior falls; the share, 0 for none."""
+    ) -> tuple[_Point | None, float]:
+        """Follow the step as far as the misfit with the prior falls; the point, and its fall.
+
+        Where no share of a step lowers it, steps in better known directions are tried from there
+        on.
+        """
         s = self.settings
-        to_field = posterior.mean - point.field
-        to_u = posterior.data.effects.step(posterior.moved())
-        low, high = point.model.unknowns.bounds
-        share = first = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        while share > s.shortest_step * first:
-            u = np.clip(point.u + share * to_u, low, high)
-            try:
-                there = self._point(point.model, point.field + share * to_field, u)
-            except (InadmissibleError, SolverError):
-                share /= 2
+        to_field, moved = posterior.mean - point.field, posterior.moved()
+        share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
+        shares = share * 0.5 ** np.arange(s.halvings)
+        for share in shares if self._damping is None else ():
+            to_u = posterior.data.effects.step(moved)
+            after, lowered = self._tried(point, posterior, share * to_field, share * to_u, before)
+            if after is not None:
+                return after, lowered
+        for damping in s.dampings:
+            if damping < (self._damping or 0.0) / s.relaxed:
                 continue
-            spread_by = self.prior.product(there.by_field)
-            cost = self._cost(there, spread_by @ there.by_field.T)
-            if posterior.misfit(there.s - point.s) + cost <= before * (1 + s.worse):
-                point.model.mechanics._solutions.clear()  # large, and not asked again
-                self._spread = there, self.hyper, spread_by
-                return there, share
-            share /= 2
-        return point, 0.0
+            field, moved = posterior.damped(point.field, damping)
+            to_u = posterior.data.effects.step(moved)
+            after, lowered = self._tried(point, posterior, field - point.field, to_u, before)
+            if after is not None:
+                self._damping = damping
+                return after, lowered
+        return None, 0.0
+
+    def _tried(
+        self, point: _Point, posterior: FieldPosterior, to_field: np.ndarray, to_u: np.ndarray,
+        before: float,
+    ) -> tuple[_Point | None, float]:  # fmt: skip
+        """Return the point after a step and the fall of the misfit with the prior, if it falls."""
+        u = np.clip(point.u + to_u, *point.model.unknowns.bounds)
+        try:
+            there = self._point(point.model, point.field + to_field, u)
+        except (InadmissibleError, SolverError):
+            return None, 0.0
+        spread_by = self.prior.product(there.by_field)
+        after = posterior.misfit(there.s - point.s) + self._cost(
+            there, spread_by @ there.by_field.T
+        )
+        if after > before * (1 + self.settings.worse):
+            return None, 0.0
+        point.model.mechanics._solutions.clear()  # large, and not asked again
+        self._spread = there, self.hyper, spread_by
+        return there, before - after
 
     def _spread_by(self, point: _Point) -> np.ndarray | None:
         """Prior covariance (j, g) of s and field at a point, if the last step found it."""

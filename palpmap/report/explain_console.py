@@ -15,6 +15,7 @@ from palpmap.result.doubts import (
     form_notes,
     outlier_notes,
     stated_lengths,
+    unended_fit,
     unseen_effects,
     unseen_inclusions,
 )
@@ -74,8 +75,8 @@ def explain_summary(
         further.insert(0, unseen)
     final = explained.final.fit
     of_field = map(console, field_tables(final, problem.experiment.origin_m, problem.scan))
-    cautions = [*bound_notes(record), *stated_lengths(record), unseen_inclusions(record),
-                *assumed_thickness(explained, problem),
+    cautions = [unended_fit(explained), *bound_notes(record), *stated_lengths(record),
+                unseen_inclusions(record), *assumed_thickness(explained, problem),
                 *outlier_notes(record)]  # fmt: skip
     return (
         Text(verdict, style=f"bold {style}"),

@@ -13,7 +13,12 @@ from palpmap.result.evidence import added_names, kept
 from palpmap.result.field_tables import field_tables
 from palpmap.result.finding import Finding
 from palpmap.result.presses_words import presses_sentences
-from palpmap.result.records import ExplainRecord, NextPressesRecord, ValueRecord
+from palpmap.result.records import (
+    ExplainRecord,
+    LimitRecord,
+    NextPressesRecord,
+    ValueRecord,
+)
 from palpmap.result.tables import (
     Table,
     candidate_table,
@@ -83,11 +88,18 @@ def write_explain_report(
             true=finding.true,
             unseen=record.unseen_shifts,
         ),
-        candidates=candidate_table(record.candidates),
+        candidates=candidate_table([c for c in record.candidates if c.verdict != "not_seen"]),
+        not_seen=candidate_table([c for c in record.candidates if c.verdict == "not_seen"]),
         next_presses=_next_table(record.next_presses),
-        limits=limit_table(record.limits),
+        limits=limit_table([e for e in record.limits if _is_hard_to_see(e)]),
+        seen_limits=limit_table([e for e in record.limits if not _is_hard_to_see(e)]),
         how=Table.of(("", ""), finding.how.items()),
     )
+
+
+def _is_hard_to_see(limit: LimitRecord) -> bool:
+    """Return True if an effect of the size for which shifts are stated would not be seen."""
+    return limit.smallest_share is None or limit.smallest_share > limit.bias_at_share
 
 
 def _first_values(finding: Finding, explained: Explanation) -> dict[str, ValueRecord]:

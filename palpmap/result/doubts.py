@@ -28,8 +28,8 @@ def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
     if unseen := unseen_inclusions(record):
         notes.append(unseen)
     notes.extend(stated_lengths(record))
-    if not explained.final.fit.success:
-        notes.append("The last fit did not converge within its evaluations.")
+    if unended := unended_fit(explained):
+        notes.append(unended)
     if explained.dropped:
         notes.append(f"Added on the way and dropped again: {', '.join(explained.dropped)}.")
     if explained.traces and explained.accepted:
@@ -38,6 +38,13 @@ def doubts(record: ExplainRecord, explained: Explanation) -> list[str]:
             "explained part, and may as well be an inaccuracy of the effects that were found."
         )
     return [*notes, *outlier_notes(record)]
+
+
+def unended_fit(explained: Explanation) -> str | None:
+    """Return a sentence on a last fit that did not converge."""
+    if explained.final.fit.success:
+        return None
+    return "The last fit did not converge: its map and its intervals are no result."
 
 
 def bound_notes(record: ExplainRecord) -> list[str]:

@@ -172,6 +172,16 @@ def test_the_report_says_what_the_record_says(explained_case, page):
     assert "do not cover the truth" in page.text
 
 
+def test_effects_that_are_not_seen_are_folded_away(explained_case):
+    html = (explained_case.folder / "report.html").read_text(encoding="utf-8")
+    verdicts = html.split("<h2>Verdict on each effect</h2>")[1].split("</section>")[0]
+    shown, folded = verdicts.split("<details>")
+    for candidate in explained_case.record.candidates:
+        is_folded = candidate.verdict == "not_seen"
+        assert (f">{candidate.name}</td>" in shown) == (not is_folded)
+        assert (f">{candidate.name}</td>" in folded) == is_folded
+
+
 def test_texts_from_files_are_escaped(told, tmp_path):
     candidates = tuple(
         c.changed(evidence=NASTY, verdict="supported") for c in told.record.candidates

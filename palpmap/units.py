@@ -13,6 +13,7 @@ _SHOWN = {
     "Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "N": (1e3, "mN"), "m/N": (1e3, "mm/N"),
     "m/Pa": (1e6, "mm/kPa"), "1": (1.0, ""), "": (1.0, ""),
 }  # fmt: skip
+_OF_MAP = ("background", "inclusion_", "mean_")
 _ENDINGS = {"_pa": "Pa", "_m": "m"}
 _LEAST_P = 1e-12
 _WIDTH_95 = 2 * 1.96  # standard errors
@@ -37,6 +38,15 @@ def unit_of(name: str) -> str:
     return next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "1")
 
 
+def is_of_map(name: str) -> bool:
+    """Return True for a parameter of a map, False for one of an effect.
+
+    >>> is_of_map("inclusion_2.radius_m"), is_of_map("skin_layer.share")
+    (True, False)
+    """
+    return name.startswith(_OF_MAP)
+
+
 def plain_name(name: str) -> str:
     """Return a map's parameter in words; an effect's keeps the name that a study file gives it.
 
@@ -47,7 +57,7 @@ def plain_name(name: str) -> str:
     """
     if name.startswith("unknown_"):
         return name.replace(".c", ", amplitude ")
-    if not name.startswith(("background", "inclusion_", "mean_")):
+    if not is_of_map(name):
         return name
     return name.removesuffix("_pa").removesuffix("_m").replace("_", " ").replace(".", " ")
 

@@ -262,7 +262,8 @@ def limit_table(
     letters : letter of each planned scan by its program
     """
     if shifts is None:
-        shifts = [ShiftColumn.of(n) for n in dict.fromkeys(n for e in limits for n in e.map_bias)]
+        names = dict.fromkeys(n for e in limits for n in e.map_bias if units.is_of_map(n))
+        shifts = [ShiftColumn.of(name) for name in names]
     rows = (
         (
             e.name,

@@ -42,7 +42,7 @@ from palpmap.result.records import (
     OtherMapRecord,
     WithoutSuspectsRecord,
 )
-from palpmap.result.tables import candidate_table, explained_table
+from palpmap.result.tables import candidate_table, explained_table, limit_table
 from palpmap.result.truth import read_truth
 from palpmap.run_files.explain_run import explain_pictures
 from palpmap.study.cell_size import smallest_cell_m
@@ -180,6 +180,14 @@ def test_effects_that_are_not_seen_are_folded_away(explained_case):
         is_folded = candidate.verdict == "not_seen"
         assert (f">{candidate.name}</td>" in shown) == (not is_folded)
         assert (f">{candidate.name}</td>" in folded) == is_folded
+
+
+def test_limits_have_a_column_for_each_parameter_of_the_map_and_none_for_effects(told):
+    (limit, *_) = told.record.limits
+    shift = {"background_pa": 12.0, "several_plays.share_2": 1e-5}
+    table = limit_table([limit.changed(map_bias=shift)])
+    assert [c.heading for c in table.columns][:3] == ["Effect", "Seen from", "background, kPa"]
+    assert not any("several_plays" in column.heading for column in table.columns)
 
 
 def test_texts_from_files_are_escaped(told, tmp_path):

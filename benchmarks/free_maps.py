@@ -124,7 +124,9 @@ def trial(job: tuple[str, int]) -> dict:
     return {
         "kind": kind, "seed": seed, "success": fit.success, "chi2_per_dof": fit.chi2_per_dof,
         "held_seen": float(held[seen].mean()), "held": float(held.mean()),
-        "seen": float(seen.mean()), "sight_m": field.sight_m, "ball_sight_m": field.ball_sight_m,
+        "rms_off": float(np.sqrt(np.mean(off[seen] ** 2))),
+        "evaluations": fit.nfev, "seen": float(seen.mean()),
+        "sight_m": field.sight_m, "ball_sight_m": field.ball_sight_m,
         "depth_m": float(SIZE_M[2] - body.place[2]), "factor": body.factor,
         "spots": [asdict(s) | {"apart_m": d} for s, d in zip(field.spots, apart, strict=True)],
         "cpu_s": time.process_time() - started,

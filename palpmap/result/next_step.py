@@ -37,6 +37,8 @@ def next_steps(
             f'Set kind = "free" under [map] of {source}, and `{to_type("explain", source)}` again: '
             "effects are then sought beside a map of any form."
         )
+    if _is_curved(problem) and record.presses_alone and record.presses_alone.map_error:
+        steps.append(_from_contacts(problem, run))
     # Presses without which the scan is as unexplained are not why
     other, best = record.without_suspects, record.next_presses[:1]
     no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
@@ -65,6 +67,27 @@ def next_steps(
         limits = to_type("limits", source)
         steps.append(f"`{limits}` says how large an effect must be for this scan to show it.")
     return (f"Next: {steps[0]}", *steps[1:]) if steps else ()
+
+
+def _is_curved(problem: Problem) -> bool:
+    """Return True where a block stands in for a body on whose faces the contacts do not lie."""
+    body = problem.study.body
+    return body.shape == "block" and body.project_points
+
+
+def _from_contacts(problem: Problem, run: Path) -> str:
+    """Return the way to a study whose body goes through the contact points."""
+    body, tip = problem.study.body, problem.study.probe.tip
+    assert body.size_m is not None
+    guess = ("--thickness-assumed",) if body.thickness_assumed else ()
+    command = to_type(
+        "new", run / "scan.csv", "--tip", tip, "--thickness", f"{body.size_m[2]:g}", *guess,
+        "--poisson", body.poisson_ratio, "--out", "from_contacts",
+    )  # fmt: skip
+    return (
+        "Let the body go through the contact points, in place of a block that they do not lie on, "
+        f"beside a map of any form: `{command}` makes such a study; explain that."
+    )
 
 
 def _presses(record: ExplainRecord, run: Path) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rich.console import Console
+from typer.testing import CliRunner
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import assess
@@ -25,6 +26,8 @@ from identify.select.explanation import Explanation
 from identify.select.model_error import confounded
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
+from models.scan_file import write_scan
+from palpmap.__main__ import app
 from palpmap.figures.map_change import draw_maps, draw_parameters, draw_presses
 from palpmap.figures.style import settle
 from palpmap.report.explain_console import explain_summary
@@ -40,6 +43,8 @@ from palpmap.result.records import (
     ExplainRecord,
     NextPressesRecord,
     OtherMapRecord,
+    PressesAloneRecord,
+    PressesFitRecord,
     WithoutSuspectsRecord,
 )
 from palpmap.result.tables import candidate_table, explained_table, limit_table
@@ -47,6 +52,7 @@ from palpmap.result.truth import read_truth
 from palpmap.run_files.explain_run import explain_pictures
 from palpmap.study.cell_size import smallest_cell_m
 from palpmap.study.open_study import Problem
+from palpmap.study.study import load_study
 
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x06\x00\x00\x00"
@@ -336,6 +342,38 @@ def test_presses_that_change_nothing_are_not_asked_for_first(told, tmp_path):
     assert steps(None, "explained").startswith("Next: Repeat presses 3")
     assert "Repeat" not in steps(None, "unexplained")
     assert steps(wrong, "explained").startswith("Next: Set kind")
+
+
+def test_a_block_that_stands_in_for_a_curved_body_gives_way_to_its_contacts(told, tmp_path):
+    study, no_fit = told.problem.study, told.record.presses_alone
+    fit = PressesFitRecord(
+        rms_n=0.02, typical_n=0.01, share_of_largest_force=0.03, chi2_per_dof=9.0, noise_share=0.1
+    )
+    assert no_fit is None
+    alone = PressesAloneRecord(
+        effects=(), values={}, as_good={}, largest_force_n=0.8, before=fit, after=fit,
+        share_taken=0.0, map_error=0.5,
+    )  # fmt: skip
+    explained = replace(told.explained, verdict="unexplained")
+
+    def first(map_error, **body):
+        changed = study.model_copy(update={"body": study.body.model_copy(update=body)})
+        record = told.record.changed(presses_alone=alone.changed(map_error=map_error))
+        return next_steps(record, explained, replace(told.problem, study=changed), tmp_path)[0]
+
+    says = first(0.5, project_points=True, thickness_assumed=True)
+    assert says.startswith("Next: Let the body go through the contact points")
+    command = re.findall("`(.*?)`", says)[0].split()
+    write_scan(told.problem.scan, tmp_path / "scan.csv")
+    done = CliRunner().invoke(app, [*command[1:-1], str(tmp_path / "made")])
+    assert done.exit_code == 0, done.output
+    made = load_study(tmp_path / "made" / "study.toml")
+    assert made.body.shape == "from-contacts"
+    assert made.body.thickness_m == study.body.size_m[2]
+    assert made.body.thickness_assumed
+    assert made.map.kind == "free"
+    assert "Let the body" not in first(0.0, project_points=True)
+    assert "Let the body" not in first(0.5, project_points=False)
 
 
 def test_a_pattern_that_chance_may_have_left_is_told_and_looked_for_again(told, tmp_path):

@@ -161,7 +161,7 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, lowered = self._stepped(point, posterior, pace)
+            after, lowered = self._stepped(point, posterior, pace, near)
             if after is None:
                 message, success = "no step lowers the misfit", near
                 break
@@ -228,32 +228,34 @@ class FreeMapFit:
         return self.settings.nearing * float(np.sqrt(max(typical**2 - noise, 0.0)))
 
     def _stepped(
-        self, point: _Point, posterior: FieldPosterior, pace: float
+        self, point: _Point, posterior: FieldPosterior, pace: float, near: bool
     ) -> tuple[_Point | None, float]:
         """Follow the step as far as the misfit with the prior falls; the point, and its fall.
 
-        Where no share of a step lowers it, steps in better known directions are tried from there
-        on.
+        Where no share of a step lowers it, the search has ended if it was `near` the end. Else
+        steps in better known directions are tried from there on.
         """
         s = self.settings
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        to_field, moved = posterior.mean - point.field, posterior.moved()
-        share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
-        shares = share * 0.5 ** np.arange(s.halvings)
-        for share in shares if self._damping is None else ():
-            to_u = posterior.data.effects.step(moved)
-            after, lowered = self._tried(point, posterior, share * to_field, share * to_u, before)
-            if after is not None:
-                return after, lowered
+        if self._damping is None:
+            to_field = posterior.mean - point.field
+            to_u = posterior.data.effects.step(posterior.moved())
+            share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
+            for part in share * 0.5 ** np.arange(s.halvings):
+                after, fall = self._tried(point, posterior, part * to_field, part * to_u, before)
+                if after is not None:
+                    return after, fall
+            if near:
+                return None, 0.0
         for damping in s.dampings:
             if damping < (self._damping or 0.0) / s.relaxed:
                 continue
             field, moved = posterior.damped(point.field, damping)
             to_u = posterior.data.effects.step(moved)
-            after, lowered = self._tried(point, posterior, field - point.field, to_u, before)
+            after, fall = self._tried(point, posterior, field - point.field, to_u, before)
             if after is not None:
                 self._damping = damping
-                return after, lowered
+                return after, fall
         return None, 0.0
 
     def _tried(

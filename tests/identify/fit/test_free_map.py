@@ -286,7 +286,7 @@ def test_a_search_that_has_to_damp_its_steps_ends_at_the_same_field(body, grid):
     hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
     usual, damped = (
         FreeMapFit(model, hyper, (0.009, 0.06), settings=settings).run()
-        for settings in (FREE_MAP, replace(FREE_MAP, halvings=0, iterations=40))
+        for settings in (FREE_MAP, replace(FREE_MAP, halvings=0, near=0.0))
     )
     assert usual.success
     assert damped.success

@@ -14,7 +14,7 @@ from identify.design.next_presses import Proposal, next_presses
 from identify.design.other_map import OtherMap
 from identify.design.predicted_limits import designs_on_body
 from identify.design.scan_variants import Presses, presses_of, variations
-from identify.design.settings import PLAN
+from identify.design.settings import DETECTION, PLAN, DetectionSettings
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
@@ -76,6 +76,7 @@ def assess(
     without: WithoutSuspects | None = None,
     say: Say = lambda text: None,
     other: OtherMap | None = None,
+    settings: DetectionSettings = DETECTION,
 ) -> Assessment:
     """Assess an explanation with the effects of a catalogue.
 
@@ -87,6 +88,7 @@ def assess(
     without : result without the outlying presses, None where there are none
     say : called with the present task, in words
     other : residual of an unexplained scan beside maps of any form
+    settings : of the detection limits
     """
     first, last = explained.ladder[0].fit, explained.final.fit
     offered = {*explained.added, *(name for group in explained.ambiguous for name in group)}
@@ -95,7 +97,7 @@ def assess(
     say("computing detection limits")
     # Biases are told by the last fit's, so that these are the ones found at their size
     unseen = detection_limits(last, _beside(explained, catalogue)) if known else ()
-    limits = unseen if known and last is first else _limits(explained, catalogue, unseen)
+    limits = unseen if known and last is first else _limits(explained, catalogue, unseen, settings)
     forms = forms_of(explained)
     say("looking for confounders of the effects found")
     return Assessment(
@@ -135,14 +137,21 @@ def _beside(explained: Explanation, catalogue: Sequence[Effect]) -> list[Effect]
 
 
 def _limits(
-    explained: Explanation, catalogue: Sequence[Effect], unseen: Sequence[Limit]
+    explained: Explanation,
+    catalogue: Sequence[Effect],
+    unseen: Sequence[Limit],
+    settings: DetectionSettings,
 ) -> tuple[Limit, ...]:
     """Return the detection limits of the first step.
 
     Beside a free map each effect of the body takes models of its own: its limit is that beside the
-    last step, or none where it was not tested.
+    last step, or none where it was not tested. Limits are told by the noise: none holds beside a
+    residual of many times the noise.
     """
     first, last = explained.ladder[0].fit, explained.final
+    unexplained = explained.fitted_verdict == "unexplained"
+    if unexplained and last.fit.chi2_per_dof > settings.largest_misfit**2:
+        return ()
     if first.field is None or last.fit is first:
         return detection_limits(first, catalogue, known=unseen)
     if not unseen:

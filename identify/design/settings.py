@@ -12,6 +12,7 @@ class DetectionSettings:
     Attributes
     ----------
     sigmas : standard errors of an amplitude at its detection limit
+    largest_misfit : residual over noise of an unexplained scan from which on no limits are stated
     bias_share : size of an effect for which the bias of the map is stated
     candidates : of a shape's grid
     visible : length of a pattern beyond the fitted parameters, relative to the pattern or in
@@ -28,6 +29,7 @@ class DetectionSettings:
     """
 
     sigmas: float = 5.0
+    largest_misfit: float = 2.0
     bias_share: float = 0.03
     candidates: int = 12
     visible: float = 1e-5

@@ -18,6 +18,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import assess
 from identify.design.detection_limits import Limit
 from identify.design.geometry_confounders import GeometryConfounder
+from identify.design.settings import DETECTION
 from identify.design.undetected_bias import UndetectedBias
 from identify.residual import sentence
 from identify.select.accepted_effect import AcceptedEffect
@@ -151,6 +152,17 @@ def test_an_effect_that_the_map_imitates_is_not_told_from_the_error_of_the_model
     assert "cell_size_m = 0.008 under [body] (now 0.012)" in str(finer_cells(body))
     finest = body.model_copy(update={"cell_size_m": smallest_cell_m(body)})
     assert finer_cells(finest) is None
+
+
+def test_no_limits_are_stated_beside_a_residual_of_many_times_the_noise(told):
+    """They are told by the noise; beside less than twice the noise they hold roughly."""
+    step = told.explained.ladder[0]
+    alone = replace(told.explained, ladder=(step,), accepted=(), verdict="unexplained")
+    ratio = float(np.sqrt(step.fit.chi2_per_dof))
+    for largest, stated in ((0.9 * ratio, False), (1.1 * ratio, True)):
+        settings = replace(DETECTION, largest_misfit=largest)
+        assessment = assess(alone, told.problem.catalogue, settings=settings)
+        assert bool(assessment.limits) == stated
 
 
 def test_the_loop_explains_the_case(explained_case):

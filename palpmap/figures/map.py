@@ -129,7 +129,10 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
     fields = [[sample(f, cut, column.law) for column in columns] for cut in both]
     for i, column in enumerate(columns):
         alike = [j for j, other in enumerate(columns) if other.label == column.label]
-        span = _span([fields[row][j] for row in (0, 1) for j in alike], column.signed)
+        own = [
+            seen_part(f, f.fit, cut, fields[row][j]) for row, cut in enumerate(both) for j in alike
+        ]
+        span = _span(own, column.signed)
         image = None
         for row, cut in enumerate(both):
             axes = grid[row, i]
@@ -143,9 +146,29 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
         if image is not None:
             color_bar(
                 image, ax=list(grid[:, i]), location="bottom", shrink=0.85, pad=0.02,
-                label=column.label,
+                label=column.label, extend=extension([fields[0][i], fields[1][i]], span),
             )  # fmt: skip
     return figure
+
+
+def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.ndarray:
+    """Values of a cut where the scan sees a fitted free map, NaN elsewhere; else all of them.
+
+    Where it is blind the prior may be any colour, and is hatched.
+    """
+    field, found = fit.field, fit.map
+    if field is None or not isinstance(found, FreeMap):
+        return values
+    share = sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
+    part = np.where(share >= BLIND, values, np.nan)
+    return part if np.isfinite(part).any() else values
+
+
+def extension(fields: list[np.ndarray], span: tuple[float, float]) -> str:
+    """Return the ends of a colour scale beyond which some values lie, as Matplotlib names them."""
+    below = any(np.nanmin(v, initial=np.inf) < span[0] for v in fields)
+    above = any(np.nanmax(v, initial=-np.inf) > span[1] for v in fields)
+    return "both" if below and above else "min" if below else "max" if above else "neither"
 
 
 def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
@@ -253,13 +276,14 @@ def show_cut(
 
 
 def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
-    """Place of a free map's first spot, or of its largest difference that the scan sees."""
+    """Place of a free map's first spot, or of its largest difference from its layer in sight."""
     field = f.fit.field
     assert field is not None
     if field.spots:
         spot = field.spots[0]
         return np.array([spot.x_m, spot.y_m, spot.z_m])
-    differs = np.abs(found.log_pa - np.median(found.log_pa)) * field.share
+    layers = found.log_pa.reshape(found.grid.counts)
+    differs = np.abs(layers - np.median(layers, axis=(0, 1))).ravel() * field.share
     return found.grid.points_m[int(np.argmax(differs))]
 
 

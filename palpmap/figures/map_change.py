@@ -13,9 +13,11 @@ from palpmap.figures.map import (
     cut_size,
     cuts,
     draw_circles,
+    extension,
     hatch_blind,
     limit_to_body,
     sample,
+    seen_part,
     show_cut,
     widened,
 )
@@ -56,11 +58,14 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
     both = cuts(finding)
     fields = [[sample(finding, cut, m.modulus) / 1e3 for _, m in shown] for cut in both]
     # Colours of the last map: the error of the first may dwarf it
-    judged = [v for row in fields for v in row[len(explained.ladder) > 1 :]]
+    fit_of = [*fits, last.fit][: len(shown)]  # the truth is judged where the last map is
+    judged = [
+        seen_part(finding, fit, cut, v)
+        for cut, row in zip(both, fields, strict=True)
+        for v, fit in list(zip(row, fit_of, strict=True))[len(explained.ladder) > 1 :]
+    ]
     low = min(float(np.nanmin(v)) for v in judged)
     low, high = widened(low, max(float(np.nanmax(v)) for v in judged))
-    below = any(np.nanmin(v) < low for row in fields for v in row)
-    above = any(np.nanmax(v) > high for row in fields for v in row)
     sizes = [cut_size(finding, cut) for cut in both]
     heights = [max(height / width, 0.3) for width, height in sizes]
     width = 3.4 * len(shown) + 1.1
@@ -82,7 +87,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
             if column:
                 axes.set_ylabel("")
     if image is not None:
-        extend = "both" if below and above else "min" if below else "max" if above else "neither"
+        extend = extension([v for row in fields for v in row], (low, high))
         label = "Young's modulus, kPa"
         color_bar(image, ax=grid, label=label, shrink=0.8, extend=extend)
     return figure

@@ -1,14 +1,18 @@
 """A study with a free map: its keys, its faces, and the sentences for what does not work."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import palpmap as pm
+from identify.map import FreeMap, Grid
 from models import InputError
 from palpmap.__main__ import app
+from palpmap.figures.map import cuts, extension, sample, seen_part
 
 STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
 
@@ -98,3 +102,30 @@ def test_limits_plan_scans_of_other_tips_and_lengths(tmp_path):
     better = found.record.model_dump()["limits"]
     assert any(limit["better_scan"] for limit in better)
     assert sum(limit["in_mixed_scan"] is not None for limit in better) > 15
+
+
+def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
+    """Layers, and depths that the scan does not see, may differ by more than any lump."""
+    grid = Grid.over(np.array([[0.0, 0.0, 0.0], [0.06, 0.06, 0.03]]), 0.005)
+    x, y, z = grid.points_m.T
+    lump = np.exp(-((x - 0.02) ** 2 + (y - 0.04) ** 2 + (z - 0.02) ** 2) / 0.006**2)
+    deep = np.where((z < 0.01) & (x > 0.05), 5.0, 0.0)
+    found = FreeMap(grid, 8.0 + 100 * (0.03 - z) + 0.4 * lump + deep)
+    field = SimpleNamespace(spots=(), share=np.where(z < 0.01, 0.05, 0.9))
+    outline = SimpleNamespace(
+        lower_m=np.zeros(3), upper_m=np.array([0.06, 0.06, 0.03]), inside=lambda p: p[:, 0] >= 0
+    )
+    fit: Any = SimpleNamespace(map=found, field=field)
+    f: Any = SimpleNamespace(fit=fit, outline=outline)
+    above, side = cuts(f)
+    assert (above.at_m, side.at_m) == pytest.approx((0.02, 0.04), abs=0.0026)
+    # Its colours are those of the part in sight
+    values = sample(f, side, found.modulus)
+    seen = seen_part(f, fit, side, values)
+    blind = np.isnan(seen)
+    assert blind.any()
+    assert np.nanmax(seen) < 0.2 * values.max()
+    assert extension([values], (np.nanmin(seen), np.nanmax(seen))) == "max"
+    assert np.array_equal(seen[~blind], values[~blind])
+    fit = SimpleNamespace(map=found, field=None)
+    assert seen_part(f, fit, side, values) is values

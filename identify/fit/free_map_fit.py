@@ -161,9 +161,9 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, lowered = self._stepped(point, posterior, pace, near)
+            after, lowered = self._stepped(point, posterior, pace, near and step < s.far)
             if after is None:
-                message, success = "no step lowers the misfit", near
+                message, success = "no step lowers the misfit", near and step < s.far
                 break
             change = float(np.abs(after.field - point.field).max())
             point, near = after, change < s.near or lowered < s.enough
@@ -232,7 +232,7 @@ class FreeMapFit:
     ) -> tuple[_Point | None, float]:
         """Follow the step as far as the misfit with the prior falls; the point, and its fall.
 
-        Where no share of a step lowers it, the search has ended if it was `near` the end. Else
+        Where no share of a step lowers it, the search has ended if it is `near` the end. Else
         steps in better known directions are tried from there on.
         """
         s = self.settings

@@ -69,12 +69,11 @@ def foretells_worse(before: Step, after: Step, settings: SelectionSettings) -> b
     """Compare the error of presses left out: true if it rises beyond what an effect may.
 
     An imitation of an unknown cause follows the presses that it has seen. Beside a free map,
-    presses are foretold by their neighbours, whatever the effects.
+    presses are foretold by their neighbours, whatever the effects, unless the map has lost them.
     """
-    if after.fit.field is not None:
-        return False
-    error = after.cross_validation.rms_m
-    return error > settings.foretold_rise * before.cross_validation.rms_m
+    free = after.fit.field is not None
+    most = settings.foretold_rise_beside_field if free else settings.foretold_rise
+    return after.cross_validation.rms_m > most * before.cross_validation.rms_m
 
 
 def replaces_map(before: FitResult, after: FitResult) -> bool:

@@ -53,6 +53,7 @@ class FreeMapSettings:
     settled : change of the presses' compliances, in their standard deviations (the 95th percentile
         over that of a normal one), that ends the search; the last presses may be on a lump so hard
         that its modulus is open
+    far : the same change, from which on a search has not ended though no step lowers the misfit
     near : largest change of the logarithm from which on the finer model corrects each step
     enough : fall of the misfit with the prior from which on it does likewise: where the readings
         leave a direction open, the field may wander along it for ever
@@ -101,6 +102,7 @@ class FreeMapSettings:
     relaxed: float = 4.0
     worse: float = 1e-3
     settled: float = 0.15
+    far: float = 5.0
     near: float = 1.0
     enough: float = 0.1
     absorbed: float = 0.05

@@ -232,12 +232,11 @@ class FreeMapFit:
     ) -> tuple[_Point | None, float]:
         """Follow the step as far as the misfit with the prior falls; the point, and its fall.
 
-        Where no share of a step lowers it, the search has ended if it is `near` the end. Else
-        steps in better known directions are tried from there on.
+        Where no share lowers it, and not `near` the end, better known directions are tried.
         """
-        s = self.settings
+        s, damped = self.settings, self._damping
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        if self._damping is None:
+        if damped is None:
             to_field = posterior.mean - point.field
             to_u = posterior.data.effects.step(posterior.moved())
             share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
@@ -247,9 +246,7 @@ class FreeMapFit:
                     return after, fall
             if near:
                 return None, 0.0
-        for damping in s.dampings:
-            if damping < (self._damping or 0.0) / s.relaxed:
-                continue
+        for damping in (d for d in s.dampings if d >= (damped or 0.0) / s.relaxed):
             field, moved = posterior.damped(point.field, damping)
             to_u = posterior.data.effects.step(moved)
             after, fall = self._tried(point, posterior, field - point.field, to_u, before)

@@ -14,7 +14,13 @@ from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.select.accepted_effect import AcceptedEffect, at_bound, undetermined
 from identify.select.candidates import is_implausible
-from identify.select.model_error import beside_edge, few_presses, residues, within_laws
+from identify.select.model_error import (
+    beside_edge,
+    few_presses,
+    may_be_of_field,
+    residues,
+    within_laws,
+)
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.step import Step
 
@@ -304,9 +310,7 @@ def is_more_missing(
     effect takes as well.
     """
     now = ladder[-1]
-    strongest = max(
-        (now.diagnosis[name].statistic for name in now.diagnosis.significant), default=0
-    )
+    strongest = max((now.diagnosis[name].statistic for name in _missing(now, settings)), default=0)
     enough = now.comparison.is_noise or within_laws(ladder[0].fit, now.fit, accepted, settings)
     if strongest == 0 or not accepted or not enough:
         return strongest > 0
@@ -314,6 +318,12 @@ def is_more_missing(
         return False
     explained = ladder[0].fit.chi2 - now.fit.chi2
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
+
+
+def _missing(now: Step, settings: SelectionSettings) -> list[str]:
+    """Return the significant effects of a step that are no inaccuracy of a free map."""
+    names, noise = now.diagnosis.significant, now.comparison.is_noise
+    return [n for n in names if not (noise and may_be_of_field(now, n, settings))]
 
 
 def _other_form(now: Step, accepted: Sequence[AcceptedEffect]) -> float:
@@ -330,7 +340,7 @@ def further_missing(
     last = ladder[-1]
     if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
         return ""
-    return max(last.diagnosis.significant, key=lambda name: last.diagnosis[name].statistic)
+    return max(_missing(last, settings), key=lambda name: last.diagnosis[name].statistic)
 
 
 def _share(before: FitResult, after: FitResult) -> float:

@@ -61,6 +61,16 @@ def _may_be_left_of_error(
     )
 
 
+def may_be_of_field(step: Step, name: str, settings: SelectionSettings) -> bool:
+    """Return True for another compliance of each press beside a free map that errs in each.
+
+    The prior, which no true body is drawn from, decides there which compliances are improbable. A
+    skin (p = 1e-11) was found beside the map of a Gaussian inclusion, where the residual was noise.
+    """
+    field = step.fit.field
+    return field is not None and field.hyper.error > 0 and _acts_by_compliance(step, name, settings)
+
+
 def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> bool:
     """Whether an effect acts as another compliance of the body under each press."""
     at, press = step.fit.at, step.fit.model.readings.press

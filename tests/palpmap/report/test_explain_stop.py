@@ -51,6 +51,28 @@ def test_a_structured_residual_calls_for_more_whatever_was_explained(rungs):
     assert is_more_missing((first, structured), additions)
 
 
+@pytest.mark.parametrize("error", [0.0, 0.002])
+def test_compliances_beside_a_free_map_that_errs_in_each_call_for_no_effect(rungs, error):
+    """The prior decides there which of them are improbable; a course within a press is another."""
+    (first, last), additions = rungs
+    at, press = last.fit.at, last.fit.model.readings.press
+    of_press = np.random.default_rng(3).standard_normal(press.max() + 1)[press]
+    compliances = at.whitened(at.by_compliance, press) * of_press
+    course = np.random.default_rng(4).standard_normal(len(press))
+    field: Any = SimpleNamespace(hyper=SimpleNamespace(error=error))
+    for pattern, counts in ((compliances, error == 0), (course, True)):
+        step = significant(last, 0.05, first.fit.chi2 - last.fit.chi2)
+        best = replace(step.diagnosis.scores[0], beyond=pattern[:, None])
+        diagnosis = replace(step.diagnosis, scores=(best, *step.diagnosis.scores[1:]))
+        fit = replace(last.fit, field=field)
+        step = replace(step, diagnosis=diagnosis, fit=fit)
+        assert step.comparison.is_noise
+        assert is_more_missing((first, step), additions) == counts
+        structured = replace(step, comparison=first.comparison)
+        assert is_more_missing((first, structured), additions)
+    assert is_more_missing((first, replace(step, fit=last.fit)), additions)
+
+
 def test_what_an_ambiguous_group_leaves_may_be_the_difference_of_its_members(rungs):
     (first, last), (addition,) = rungs
     explained = first.fit.chi2 - last.fit.chi2

@@ -17,7 +17,7 @@ from identify.select.candidates import is_implausible
 from identify.select.model_error import (
     beside_edge,
     few_presses,
-    may_be_of_field,
+    of_field,
     residues,
     within_laws,
 )
@@ -320,10 +320,9 @@ def is_more_missing(
     return len(accepted[-1].equivalents) == 1 and strongest > settings.trace * explained
 
 
-def _missing(now: Step, settings: SelectionSettings) -> list[str]:
+def _missing(now: Step, settings: SelectionSettings) -> set[str]:
     """Return the significant effects of a step that are no inaccuracy of a free map."""
-    names, noise = now.diagnosis.significant, now.comparison.is_noise
-    return [n for n in names if not (noise and may_be_of_field(now, n, settings))]
+    return set(now.diagnosis.significant) - set(of_field(now, settings))
 
 
 def _other_form(now: Step, accepted: Sequence[AcceptedEffect]) -> float:

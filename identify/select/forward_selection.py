@@ -41,7 +41,7 @@ from identify.select.explanation import (
     verdict_of,
     within_laws,
 )
-from identify.select.model_error import accept_best, beside_edge, residues
+from identify.select.model_error import accept_best, beside_edge, of_field, residues
 from identify.select.reconsider import (
     as_special_cases,
     at_their_ends,
@@ -175,7 +175,7 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
             return
         if ended_by_presses(first, now.fit, path.accepted, settings, noise):
             return
-        tried = [*path.dropped, *path.failed]
+        tried = [*path.dropped, *path.failed, *of_field(now, settings)]
         candidates = policy.propose(now, effects, say, tried, settings)
         if not candidates:
             path.settled = now.comparison.is_noise

@@ -61,14 +61,17 @@ def _may_be_left_of_error(
     )
 
 
-def may_be_of_field(step: Step, name: str, settings: SelectionSettings) -> bool:
-    """Return True for another compliance of each press beside a free map that errs in each.
+def of_field(step: Step, settings: SelectionSettings) -> tuple[str, ...]:
+    """Significant effects that only change compliances, beside noise and a map that errs in each.
 
-    The prior, which no true body is drawn from, decides there which compliances are improbable. A
-    skin (p = 1e-11) was found beside the map of a Gaussian inclusion, where the residual was noise.
+    The prior of a free map, which no true body is drawn from, decides there which compliances are
+    improbable. A skin (p = 1e-11) was found beside the map of a Gaussian inclusion.
     """
     field = step.fit.field
-    return field is not None and field.hyper.error > 0 and _acts_by_compliance(step, name, settings)
+    if field is None or field.hyper.error == 0 or not step.comparison.is_noise:
+        return ()
+    names = step.diagnosis.significant
+    return tuple(name for name in names if _acts_by_compliance(step, name, settings))
 
 
 def _acts_by_compliance(step: Step, name: str, settings: SelectionSettings) -> bool:

@@ -153,7 +153,7 @@ def test_beside_noise_another_form_of_what_is_there_calls_for_nothing_further(sc
     ladder: Any = [
         SimpleNamespace(fit=SimpleNamespace(chi2=2000.0)),
         SimpleNamespace(
-            fit=SimpleNamespace(chi2=800.0),
+            fit=SimpleNamespace(chi2=800.0, field=None),
             comparison=SimpleNamespace(is_noise=True),
             diagnosis=Scores(scores),
         ),

@@ -47,16 +47,16 @@ class FreeMapSettings:
     dampings, relaxed : of the steps that are tried where no share does, far from the end, and the
         factor by which the next one may be damped less. In 2 of 3 blind trials a step that the
         evidence asked for was 30 times too long for the linear model beside an effect. Near the end
-        damped steps are no use: on six bodies of `benchmarks/free_maps.py` they took three times
-        the evaluations, and the error of ln E rose from 0.22 to 0.27
+        damped steps are no use: on six bodies of `benchmarks/free_maps.py` they took twice the
+        evaluations, and the error of ln E rose from 0.22 to 0.26
     worse : tolerated relative rise of the misfit in a step
     settled : change of the presses' compliances, in their standard deviations (the 95th percentile
         over that of a normal one), that ends the search; the last presses may be on a lump so hard
         that its modulus is open
     far : the same change, from which on a search has not ended though no step lowers the misfit
     near : largest change of the logarithm from which on the finer model corrects each step
-    enough : fall of the misfit with the prior from which on it does likewise: where the readings
-        leave a direction open, the field may wander along it for ever
+    enough : fall of the misfit with the prior, in one step, below which the finer model corrects,
+        too: where the readings leave a direction open, the field may wander along it for ever
     absorbed : variance over the noise's from which on the field counts as following a direction
         of the readings
     """

@@ -168,7 +168,11 @@ class Explanation(Shown, Selection):
 
     @property
     def limits(self) -> tuple[LimitRecord, ...]:
-        """Detection limit of each effect."""
+        """Detection limit of each effect.
+
+        Empty for an unexplained scan whose residual is more than twice the noise, by which a limit
+        is told.
+        """
         return self.record.limits
 
     @property

@@ -289,7 +289,9 @@ class ExplainRecord(CountRecord, FileRecord):
         default=(), description="the best one first"
     )
     limits: tuple[LimitRecord, ...] = Field(
-        default=(), description="detection limits of the first step"
+        default=(),
+        description="detection limits of the first step; empty where nothing explains a residual "
+        "of more than twice the noise",
     )
     detection_limits: Mapping[str, float] = Field(
         default={}, description="smallest share of the signal seen, by effect"

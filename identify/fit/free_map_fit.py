@@ -138,8 +138,8 @@ class FreeMapFit:
             at = point.s + moved
         for number in range(first, s.iterations):
             readings = self._readings(point, at, number < s.evidence_rounds)
-            shift = readings.s - point.s
-            if number < s.evidence_rounds:
+            shift, held = readings.s - point.s, self.hyper
+            if number < s.evidence_rounds and self._damping is None:
                 found = best_hyper(
                     readings.sums, point.by_field, point.field, self.prior, self.hyper,
                     self.lengths_m, s, shift, readings.doubt,
@@ -161,10 +161,13 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, lowered = self._stepped(point, posterior, pace, near and step < s.far)
+            after, lowered = self._stepped(point, posterior, pace)
             if after is None:
                 message, success = "no step lowers the misfit", near and step < s.far
-                break
+                if success or self._damping is not None:
+                    break
+                self.hyper, self._damping = held, 0.0  # under the prior of the last step
+                continue
             change = float(np.abs(after.field - point.field).max())
             point, near = after, change < s.near or lowered < s.enough
             if near:
@@ -228,27 +231,23 @@ class FreeMapFit:
         return self.settings.nearing * float(np.sqrt(max(typical**2 - noise, 0.0)))
 
     def _stepped(
-        self, point: _Point, posterior: FieldPosterior, pace: float, near: bool
+        self, point: _Point, posterior: FieldPosterior, pace: float
     ) -> tuple[_Point | None, float]:
-        """Follow the step as far as the misfit with the prior falls; the point, and its fall.
-
-        Where no share lowers it, and not `near` the end, better known directions are tried.
-        """
-        s, damped = self.settings, self._damping
+        """Follow the step, damped once no share of one did, until the misfit with the prior falls."""
+        s, effects = self.settings, posterior.data.effects
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        if damped is None:
-            to_field = posterior.mean - point.field
-            to_u = posterior.data.effects.step(posterior.moved())
+        after, fall = None, 0.0
+        if self._damping is None:
+            to_field, to_u = posterior.mean - point.field, effects.step(posterior.moved())
             share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
             for part in share * 0.5 ** np.arange(s.halvings):
                 after, fall = self._tried(point, posterior, part * to_field, part * to_u, before)
                 if after is not None:
-                    return after, fall
-            if near:
-                return None, 0.0
-        for damping in (d for d in s.dampings if d >= (damped or 0.0) / s.relaxed):
+                    break
+            return after, fall
+        for damping in (d for d in s.dampings if d * s.relaxed >= self._damping):
             field, moved = posterior.damped(point.field, damping)
-            to_u = posterior.data.effects.step(moved)
+            to_u = effects.step(moved)
             after, fall = self._tried(point, posterior, field - point.field, to_u, before)
             if after is not None:
                 self._damping = damping

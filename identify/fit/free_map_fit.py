@@ -233,7 +233,7 @@ class FreeMapFit:
     def _stepped(
         self, point: _Point, posterior: FieldPosterior, pace: float
     ) -> tuple[_Point | None, float]:
-        """Follow the step, damped once no share of one did, until the misfit with the prior falls."""
+        """Follow the step, damped once no share of one did, as far as the misfit falls."""
         s, effects = self.settings, posterior.data.effects
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
         after, fall = None, 0.0

@@ -111,7 +111,6 @@ class FreeMapFit:
         self.history: list[FitIteration] = []
         self.spent = 0
         self._start, self._compliance = model, compliance
-        self._damping: float | None = None  # of the last step, None as long as shares of it do
         self._spread: tuple[_Point, Hyper, np.ndarray] | None = None  # of the last step
 
     @property
@@ -138,8 +137,8 @@ class FreeMapFit:
             at = point.s + moved
         for number in range(first, s.iterations):
             readings = self._readings(point, at, number < s.evidence_rounds)
-            shift, held = readings.s - point.s, self.hyper
-            if number < s.evidence_rounds and self._damping is None:
+            shift = readings.s - point.s
+            if number < s.evidence_rounds:
                 found = best_hyper(
                     readings.sums, point.by_field, point.field, self.prior, self.hyper,
                     self.lengths_m, s, shift, readings.doubt,
@@ -152,6 +151,7 @@ class FreeMapFit:
             told = (self.weight > 0) & (readings.doubt == 0)
             unit = np.sqrt(error**2 + readings.variance)
             step = float(np.percentile(np.abs(posterior.step / unit)[told], 95)) / 1.96
+            change = float(np.abs(posterior.mean - point.field).max())
             if near and number >= s.evidence_rounds and step < s.settled:
                 message = f"the last step was {step:.2g} standard deviations of a press long"
                 success = True
@@ -161,15 +161,11 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, lowered = self._stepped(point, posterior, pace)
-            if after is None:
-                message, success = "no step lowers the misfit", near and step < s.far
-                if success or self._damping is not None:
-                    break
-                self.hyper, self._damping = held, 0.0  # under the prior of the last step
-                continue
-            change = float(np.abs(after.field - point.field).max())
-            point, near = after, change < s.near or lowered < s.enough
+            after, share = self._stepped(point, posterior, pace)
+            if share == 0:
+                message, success = "no step lowers the misfit", near
+                break
+            point, near = after, change * share < s.near
             if near:
                 point = self._corrected(point)
         else:
@@ -232,47 +228,29 @@ class FreeMapFit:
 
     def _stepped(
         self, point: _Point, posterior: FieldPosterior, pace: float
-    ) -> tuple[_Point | None, float]:
-        """Follow the step, damped once no share of one did, as far as the misfit falls."""
-        s, effects = self.settings, posterior.data.effects
+    ) -> tuple[_Point, float]:
+        """Follow the step as far as the misfit with the prior falls; the share, 0 for none."""
+        s = self.settings
+        to_field = posterior.mean - point.field
+        to_u = posterior.data.effects.step(posterior.moved())
+        low, high = point.model.unknowns.bounds
+        share = first = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
         before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        after, fall = None, 0.0
-        if self._damping is None:
-            to_field, to_u = posterior.mean - point.field, effects.step(posterior.moved())
-            share = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
-            for part in share * 0.5 ** np.arange(s.halvings):
-                after, fall = self._tried(point, posterior, part * to_field, part * to_u, before)
-                if after is not None:
-                    break
-            return after, fall
-        for damping in (d for d in s.dampings if d * s.relaxed >= self._damping):
-            field, moved = posterior.damped(point.field, damping)
-            to_u = effects.step(moved)
-            after, fall = self._tried(point, posterior, field - point.field, to_u, before)
-            if after is not None:
-                self._damping = damping
-                return after, fall
-        return None, 0.0
-
-    def _tried(
-        self, point: _Point, posterior: FieldPosterior, to_field: np.ndarray, to_u: np.ndarray,
-        before: float,
-    ) -> tuple[_Point | None, float]:  # fmt: skip
-        """Return the point after a step and the fall of the misfit with the prior, if it falls."""
-        u = np.clip(point.u + to_u, *point.model.unknowns.bounds)
-        try:
-            there = self._point(point.model, point.field + to_field, u)
-        except (InadmissibleError, SolverError):
-            return None, 0.0
-        spread_by = self.prior.product(there.by_field)
-        after = posterior.misfit(there.s - point.s) + self._cost(
-            there, spread_by @ there.by_field.T
-        )
-        if after > before * (1 + self.settings.worse):
-            return None, 0.0
-        point.model.mechanics._solutions.clear()  # large, and not asked again
-        self._spread = there, self.hyper, spread_by
-        return there, before - after
+        while share > s.shortest_step * first:
+            u = np.clip(point.u + share * to_u, low, high)
+            try:
+                there = self._point(point.model, point.field + share * to_field, u)
+            except (InadmissibleError, SolverError):
+                share /= 2
+                continue
+            spread_by = self.prior.product(there.by_field)
+            cost = self._cost(there, spread_by @ there.by_field.T)
+            if posterior.misfit(there.s - point.s) + cost <= before * (1 + s.worse):
+                point.model.mechanics._solutions.clear()  # large, and not asked again
+                self._spread = there, self.hyper, spread_by
+                return there, share
+            share /= 2
+        return point, 0.0
 
     def _spread_by(self, point: _Point) -> np.ndarray | None:
         """Prior covariance (j, g) of s and field at a point, if the last step found it."""

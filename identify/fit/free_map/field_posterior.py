@@ -90,22 +90,6 @@ class FieldPosterior:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""
         return self._of_s @ self.weights - self.data.offset
 
-    def damped(self, field: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a field (g,) nearer to the present one, and `moved` (j,) with it.
-
-        The present field is counted as another prior mean, of `damping` times the weight: a step of
-        Levenberg and Marquardt, which keeps what the readings ask for most.
-        """
-        data, share = self.data, 1 / (1 + damping)
-        held = (1 - share) * data.here
-        of_s = share * self.of_field + np.diag(data.error_variance(self.error))
-        whole = data.root.T @ of_s @ data.root
-        whole[np.diag_indices_from(whole)] += 1
-        factor = cholesky(whole, lower=True)
-        weights = data.root @ cho_solve((factor, True), data.target - data.root.T @ held)
-        damped = (1 - share) * field + share * (weights @ self.spread_by)
-        return damped, held + of_s @ weights - data.offset
-
     @property
     def step(self) -> np.ndarray:
         """Change (j,) of ln C by the map from that of the present field."""

@@ -43,21 +43,12 @@ class FreeMapSettings:
     falls_short, as_promised : shares of what a step promises to shorten the next one by, below and
         above which the steps become shorter and longer
     longest_step : largest change of the map's logarithm in one
-    halvings : shares of a step that are tried, each half of the one before
-    dampings, relaxed : of the steps that are tried where no share does, far from the end, under the
-        prior of the step before, and the factor by which the next one may be damped less. In 2 of 3
-        blind trials the evidence asked for a step 30 times too long for the linear model beside an
-        effect; under its new prior, 77 % of the points in sight lay in their bands, under the old
-        one all. Near the end damped steps are no use: on six bodies of `benchmarks/free_maps.py`
-        they took twice the evaluations, and the error of ln E rose from 0.22 to 0.26
+    shortest_step : share of a step below which none is tried
     worse : tolerated relative rise of the misfit in a step
     settled : change of the presses' compliances, in their standard deviations (the 95th percentile
         over that of a normal one), that ends the search; the last presses may be on a lump so hard
         that its modulus is open
-    far : the same change, from which on a search has not ended though no step lowers the misfit
     near : largest change of the logarithm from which on the finer model corrects each step
-    enough : fall of the misfit with the prior, in one step, below which the finer model corrects,
-        too: where the readings leave a direction open, the field may wander along it for ever
     absorbed : variance over the noise's from which on the field counts as following a direction
         of the readings
     """
@@ -98,14 +89,10 @@ class FreeMapSettings:
     iterations: int = 20
     rough_steps: int = 3
     longest_step: float = 1.5
-    halvings: int = 4
-    dampings: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-    relaxed: float = 4.0
+    shortest_step: float = 0.1
     worse: float = 1e-3
     settled: float = 0.15
-    far: float = 5.0
     near: float = 1.0
-    enough: float = 0.1
     absorbed: float = 0.05
 
 

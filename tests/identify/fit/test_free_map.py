@@ -258,42 +258,6 @@ def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, g
     assert 0.003 < fit.field.sight_m < SIZE_M[2] + 1e-9
 
 
-def test_a_damped_step_is_the_minimum_with_the_present_field_as_a_prior(linear, grid):
-    *_, here, _, _, data = linear
-    posterior = FieldPosterior(data, MaternField(grid, 0.02, 0.3, 1.0), 0.02)
-    covariance = posterior.prior.product(np.eye(len(grid)))
-    root, error = data.root, data.error_variance(0.02)
-    noise = root.T @ np.diag(error) @ root + np.eye(len(error))
-    seen = root.T @ data.by_field
-    weigh = seen.T @ np.linalg.inv(noise)
-    inverse = np.linalg.inv(covariance)
-    for damping in (0.0, 0.5, 20.0):
-        field, moved = posterior.damped(here, damping)
-        slope = weigh @ (seen @ field - data.target) + inverse @ field
-        slope += damping * (inverse @ (field - here))
-        assert np.abs(covariance @ slope).max() < 1e-6 * np.abs(field).max()
-        # Of the change of s the field has its part, the map's own error the rest
-        own = error * (root @ np.linalg.solve(noise, data.target - seen @ field))
-        assert moved == pytest.approx(data.by_field @ field + own - data.offset, abs=1e-9)
-    assert posterior.damped(here, 1e12)[0] == pytest.approx(here, abs=1e-6)
-    assert posterior.damped(here, 0.0)[0] == pytest.approx(posterior.mean, abs=1e-9)
-
-
-def test_a_search_that_has_to_damp_its_steps_ends_at_the_same_field(body, grid):
-    rng = np.random.default_rng(11)
-    true = MaternField(grid, 0.02, 0.4).draws(rng, 1)[0]
-    model = model_of(body, grid, FreeMap(grid, LEVEL + 0.5 + true), rng)
-    hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
-    usual, damped = (
-        FreeMapFit(model, hyper, (0.009, 0.06), settings=settings).run()
-        for settings in (FREE_MAP, replace(FREE_MAP, halvings=0, near=0.0))
-    )
-    assert usual.success
-    assert damped.success
-    apart = (damped.map.log_pa - usual.map.log_pa) / usual.field.log_sd
-    assert np.abs(apart).max() < 0.1
-
-
 def test_a_homogeneous_body_has_no_spot(body, grid):
     rng = np.random.default_rng(5)
     model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL + 0.3)), rng)

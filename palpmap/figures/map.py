@@ -156,12 +156,19 @@ def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.nd
 
     Where it is blind the prior may be any colour, and is hatched.
     """
-    field, found = fit.field, fit.map
-    if field is None or not isinstance(found, FreeMap):
+    share = _share(f, fit, cut)
+    if share is None:
         return values
-    share = sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
     part = np.where(share >= BLIND, values, np.nan)
     return part if np.isfinite(part).any() else values
+
+
+def _share(f: Finding, fit: FitResult, cut: Cut) -> np.ndarray | None:
+    """Share of the prior's variance taken away on a cut of a fitted free map; None of others."""
+    field, found = fit.field, fit.map
+    if field is None or not isinstance(found, FreeMap):
+        return None
+    return sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
 
 
 def extension(fields: list[np.ndarray], span: tuple[float, float]) -> str:
@@ -289,10 +296,9 @@ def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
 
 def hatch_blind(axes: Axes, f: Finding, fit: FitResult, cut: Cut) -> None:
     """Fade and hatch the places that the scan of a fitted free map does not see."""
-    field, found = fit.field, fit.map
-    if field is None or not isinstance(found, FreeMap):
+    share = _share(f, fit, cut)
+    if share is None:
         return
-    share = sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
     low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
     (right, up), (rows, columns) = cut.axes, share.shape
     x = low[right] + (np.arange(columns) + 0.5) / columns * (high[right] - low[right])

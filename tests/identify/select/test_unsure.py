@@ -22,7 +22,7 @@ from identify.select.explanation import OTHER_CAUSE, SUSPECT_PRESSES, Explanatio
 from identify.select.outlying_presses import WithoutSuspects, suspects_left, weighed
 from identify.select.reconsider import with_exchanged
 from identify.select.settings import SELECTION
-from identify.select.step import whitened_fit
+from identify.select.step import foretells_worse, whitened_fit
 from identify.select.verdicts import effect_verdict
 from models.errors import InputError
 from palpmap.result.doubts import doubts, unseen_effects, without_suspects
@@ -387,3 +387,16 @@ def test_two_effects_of_which_only_a_sum_is_determined_are_both_undetermined(exp
     assert judged(-0.999, 10.0) == (name, "twin")
     assert judged(-0.9, 10.0) == ()  # the data tell them apart
     assert judged(-0.999, 0.1) == ()  # both are there whatever their sum
+
+
+@pytest.mark.parametrize(
+    ("field", "rise"), [(None, "foretold_rise"), (1, "foretold_rise_beside_field")]
+)
+def test_an_effect_may_raise_the_error_of_presses_left_out_more_beside_a_free_map(field, rise):
+    def step(error: float) -> Any:
+        validated = SimpleNamespace(rms_m=error)
+        return SimpleNamespace(fit=SimpleNamespace(field=field), cross_validation=validated)
+
+    most = getattr(SELECTION, rise)
+    assert foretells_worse(step(1.0), step(1.01 * most), SELECTION)
+    assert not foretells_worse(step(1.0), step(0.99 * most), SELECTION)

@@ -163,7 +163,7 @@ class FreeMapFit:
             last = step
             after, share = self._stepped(point, posterior, pace)
             if share == 0:
-                message, success = "no step lowers the misfit", near
+                message, success = "no step lowers the misfit", near and step < s.unfelt
                 break
             point, near = after, change * share < s.near
             if near:

@@ -48,6 +48,9 @@ class FreeMapSettings:
     settled : change of the presses' compliances, in their standard deviations (the 95th percentile
         over that of a normal one), that ends the search; the last presses may be on a lump so hard
         that its modulus is open
+    unfelt : the same change, below which a search has ended, too, where no step lowers the misfit:
+        the presses do not feel it. One that asked for 1.1, and for 2.1 standard deviations of the
+        map, was called converged
     near : largest change of the logarithm from which on the finer model corrects each step
     absorbed : variance over the noise's from which on the field counts as following a direction
         of the readings
@@ -92,6 +95,7 @@ class FreeMapSettings:
     shortest_step: float = 0.1
     worse: float = 1e-3
     settled: float = 0.15
+    unfelt: float = 1.0
     near: float = 1.0
     absorbed: float = 0.05
 

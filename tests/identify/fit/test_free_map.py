@@ -258,6 +258,29 @@ def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, g
     assert 0.003 < fit.field.sight_m < SIZE_M[2] + 1e-9
 
 
+@pytest.mark.parametrize(
+    ("steps", "longest", "ended"), [(1, 0.1, False), (8, FREE_MAP.longest_step, True)]
+)
+def test_a_search_whose_steps_are_refused_has_ended_only_where_the_presses_feel_none(
+    body, grid, steps, longest, ended
+):
+    class Refused(FreeMapFit):
+        taken = 0
+
+        def _stepped(self, point, posterior, pace):
+            self.taken += 1
+            return super()._stepped(point, posterior, pace) if self.taken <= steps else (point, 0.0)
+
+    rng = np.random.default_rng(11)
+    true = MaternField(grid, 0.02, 0.4).draws(rng, 1)[0]
+    model = model_of(body, grid, FreeMap(grid, LEVEL + 0.5 + true), rng)
+    hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
+    settings = replace(FREE_MAP, longest_step=longest, settled=0.0)
+    fit = Refused(model, hyper, (0.009, 0.06), settings=settings).run()
+    assert fit.message == "no step lowers the misfit"
+    assert fit.success is ended
+
+
 def test_a_homogeneous_body_has_no_spot(body, grid):
     rng = np.random.default_rng(5)
     model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL + 0.3)), rng)

@@ -13,6 +13,7 @@ the modulus positive; a step to a body that cannot be evaluated is shortened.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from identify.body.response import BodyResponse
 from identify.fit.free_map.field import LEVEL, Field
 from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
-from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.field_posterior import DrawnField, FieldPosterior
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.fit.gather import fit_result
 from identify.fit.result import FitResult
@@ -111,7 +112,8 @@ class FreeMapFit:
         self.history: list[FitIteration] = []
         self.spent = 0
         self._start, self._compliance = model, compliance
-        self._spread: tuple[_Point, Hyper, np.ndarray] | None = None  # of the last step
+        self._damping = settings.least_damping
+        self._drawn: tuple[Hyper, DrawnField] | None = None  # of the present field
 
     @property
     def prior(self) -> MaternField:
@@ -146,12 +148,11 @@ class FreeMapFit:
                 self.hyper = found if number == 0 else self.hyper.towards(found, s.longest_change)
             error = max(self.hyper.error, self._nearing(readings))
             data = FieldData.of(readings.sums, point.by_field, point.field, shift, readings.doubt)
-            posterior = FieldPosterior(data, self.prior, error, self._spread_by(point))
+            posterior = FieldPosterior(data, self.prior, error)
             self._accept(point, posterior, number)
             told = (self.weight > 0) & (readings.doubt == 0)
             unit = np.sqrt(error**2 + readings.variance)
             step = float(np.percentile(np.abs(posterior.step / unit)[told], 95)) / 1.96
-            change = float(np.abs(posterior.mean - point.field).max())
             if near and number >= s.evidence_rounds and step < s.settled:
                 message = f"the last step was {step:.2g} standard deviations of a press long"
                 success = True
@@ -161,11 +162,11 @@ class FreeMapFit:
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
-            after, share = self._stepped(point, posterior, pace)
-            if share == 0:
+            point, change = self._stepped(point, posterior, pace)
+            if change == 0:
                 message, success = "no step lowers the misfit", near and step < s.unfelt
                 break
-            point, near = after, change * share < s.near
+            near = change < s.near
             if near:
                 point = self._corrected(point)
         else:
@@ -229,43 +230,36 @@ class FreeMapFit:
     def _stepped(
         self, point: _Point, posterior: FieldPosterior, pace: float
     ) -> tuple[_Point, float]:
-        """Follow the step as far as the misfit with the prior falls; the share, 0 for none."""
-        s = self.settings
-        to_field = posterior.mean - point.field
-        to_u = posterior.data.effects.step(posterior.moved())
-        low, high = point.model.unknowns.bounds
-        share = first = min(pace, s.longest_step / max(float(np.abs(to_field).max()), 1e-12))
-        before = posterior.misfit(point.s - point.s) + self._cost(point, posterior.of_field)
-        while share > s.shortest_step * first:
-            u = np.clip(point.u + share * to_u, low, high)
-            try:
-                there = self._point(point.model, point.field + share * to_field, u)
-            except (InadmissibleError, SolverError):
-                share /= 2
-                continue
-            spread_by = self.prior.product(there.by_field)
-            cost = self._cost(there, spread_by @ there.by_field.T)
-            if posterior.misfit(there.s - point.s) + cost <= before * (1 + s.worse):
-                point.model.mechanics._solutions.clear()  # large, and not asked again
-                self._spread = there, self.hyper, spread_by
-                return there, share
-            share /= 2
+        """Step to where the misfit with the prior falls; the largest change of the field, or 0.
+
+        A step that is too long for the body's derivatives is damped, and the next one less.
+        """
+        s, low, high = self.settings, *point.model.unknowns.bounds
+        here = self._drawn_here(posterior)
+        before = posterior.misfit(np.zeros_like(point.s)) + here.cost
+        while self._damping < s.most_damping:
+            share, aim, moved = posterior.damped(self._damping)
+            to_field = pace * share * (aim.field - point.field)
+            largest = float(np.abs(to_field).max())
+            if largest <= s.longest_step:
+                drawn = here.towards(aim, pace * share)
+                u = np.clip(point.u + pace * posterior.data.effects.step(moved), low, high)
+                with suppress(InadmissibleError, SolverError):
+                    there = self._point(point.model, point.field + to_field, u)
+                    after = posterior.misfit(there.s - point.s) + drawn.cost
+                    if after <= before * (1 + s.worse):
+                        point.model.mechanics._solutions.clear()  # large, and not asked again
+                        self._drawn = self.hyper, drawn
+                        self._damping = max(self._damping / s.damped, s.least_damping)
+                        return there, largest
+            self._damping *= s.damped
         return point, 0.0
 
-    def _spread_by(self, point: _Point) -> np.ndarray | None:
-        """Prior covariance (j, g) of s and field at a point, if the last step found it."""
-        known = self._spread
-        there = known is not None and known[0] is point and known[1] == self.hyper
-        return known[2] if known is not None and there else None
-
-    def _cost(self, point: _Point, of_s: np.ndarray) -> float:
-        """Least square of the prior's distance of a field with the point's predictions.
-
-        `of_s` (j, j) is their prior covariance.
-        """
-        of_s = of_s + 1e-8 * np.trace(of_s) / len(of_s) * np.eye(len(of_s))
-        offset = point.by_field @ point.field
-        return float(offset @ np.linalg.solve(of_s, offset))
+    def _drawn_here(self, posterior: FieldPosterior) -> DrawnField:
+        """Return the present field as the prior draws it; a new prior, one that does the same."""
+        if self._drawn is None or self._drawn[0] != self.hyper:
+            return posterior.drawn()
+        return self._drawn[1]
 
     def _accept(self, point: _Point, posterior: FieldPosterior, number: int) -> None:
         """Keep a step of the search."""

@@ -68,7 +68,7 @@ def best_hyper(
     ----------
     sums, by_field, field, shift, doubt : as `FieldData.of` takes them
     prior : its grid, level and layers are used
-    lengths_m : least and largest length
+    lengths_m : least and largest length; evidence finds none above `FreeMapSettings.smoothest`
     """
     told = np.flatnonzero(sums.normal[:, 0, 0] > 0)
     some = told
@@ -79,7 +79,9 @@ def best_hyper(
         sums.some(some), by_field[some], field,
         0.0 if shift is None else shift[some], 0.0 if doubt is None else doubt[some],
     )  # fmt: skip
-    usual_length = np.log(settings.usual_length) + np.mean(np.log(lengths_m))
+    least, longest = lengths_m
+    bounds = np.log([least, max(settings.smoothest * longest, least)])
+    usual_length = np.log(settings.usual_length) + bounds.mean()
     best: dict[float, tuple[float, Hyper]] = {}
     latest = start
 
@@ -97,7 +99,7 @@ def best_hyper(
     else:
         minimize_scalar(
             misfit,
-            bounds=np.log(lengths_m),
+            bounds=bounds,
             method="bounded",
             options={"xatol": settings.length_tol, "maxiter": settings.lengths},
         )

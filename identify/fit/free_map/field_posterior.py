@@ -22,6 +22,29 @@ from identify.map import MaternField
 
 
 @dataclass(frozen=True, eq=False)
+class DrawnField:
+    """A field (g,), counted from its prior mean, and the `dual` (g,) from which a prior draws it.
+
+    `field` is the prior's covariance times `dual`.
+    """
+
+    dual: np.ndarray
+    field: np.ndarray
+
+    @property
+    def cost(self) -> float:
+        """Square of the field's distance from its mean, in the prior's standard deviations."""
+        return float(self.dual @ self.field)
+
+    def towards(self, other: DrawnField, share: float) -> DrawnField:
+        """Return the field a share of the way to another one."""
+        kept = 1 - share
+        return DrawnField(
+            kept * self.dual + share * other.dual, kept * self.field + share * other.field
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class FieldPosterior:
     """A Gaussian field given readings that are linear in it.
 
@@ -30,18 +53,16 @@ class FieldPosterior:
     data : of the readings
     prior : of the field (g,)
     error : relative error of the map in each press's compliance, of the map's own form
-    known : `spread_by`, where it is known
     """
 
     data: FieldData
     prior: MaternField
     error: float = 0.0
-    known: np.ndarray | None = None
 
     @cached_property
     def spread_by(self) -> np.ndarray:
         """Prior covariance of s and field, K C (j, g)."""
-        return self.prior.product(self.data.by_field) if self.known is None else self.known
+        return self.prior.product(self.data.by_field)
 
     @cached_property
     def of_field(self) -> np.ndarray:
@@ -85,6 +106,36 @@ class FieldPosterior:
     def share(self) -> np.ndarray:
         """Share of the prior's variance about its level that the readings take away, (g,)."""
         return np.clip(1 - self.sd**2 / self.prior.variance, 0.0, 1.0)
+
+    def damped(self, damping: float) -> tuple[float, DrawnField, np.ndarray]:
+        """Return the way to the field of least misfit beside `damping` times the way's own cost.
+
+        Without damping that is the mean. What the readings do not ask for stays (Levenberg and
+        Marquardt).
+
+        Returns
+        -------
+        share : of the way to the field that the second one draws
+        aim : that field
+        moved : (j,) change of s from where the readings are linear, with the presses' own errors
+        """
+        data, share = self.data, 1 / (1 + damping)
+        error = data.error_variance(self.error)
+        whole = data.root.T @ (share * self.of_field + np.diag(error)) @ data.root
+        whole[np.diag_indices_from(whole)] += 1
+        target = data.target - (1 - share) * data.root.T @ data.here
+        weights = data.root @ cho_solve((cholesky(whole, lower=True), True), target)
+        aim = DrawnField(weights @ data.by_field, weights @ self.spread_by)
+        of_map = (1 - share) * data.here + share * data.by_field @ aim.field
+        return share, aim, of_map + error * weights - data.offset
+
+    def drawn(self) -> DrawnField:
+        """Return the field of least cost that predicts the present s."""
+        of_s = self.of_field + 1e-8 * np.trace(self.of_field) / len(self.of_field) * np.eye(
+            len(self.of_field)
+        )
+        weights = np.linalg.solve(of_s, self.data.here)
+        return DrawnField(weights @ self.data.by_field, weights @ self.spread_by)
 
     def moved(self) -> np.ndarray:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""

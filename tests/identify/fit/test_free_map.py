@@ -201,9 +201,12 @@ def test_the_readings_beside_every_map_of_the_prior_against_the_whole_covariance
 def test_the_evidence_finds_the_numbers_that_maximise_it(linear, grid):
     _, _, here, sums, by_field, data = linear
     start = Hyper(0.02, 0.3, 0.01)
-    flat = replace(FREE_MAP, unsure=(1e6, 1e6, 1e6))
+    flat = replace(FREE_MAP, unsure=(1e6, 1e6, 1e6), smoothest=1.0, least_spread=0.1)
     prior = MaternField(grid, 1, 1, 1.0)
     best = best_hyper(sums, by_field, here, prior, start, (0.01, 0.06), flat)
+    cautious = best_hyper(sums, by_field, here, prior, start, (0.01, 0.06))
+    assert cautious.length_m <= 1.0001 * FREE_MAP.smoothest * 0.06 < best.length_m
+    assert cautious.spread >= 0.9999 * FREE_MAP.least_spread > best.spread
 
     def evidence(hyper):
         prior = MaternField(grid, hyper.length_m, hyper.spread, 1.0)
@@ -213,6 +216,31 @@ def test_the_evidence_finds_the_numbers_that_maximise_it(linear, grid):
     for length, spread in ((1.4, 1), (0.7, 1), (1, 1.4), (1, 0.7)):
         moved = replace(best, length_m=best.length_m * length, spread=best.spread * spread)
         assert evidence(moved) < top + 0.02
+
+
+def test_a_damped_step_is_the_field_of_least_misfit_beside_the_cost_of_the_way(linear, grid):
+    *_, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0)
+    posterior = FieldPosterior(data, prior, 0.02)
+    covariance = prior.product(np.eye(len(grid)))
+    here = posterior.drawn()
+    assert by_field @ here.field == pytest.approx(data.here, abs=1e-6)
+    assert here.cost == pytest.approx(
+        here.field @ np.linalg.solve(covariance, here.field), rel=1e-4
+    )
+    white = data.root.T @ by_field
+    noise = np.eye(len(white)) + data.root.T @ (data.error_variance(0.02)[:, None] * data.root)
+    for damping in (0.0, 0.1, 3.0):
+        share, aim, moved = posterior.damped(damping)
+        field = here.towards(aim, share).field
+        # The slope of misfit, cost and the way's cost, times the covariance
+        slope = covariance @ white.T @ np.linalg.solve(noise, white @ field - data.target)
+        slope += field + damping * (field - here.field)
+        assert np.abs(slope).max() < 1e-4 * np.abs(aim.field).max()
+        errors = np.linalg.solve(noise, data.target - white @ field)
+        own = data.error_variance(0.02) * (data.root @ errors)
+        assert moved == pytest.approx(by_field @ field + own - data.offset, abs=1e-6)
+    assert posterior.damped(0.0)[1].field == pytest.approx(posterior.mean)
 
 
 def test_left_out_presses_are_predicted_as_by_a_fit_without_them(linear, grid):

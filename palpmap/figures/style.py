@@ -72,11 +72,12 @@ def panel_grid(axes: Axes) -> None:
 
 
 def plain_log_ticks(axis: Axis) -> None:
-    """Write 20, 50, 100 on a logarithmic axis, not powers; within a decade also some between."""
+    """Write 20, 50, 100 on a logarithmic axis, not powers; of many decades their ends alone."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     low, high = axis.get_view_interval()
     steps = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0) if high < 10 * low else (1.0, 2.0, 5.0)
+    steps = (1.0,) if high > 300 * low else steps
     axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -10,6 +10,8 @@ from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
+_EXPLAINED = 2.0  # chi-square per degree of freedom up to which the odds of spots are taken as said
+
 
 def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Table, ...]:
     """Return the tables of a free map: regions, spots, sight; none of another map.
@@ -20,22 +22,31 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
     if field is None:
         return ()
     regions = (_region_table(field.regions),) if field.regions else ()
-    return (*regions, _spot_table(field.spots, fit.success, origin_m), _sight_table(field, scan))
+    explained = fit.chi2_per_dof < _EXPLAINED
+    spots = _spot_table(field.spots, fit.success, explained, origin_m)
+    odds = () if explained or not field.spots else (
+        "odds of the spots",
+        f"they trust noise and contact law, which leave {fit.chi2_per_dof:.2g} times the misfit of "
+        "noise: believe no spot that the presses' own stiffness does not show",
+    )  # fmt: skip
+    return (*regions, spots, _sight_table(field, scan, odds))
 
 
-def _spot_table(spots: Sequence[Spot], success: bool, origin_m: np.ndarray) -> Table:
+def _spot_table(
+    spots: Sequence[Spot], success: bool, explained: bool, origin_m: np.ndarray
+) -> Table:
     """Return the spots; a row says so if there are none. It fits into a terminal of 80 columns."""
     head = ("Spot", *map(number, ("x, y, z in mm", "+- mm", "Size, mm", "Contrast (95 %)",
             "Probability")))  # fmt: skip
     rows = [
         (
-            Cell("hard" if s.contrast > 1 else "soft", "good" if s.found else "dim"),
+            Cell("hard" if s.contrast > 1 else "soft", "good" if s.found and explained else "dim"),
             ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
             f"{1e3 * s.place_sd_m:.1f}",
             _size(s),
             f"{_contrast(s.contrast)} ({_contrast(s.lower95)} to {_contrast(s.upper95)})",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
-                 "good" if s.found else "dim"),
+                 "good" if s.found and explained else "dim"),
         )
         for s in spots
     ]  # fmt: skip
@@ -82,7 +93,7 @@ def _listed(presses: Sequence[int], most: int = 8) -> str:
     return ", ".join(str(p) for p in presses[:most]) + more
 
 
-def _sight_table(field: Field, scan: Scan) -> Table:
+def _sight_table(field: Field, scan: Scan, odds: tuple[str, ...]) -> Table:
     """Return the reach of a scan and the free map's prior."""
     hyper = field.hyper
 
@@ -100,6 +111,7 @@ def _sight_table(field: Field, scan: Scan) -> Table:
     if field.ball_sight_m:
         ball = f"seen down to {units.quantity(field.ball_sight_m, 'm')} under the middle press"
     rows = (
+        *((odds,) if odds else ()),
         (
             "ordinary press",
             f"fitted to {percent(field.ordinary_error)} of its compliance; met within "

@@ -23,7 +23,7 @@ def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
         Spot(-0.0192, 0.1436, -0.1574, 2e-3, 0.01, 0.01, 0.7, 0.17, 2.35, 0.6, 0.9),
     ]  # fmt: skip
     out = io.StringIO()
-    Console(file=out, width=80).print(console(_spot_table(spots, True, np.zeros(3))))
+    Console(file=out, width=80).print(console(_spot_table(spots, True, True, np.zeros(3))))
     hard, soft, old = (line.split() for line in out.getvalue().splitlines()[-4:-1])
     assert hard[:5] == ["hard", "-38.4,", "39.8,", "-57.4", "0.3"]
     assert hard[5:] == ["8", "to", "12", "24", "(12", "to", "51)", ">", "0.99"]
@@ -31,6 +31,17 @@ def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
     assert old[5:] == ["10", "0.7", "(0.17", "to", "2.4)", "0.60"]  # of a file without interval
     assert "Probability" in out.getvalue()
     assert "+- mm" in out.getvalue()
+
+
+def test_no_spot_is_shown_as_sure_beside_a_residual_that_is_not_noise():
+    spot = Spot(-0.0384, 0.0398, -0.0574, 3e-4, 0.01, 0.01, 24.03, 11.58, 51.24, 0.999, 0.9)
+    tones = {
+        explained: [getattr(cell, "tone", "") for cell in table.rows[0]]
+        for explained in (True, False)
+        for table in [_spot_table([spot], True, explained, np.zeros(3))]
+    }
+    assert "good" in tones[True]
+    assert "good" not in tones[False]
 
 
 @pytest.mark.parametrize("unseen", [False, True])

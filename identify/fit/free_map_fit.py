@@ -21,14 +21,15 @@ import numpy as np
 from fem import SolverError
 from identify.body.response import BodyResponse
 from identify.fit.free_map.field import LEVEL, Field
-from identify.fit.free_map.field_data import FieldData, PressSums
+from identify.fit.free_map.field_data import FieldData
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
 from identify.fit.free_map.field_posterior import DrawnField, FieldPosterior
+from identify.fit.free_map.press_readings import PressReadings
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.fit.gather import fit_result
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration, Progress
-from identify.fit.settings import FREE_COMPLIANCE, PRECISE
+from identify.fit.settings import PRECISE
 from identify.map import FreeMap, GaussianMap, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
@@ -56,25 +57,6 @@ class _Point:
     body: BodyResponse
     by_field: np.ndarray
     s: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class _Readings:
-    """Readings linear around s (j,), with their demand on each press of a map.
-
-    Attributes
-    ----------
-    sums : weighted
-    s : where they are linear
-    error, variance : (j,) of each press's ln C against the map, see `PressSums.errors`
-    doubt : (j,) variance of the presses with errors of their own
-    """
-
-    sums: PressSums
-    s: np.ndarray
-    error: np.ndarray
-    variance: np.ndarray
-    doubt: np.ndarray
 
 
 class FreeMapFit:
@@ -139,7 +121,7 @@ class FreeMapFit:
             at = point.s + moved
         for number in range(first, s.iterations):
             readings = self._readings(point, at, number < s.evidence_rounds)
-            shift = readings.s - point.s
+            shift = readings.shift
             if number < s.evidence_rounds:
                 found = best_hyper(
                     readings.sums, point.by_field, point.field, self.prior, self.hyper,
@@ -158,7 +140,7 @@ class FreeMapFit:
                 success = True
                 break
             moved = np.clip(posterior.moved(), -s.longest_move, s.longest_move)
-            at = readings.s + moved
+            at = point.s + readings.shift + moved
             if number > s.evidence_rounds:
                 pace = self._pace(pace, step / last)
             last = step
@@ -199,28 +181,15 @@ class FreeMapFit:
         self.spent += 1
         return self._at(point.model.corrected(point.u), point.field, point.u)
 
-    def _readings(self, point: _Point, at: np.ndarray, early: bool) -> _Readings:
+    def _readings(self, point: _Point, at: np.ndarray, early: bool) -> PressReadings:
         """Linearise the readings near s (j,), at the best compliances beside effects and map."""
-        s, model, told = self.settings, point.model, self.weight > 0
-        for step in range(s.own_steps + 1):
-            sums = PressSums.of(model, model.around(point.body, point.u, np.exp(at - point.s)))
-            error, variance = sums.errors(at - point.s)
-            typical = 1.48 * float(np.median(np.abs(error)[told]))
-            size = max(self.hyper.error, typical)
-            if step < s.own_steps:
-                towards = (error * size**2) / (size**2 + variance) - (at - point.s)
-                at = at + np.clip(towards, -s.longest_move, s.longest_move)
-        count = np.bincount(model.readings.press, minlength=len(at))
-        bent = np.maximum(sums.chi2 / count - 1, 0.0)
-        curve = 1 / (1 + bent / FREE_COMPLIANCE.tail)
-        variance = variance / curve
-        unit = np.hypot(size, np.sqrt(variance))
-        tail = s.early_tail if early else s.tail
-        gross = np.maximum(np.abs(error) / (tail * unit), 1.0)
-        doubt = (gross**2 - 1) * unit**2
-        return _Readings(sums.weighted(self.weight * curve), at, error, variance, doubt)
+        tail = self.settings.early_tail if early else self.settings.tail
+        return PressReadings.near(
+            point.model, point.body, point.u, at - point.s, self.hyper.error, self.weight, tail,
+            self.settings,
+        )  # fmt: skip
 
-    def _nearing(self, readings: _Readings) -> float:
+    def _nearing(self, readings: PressReadings) -> float:
         """Error of the map that counts on the way, a share of the present misfit beyond noise."""
         told = self.weight > 0
         typical = 1.48 * float(np.median(np.abs(readings.error[told])))
@@ -273,7 +242,7 @@ class FreeMapFit:
             self.progress(step)
 
     def _result(
-        self, point: _Point, readings: _Readings, posterior: FieldPosterior, message: str,
+        self, point: _Point, readings: PressReadings, posterior: FieldPosterior, message: str,
         success: bool,
     ) -> FitResult:  # fmt: skip
         uncertain = MapUncertainty(

@@ -14,6 +14,7 @@ import numpy as np
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
+from identify.effects.units import digits
 from identify.fit.contact_law import ContactLaw
 from identify.fit.free_compliance_start import (
     curved_again,
@@ -23,6 +24,7 @@ from identify.fit.free_compliance_start import (
     typical_error,
     typical_error_m,
 )
+from identify.fit.free_map.parametric_evidence import parametric_evidence
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
 from identify.fit.search import FitIteration
@@ -126,8 +128,7 @@ def kind_of_map(
 ) -> KindOfMap:
     """Decide between inclusions, of a number by the information criterion, and a free map.
 
-    On the same mesh, both beside the experiment's effects. The evidence of a free map is its own,
-    around the most probable field; that of inclusions is -BIC/2 (Schwarz).
+    On the same mesh, both beside the experiment's effects, each press with an error of its own.
     """
     experiment.say("fitting a free map")
     free = fit_map(experiment, callback=on_iteration)
@@ -135,10 +136,13 @@ def kind_of_map(
     alone = replace(experiment, map=MapGuess("auto"))
     inclusions = with_effects(alone) if experiment.effects else fit_map(alone)
     assert free.field is not None
-    more = free.field.log_evidence + inclusions.bic / 2
+    at, uncertain = inclusions.solution, free.model.map_uncertainty
+    assert at is not None
+    assert uncertain is not None
+    more = free.field.log_evidence - parametric_evidence(at.model, at.at.body, at.u, uncertain.felt)
     number = len(inclusions.map.inclusions)
     few = "one inclusion" if number == 1 else f"{number or 'no'} inclusions"
-    above = f"its log evidence is {abs(more):.3g} above that of"
+    above = f"its log evidence is {digits(abs(more))} above that of"
     says = f"a free map, {above} {few}" if more > 0 else f"{few}, {above} a free map"
     return KindOfMap(more > 0, free, f"the kind of map by evidence: {says}")
 

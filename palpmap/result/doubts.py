@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.design import DETECTION
-from identify.effects import COUNTED_FROM, length, more, percent
+from identify.effects import COUNTED_FROM, digits, length, more, percent
 from identify.select import Explanation
 from palpmap import units
 from palpmap.result.misfit_words import listed
@@ -111,7 +111,7 @@ def _next_forms(explained: Explanation) -> list[str]:
         apart, price = near.chi2 - own.chi2, len(near.fit.u) - len(own.fit.u)
         says.append(
             f"Of the forms of this cause {accepted.name} fits best for its number of parameters. "
-            f"The next, {near.name}, has a chi-square {abs(apart):.2g} "
+            f"The next, {near.name}, has a chi-square {digits(abs(apart))} "
             + more(apart, "higher", "lower")
             + (f" with {abs(price)} {more(price, 'more', 'fewer')} parameters." if price else ".")
         )

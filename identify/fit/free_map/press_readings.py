@@ -9,7 +9,6 @@ import numpy as np
 from identify.body.response import BodyResponse
 from identify.fit.free_map.field_data import PressSums
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
-from identify.fit.settings import FREE_COMPLIANCE
 from identify.measurement.model import MeasurementModel
 
 
@@ -64,7 +63,7 @@ class PressReadings:
                 shift = shift + np.clip(towards, -s.longest_move, s.longest_move)
         count = np.bincount(model.readings.press, minlength=len(shift))
         bent = np.maximum(sums.chi2 / count - 1, 0.0)
-        curve = 1 / (1 + bent / FREE_COMPLIANCE.tail)
+        curve = 1 / (1 + bent / s.bent)
         variance = variance / curve
         unit = np.hypot(size, np.sqrt(variance))
         gross = np.maximum(np.abs(error) / (tail * unit), 1.0)

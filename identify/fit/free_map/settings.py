@@ -39,8 +39,8 @@ class FreeMapSettings:
         step follows no press further than a linear model holds
     tail, early_tail : standard deviations from which on a press has an error of its own, and draws
         no stronger, and the same while the prior's numbers are sought
-    bent : chi-square per reading beyond the noise's at which a press counts half, as the model bends
-        its curve wrongly; that of the presses on their own
+    bent : chi-square per reading beyond the noise's at which a press counts half: the model bends
+        its curve wrongly. As for the presses on their own
     longest_move : of ln C from where the readings are linear
     own_steps : Newton steps of each press's compliance beside the map
     slowed, slowest : factor of the steps after one that is hardly shorter than the last, and the

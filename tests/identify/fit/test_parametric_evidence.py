@@ -44,10 +44,9 @@ def test_it_is_that_of_the_criterion_where_the_map_leaves_noise():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("swing_m", [0.0, 3e-4])
-def test_the_kind_of_map_does_not_hang_on_an_effect_that_is_missing(swing_m):
+def test_the_kind_of_map_does_not_hang_on_an_effect_that_is_missing():
     """A free map's own errors of the presses took a body's motion, and passed for its evidence."""
-    fit = pm.fit(body_of_one_inclusion(swing_m).of_kind("auto"))
+    fit = pm.fit(body_of_one_inclusion(3e-4).of_kind("auto"))
     assert fit.field is None
-    assert (fit.chi2_per_dof > 2) is (swing_m > 0)
+    assert fit.chi2_per_dof > 2
     assert "one inclusion, its log evidence is" in fit.message

@@ -286,9 +286,9 @@ def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
     """Place of a free map's first spot, or of its largest difference from its layer in sight."""
     field = f.fit.field
     assert field is not None
-    if field.spots:
-        spot = field.spots[0]
-        return np.array([spot.x_m, spot.y_m, spot.z_m])
+    for spot in field.spots:
+        if not spot.wide:
+            return np.array([spot.x_m, spot.y_m, spot.z_m])
     layers = found.log_pa.reshape(found.grid.counts)
     differs = np.abs(layers - np.median(layers, axis=(0, 1))).ravel() * field.share
     return found.grid.points_m[int(np.argmax(differs))]

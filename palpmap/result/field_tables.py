@@ -29,7 +29,12 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
         f"they trust noise and contact law, which leave {fit.chi2_per_dof:.2g} times the misfit of "
         "noise: believe no spot that the presses' own stiffness does not show",
     )  # fmt: skip
-    return (*regions, spots, _sight_table(field, scan, odds))
+    wide = () if not any(spot.wide for spot in field.spots) else (
+        "open",
+        "no ball that was tried is as wide: the scan tells where such a spot lies from above, not "
+        "how deep, how large or how hard; fit inclusions, or press with a second tip",
+    )  # fmt: skip
+    return (*regions, spots, _sight_table(field, scan, (odds, wide)))
 
 
 def _spot_table(
@@ -41,10 +46,11 @@ def _spot_table(
     rows = [
         (
             Cell("hard" if s.contrast > 1 else "soft", "good" if s.found and explained else "dim"),
-            ", ".join(f"{1e3 * v:.1f}" for v in np.add((s.x_m, s.y_m, s.z_m), origin_m)),
+            _place(s, origin_m),
             f"{1e3 * s.place_sd_m:.1f}",
             _size(s),
-            f"{_contrast(s.contrast)} ({_contrast(s.lower95)} to {_contrast(s.upper95)})",
+            "open" if s.wide
+            else f"{_contrast(s.contrast)} ({_contrast(s.lower95)} to {_contrast(s.upper95)})",
             Cell(f"{s.probability:.2f}" if s.probability < 0.995 else "> 0.99",
                  "good" if s.found and explained else "dim"),
         )
@@ -69,8 +75,15 @@ def _region_table(regions: Sequence[RegionEstimate]) -> Table:
     return Table.of(head, rows, "regions")
 
 
+def _place(spot: Spot, origin_m: np.ndarray) -> str:
+    x, y, z = (f"{1e3 * v:.1f}" for v in np.add((spot.x_m, spot.y_m, spot.z_m), origin_m))
+    return f"{x}, {y}, open" if spot.wide else f"{x}, {y}, {z}"
+
+
 def _size(spot: Spot) -> str:
-    """Return the interval of the diameter, or its upper limit, mm."""
+    """Return the interval of the diameter, or its one limit, mm."""
+    if spot.wide and spot.diameter_lower95_m:
+        return f"over {1e3 * spot.diameter_lower95_m:.0f}"
     if spot.diameter_lower95_m is None or spot.diameter_upper95_m is None:
         return f"{1e3 * spot.diameter_m:.0f}"
     most = f"{1e3 * spot.diameter_upper95_m:.0f}"
@@ -93,7 +106,7 @@ def _listed(presses: Sequence[int], most: int = 8) -> str:
     return ", ".join(str(p) for p in presses[:most]) + more
 
 
-def _sight_table(field: Field, scan: Scan, odds: tuple[str, ...]) -> Table:
+def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> Table:
     """Return the reach of a scan and the free map's prior."""
     hyper = field.hyper
 
@@ -111,7 +124,7 @@ def _sight_table(field: Field, scan: Scan, odds: tuple[str, ...]) -> Table:
     if field.ball_sight_m:
         ball = f"seen down to {units.quantity(field.ball_sight_m, 'm')} under the middle press"
     rows = (
-        *((odds,) if odds else ()),
+        *(note for note in notes if note),
         (
             "ordinary press",
             f"fitted to {percent(field.ordinary_error)} of its compliance; met within "

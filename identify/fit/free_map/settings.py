@@ -123,6 +123,8 @@ class SpotSettings:
     growth : ratio of a ball's radius to that of the next smaller one; the least is the grid's
         spacing
     largest_radius : ... and the largest in the body's width
+    at_largest : exponent of that ratio, counted from the largest ball, from which on an interval
+        of the radius ends with the balls that were tried; the largest that is made finer has 0.5
     apart : distance of balls of a radius, in it
     expected : balls that are expected in a body before any reading, among those that may show
     kinds : standard deviation of the change of ln E, and share, of two kinds of balls: of other
@@ -145,6 +147,7 @@ class SpotSettings:
     seen: float = 0.5
     growth: float = 1.5
     largest_radius: float = 0.2
+    at_largest: float = 0.4
     apart: float = 0.7
     expected: float = 1.0
     kinds: tuple[tuple[float, float], ...] = ((1.2, 0.8), (2.0, 0.2))

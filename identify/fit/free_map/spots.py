@@ -28,7 +28,8 @@ class Spot:
     Attributes
     ----------
     x_m, y_m, z_m : centre, body frame
-    place_sd_m : standard deviation of the centre, root mean square over the axes
+    place_sd_m : standard deviation of the centre, root mean square over the axes; of a wide spot,
+        over x and y
     diameter_m : of a ball, the median
     width_m : over which the map is smeared there
     contrast : modulus inside over that of the smooth map there
@@ -38,6 +39,8 @@ class Spot:
     depth_seen : share of the prior's variance at the centre that the readings take away
     diameter_lower95_m, diameter_upper95_m : interval of the diameter; a lower end of 0 is open.
         None in files that were written before there was one
+    wide : it may be wider than any ball that was tried; only x and y are told. A lump without an
+        edge was offered 14 mm too deep, as the largest ball
     """
 
     x_m: float
@@ -53,11 +56,12 @@ class Spot:
     depth_seen: float
     diameter_lower95_m: float | None = None
     diameter_upper95_m: float | None = None
+    wide: bool = False
 
     @property
     def found(self) -> bool:
-        """Whether the spot is offered as one."""
-        return self.probability >= SPOTS.probable
+        """Whether the spot is offered as one, with depth and size."""
+        return self.probability >= SPOTS.probable and not self.wide
 
 
 def find_spots(search: BallSearch, posterior: FieldPosterior) -> tuple[Spot, ...]:
@@ -144,9 +148,11 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
     points = posterior.prior.grid.points_m
     at = int(np.argmin(np.linalg.norm(points - centre, axis=1)))
     x, y, z = centre.tolist()
+    wide = bool(most >= s.growth**s.at_largest * balls.radius_m.max())
+    told = slice(2) if wide else slice(3)
     return Spot(
         x, y, z,
-        place_sd_m=float(np.sqrt(np.mean((place - centre) ** 2))),
+        place_sd_m=float(np.sqrt(np.mean((place - centre)[:, told] ** 2))),
         diameter_m=float(2 * np.median(radius)),
         diameter_lower95_m=2 * least if least > balls.radius_m.min() else 0.0,
         diameter_upper95_m=2 * most,
@@ -156,6 +162,7 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
         upper95=high,
         probability=there,
         depth_seen=float(posterior.share[at]),
+        wide=wide,
     )  # fmt: skip
 
 

@@ -229,3 +229,18 @@ def test_odds_under_the_null_are_as_stated(by_field, grid):
             false.append(np.exp(search.log_odds(search.alone)).sum())
     assert np.mean(np.array(false) > 19) <= 0.05
     assert np.mean(false) < 1.5  # a mean of ratios of evidence is one
+
+
+def test_a_lump_wider_than_any_ball_is_told_from_above_alone(by_field, grid):
+    centre = np.array([0.032, 0.028, 0.018])
+    lump = np.exp(-np.sum((grid.points_m - centre) ** 2, axis=1) / (2 * 0.009**2))
+    (spot,) = spots(by_field, grid, by_field @ lump)
+    assert spot.wide
+    assert not replace(spot, probability=1.0).found
+    assert (
+        abs(spot.z_m - centre[2]) > 5 * spot.place_sd_m
+    )  # as deep as a ball of that size would be
+    assert np.hypot(spot.x_m - centre[0], spot.y_m - centre[1]) < 0.002
+    (small,) = spots(by_field, grid, by_field @ ball(grid, (0.03, 0.03, 0.022)))
+    assert small.found
+    assert not small.wide

@@ -130,10 +130,9 @@ class FieldPosterior:
         return share, aim, of_map + error * weights - data.offset
 
     def drawn(self) -> DrawnField:
-        """Return the field of least cost that predicts the present s."""
-        of_s = self.of_field + 1e-8 * np.trace(self.of_field) / len(self.of_field) * np.eye(
-            len(self.of_field)
-        )
+        """Return the field of least cost with the present s."""
+        of_s = self.of_field.copy()
+        of_s[np.diag_indices_from(of_s)] += 1e-8 * np.trace(of_s) / len(of_s)
         weights = np.linalg.solve(of_s, self.data.here)
         return DrawnField(weights @ self.data.by_field, weights @ self.spread_by)
 

@@ -10,8 +10,6 @@ from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
-_EXPLAINED = 2.0  # chi-square per degree of freedom up to which the odds of spots are taken as said
-
 
 def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Table, ...]:
     """Return the tables of a free map: regions, spots, sight; none of another map.
@@ -22,7 +20,7 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
     if field is None:
         return ()
     regions = (_region_table(field.regions),) if field.regions else ()
-    explained = fit.chi2_per_dof < _EXPLAINED
+    explained = fit.chi2_per_dof < SPOTS.explained
     spots = _spot_table(field.spots, fit.success, explained, origin_m)
     odds = () if explained or not field.spots else (
         "odds of the spots",
@@ -82,8 +80,9 @@ def _place(spot: Spot, origin_m: np.ndarray) -> str:
 
 def _size(spot: Spot) -> str:
     """Return the interval of the diameter, or its one limit, mm."""
-    if spot.wide and spot.diameter_lower95_m:
-        return f"over {1e3 * spot.diameter_lower95_m:.0f}"
+    if spot.wide:
+        least = spot.diameter_lower95_m
+        return f"over {1e3 * least:.0f}" if least else "open"
     if spot.diameter_lower95_m is None or spot.diameter_upper95_m is None:
         return f"{1e3 * spot.diameter_m:.0f}"
     most = f"{1e3 * spot.diameter_upper95_m:.0f}"

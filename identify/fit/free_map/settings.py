@@ -142,6 +142,7 @@ class SpotSettings:
     ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
         and standard deviations of the readings from which on it is seen
     possible, probable : probability from which on a spot is listed, and offered
+    explained : chi-square per degree of freedom up to which these probabilities are trusted
     """
 
     seen: float = 0.5
@@ -168,6 +169,7 @@ class SpotSettings:
     sure: float = 7.0
     possible: float = 0.5
     probable: float = 0.95
+    explained: float = 2.0
 
 
 SPOTS = SpotSettings()

@@ -232,7 +232,9 @@ def test_a_damped_step_is_the_field_of_least_misfit_beside_the_cost_of_the_way(l
     noise = np.eye(len(white)) + data.root.T @ (data.error_variance(0.02)[:, None] * data.root)
     for damping in (0.0, 0.1, 3.0):
         share, aim, moved = posterior.damped(damping)
-        field = here.towards(aim, share).field
+        drawn = here.towards(aim, share)
+        field = drawn.field
+        assert covariance @ drawn.dual == pytest.approx(field, abs=1e-6)
         # The slope of misfit, cost and the way's cost, times the covariance
         slope = covariance @ white.T @ np.linalg.solve(noise, white @ field - data.target)
         slope += field + damping * (field - here.field)

@@ -33,10 +33,22 @@ def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
     assert "+- mm" in out.getvalue()
 
 
+def test_a_wide_spot_has_its_depth_size_and_contrast_open():
+    ball = (-0.0384, 0.0398, -0.0574, 3e-4, 0.03, 0.01, 24.03, 11.58, 51.24, 0.999, 0.2)
+    cells = [
+        _spot_table([Spot(*ball, least, 0.036, wide=True)], True, True, np.zeros(3)).rows[0]
+        for least in (0.03, 0.0)
+    ]
+    assert cells[0][1].text == "-38.4, 39.8, open"
+    assert [row[3].text for row in cells] == ["over 30", "open"]
+    assert cells[0][4].text == "open"
+    assert cells[0][0].tone != "good"
+
+
 def test_no_spot_is_shown_as_sure_beside_a_residual_that_is_not_noise():
     spot = Spot(-0.0384, 0.0398, -0.0574, 3e-4, 0.01, 0.01, 24.03, 11.58, 51.24, 0.999, 0.9)
     tones = {
-        explained: [getattr(cell, "tone", "") for cell in table.rows[0]]
+        explained: [cell.tone for cell in table.rows[0]]
         for explained in (True, False)
         for table in [_spot_table([spot], True, explained, np.zeros(3))]
     }

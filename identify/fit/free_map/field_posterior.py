@@ -138,7 +138,7 @@ class FieldPosterior:
 
     def moved(self) -> np.ndarray:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""
-        return self._of_s @ self.weights - self.data.offset
+        return self.damped(0.0)[2]
 
     @property
     def step(self) -> np.ndarray:

@@ -86,6 +86,28 @@ class Breathing(Advice, Effect):
             moved = moved - motion(touch, *course)[readings.press]
         return moved
 
+    def columns(self, readings: Readings, shapes: Sequence[Values]) -> np.ndarray:
+        """Sines and cosines of every tone, since touch where travel counts from there."""
+        course = [
+            np.array([shape.get(name, 0.0) for shape in shapes])[:, None]
+            for name in ("frequency_hz", "drift_hz_per_s", "bend_hz_per_s2")
+        ]
+        waves = self._waves(readings.elapsed_s, course)
+        if "touch" in (self.counted_from, readings.travel_from):
+            touch = readings.touch_time_s - readings.clock_start_s
+            waves -= self._waves(touch, course)[:, readings.press]
+        return waves
+
+    def _waves(self, time_s: np.ndarray, course: Sequence[np.ndarray]) -> np.ndarray:
+        """Sines and cosines (g, t, q) of the tones at times (t,), along courses (g, 1)."""
+        angle = _angle(time_s, *course)
+        turn = np.exp(1j * angle)
+        waves, tone = np.empty((*angle.shape, 2 * self.tones)), np.ones_like(turn)
+        for number in range(self.tones):
+            tone *= turn
+            waves[..., 2 * number], waves[..., 2 * number + 1] = tone.imag, tone.real
+        return waves
+
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Frequencies, a quarter of the resolution apart, that the presses do not keep step with.
 
@@ -148,13 +170,22 @@ def motion(
 
     `waves` are sine and cosine of the frequency, of twice it, and so on.
     """
-    mean_hz = frequency_hz + time_s * (drift_hz_per_s / 2 + time_s * bend_hz_per_s2 / 6)
-    angle = 2 * math.pi * mean_hz * time_s
+    angle = _angle(time_s, frequency_hz, drift_hz_per_s, bend_hz_per_s2)
     total = np.zeros_like(angle)
     for number, size in enumerate(waves):
-        if size:  # a pattern of one amplitude needs no other, and there are thousands
+        if size:
             total += size * (np.cos if number % 2 else np.sin)((1 + number // 2) * angle)
     return total
+
+
+def _angle(
+    time_s: np.ndarray,
+    frequency_hz: float | np.ndarray,
+    drift_hz_per_s: float | np.ndarray,
+    bend_hz_per_s2: float | np.ndarray,
+) -> np.ndarray:
+    mean_hz = frequency_hz + time_s * (drift_hz_per_s / 2 + time_s * bend_hz_per_s2 / 6)
+    return 2 * math.pi * mean_hz * time_s
 
 
 def band(readings: Readings) -> tuple[float, float]:

@@ -21,7 +21,7 @@ With all amplitudes at their null value an effect is the identity, to rounding; 
 (`identify.effects.conformance.kit`) checks this contract for built-in effects and for users' own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, TypeGuard
 
@@ -230,6 +230,14 @@ class Advice:
         of the shape. An effect with levels has one amplitude.
         """
         return ()
+
+    def columns(self, readings: Readings, shapes: Sequence[Values]) -> np.ndarray | None:
+        """Derivatives (g, m, q) of the displacement by the q amplitudes at g shapes, or None.
+
+        For an effect of the measured travel that adds to it whatever forces and travel are, and
+        whose grid has thousands of shapes: they come at once.
+        """
+        return None
 
     def redundant(self, profile: str, nonlinear: bool) -> str | None:
         """Return the reason why the effect adds nothing to a model, or None.

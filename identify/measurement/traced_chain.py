@@ -29,6 +29,10 @@ class TracedChain:
         """Displacement (m,)."""
         return self._travels[-1]
 
+    def ends_with(self, name: str) -> bool:
+        """Return True if no link follows that of an effect."""
+        return bool(self._chain._later) and self._chain._later[-1][0] == name
+
     def with_values(self, name: str, own: Values) -> np.ndarray:
         """Displacement (m,) with other values of one effect."""
         chain, values = self._chain, {**self._at.values, name: own}

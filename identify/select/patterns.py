@@ -84,7 +84,13 @@ def pattern_blocks(
     count = int(max(min(most_bytes / (8 * m * len(amplitudes)), len(shapes)), 1))
     for begin in range(0, len(shapes), count):
         part = shapes[begin : begin + count]
-        moved = np.array([[moved_by(shape, a) for a in amplitudes] for shape in part])
+        columns = None
+        if traced is not None and traced.ends_with(effect.name):
+            columns = advice(effect).columns(model.readings, part)
+        if columns is not None:
+            moved = (columns * [a.typical for a in amplitudes]).swapaxes(1, 2)
+        else:
+            moved = np.array([[moved_by(shape, a) for a in amplitudes] for shape in part])
         flat = moved.reshape(-1, m)
         rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
         yield EffectPattern(effect, part, rows)

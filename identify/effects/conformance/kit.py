@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from identify.effects.base import Effect
 from identify.effects.conformance import checks
 from identify.effects.conformance.checks import Fault
+from identify.effects.conformance.columns import columns
 from identify.effects.conformance.example_scan import ExampleScan, trial
 
 Check = Callable[[Effect, ExampleScan], str]  # returns the finding, raises Fault
@@ -30,6 +31,7 @@ BEHAVIOUR: Mapping[str, Check] = {
     "no jumps": checks.steady,
     "candidates within bounds": checks.grid,
     "neighbouring candidates alike": checks.dense,
+    "patterns of many shapes at once": columns,
     "evidence in words and numbers": checks.evident,
 }
 

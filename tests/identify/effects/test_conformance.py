@@ -194,6 +194,17 @@ class CoarseGrid(Breathing):
         return super().grid(readings, state)[::4]
 
 
+class ColumnsOfAnother(Breathing):
+    def reading(self, readings, force_n, travel_m, *, sine_m, cosine_m, frequency_hz):
+        late = self.moved(readings, frequency_hz, (-cosine_m, sine_m))
+        return travel_m + late
+
+
+class ColumnsOfAnotherShape(Breathing):
+    def columns(self, readings, shapes):
+        return super().columns(readings, shapes)[..., :1]
+
+
 class GridOutside(Viscoelasticity):
     name = "outside"
 
@@ -241,6 +252,8 @@ def test_a_sound_effect_passes(kind):
         (WrongShape, "finite and shaped", "returns shape (550, 1)"),
         (MovesNothing, "every parameter moves a reading", "idle_m moves no reading"),
         (Jumps, "no jumps", "changes a reading by"),
+        (ColumnsOfAnother, "patterns of many shapes at once", "not what sine_m changes"),
+        (ColumnsOfAnotherShape, "patterns of many shapes at once", "expected (7, 550, 2)"),
         (HidesItsNeed, "says what a scan lacks", "no time stamps"),
         (AcceptsTooMuch, "says what a scan lacks", "needs unloading"),
         (RefusesAll, "says what a scan lacks", "is refused: never"),

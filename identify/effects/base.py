@@ -232,7 +232,7 @@ class Advice:
         return ()
 
     def columns(self, readings: Readings, shapes: Sequence[Values]) -> np.ndarray | None:
-        """Derivatives (g, m, q) of the displacement by the q amplitudes at g shapes, or None.
+        """Return derivatives (g, m, q) of the displacement by q amplitudes at g shapes, or None.
 
         For an effect of the measured travel that adds to it whatever forces and travel are, and
         whose grid has thousands of shapes: they come at once.

@@ -1,5 +1,8 @@
 """A matched filter for balls beside a free map: how much more probable one makes the readings.
 
+A press that slipped, or met its place elsewhere than stated, competes with them: a ball that one
+press alone shows is told from it by what the neighbours see of a ball.
+
 A ball changes ln E by a inside it, and the readings t in data space
 (`identify.fit.free_map.field_data`) by a x, with x = V' K (share of the ball in each grid point).
 With S the covariance of t by noise, map error and field, effects eliminated, and a ~ N(0, v),
@@ -34,12 +37,12 @@ from identify.map import Grid
 
 @dataclass(frozen=True, eq=False)
 class Balls:
-    """Balls that a scan may show.
+    """Balls that a scan may show, or errors of single presses.
 
     Attributes
     ----------
-    centre_m : (c, 3)
-    radius_m : (c,)
+    centre_m : (c, 3); of a press nothing
+    radius_m : (c,); 0 of a press
     pattern : (j, c) change of the target by each, for a change of ln E by 1
     log_prior : (c,) logarithm of the number of such balls that is expected before any reading
     """
@@ -66,10 +69,15 @@ class Balls:
             self.log_prior[balls],
         )  # fmt: skip
 
+    @property
+    def real(self) -> np.ndarray:
+        """Whether each (c,) is a ball, and no press."""
+        return self.radius_m > 0
+
     def overlap(self, other: Balls) -> np.ndarray:
-        """Whether each ball (c,) overlaps with any of some others."""
+        """Whether each (c,) is a ball and overlaps with any of some others."""
         apart = np.linalg.norm(self.centre_m[:, None] - other.centre_m, axis=2)
-        return (apart < self.radius_m[:, None] + other.radius_m).any(axis=1)
+        return self.real & (apart < self.radius_m[:, None] + other.radius_m).any(axis=1)
 
 
 def share_inside(grid: Grid, centre_m: np.ndarray, radius_m: np.ndarray) -> sparse.csc_matrix:
@@ -129,7 +137,7 @@ class BallSearch:
         self._factors = list(self._covariances(posterior, hyper, longest_m))
         noise = self._noise(np.full(len(posterior.data.target), hyper.error**2))
         noise[np.diag_indices_from(noise)] += 1
-        self.balls = self._balls(cholesky(noise, lower=True))
+        self.balls = Balls.joined([self._balls(cholesky(noise, lower=True)), self._presses()])
 
     def _noise(self, variance: np.ndarray) -> np.ndarray:
         """Covariance (j, j) of the target by errors of the presses' ln C, of a variance (j,)."""
@@ -144,12 +152,9 @@ class BallSearch:
         prior = posterior.prior
         common = root.T @ (prior.common(by_field) @ by_field.T) @ root
         common[np.diag_indices_from(common)] += 1
-        # A press that contradicts the map may be wrong, or beside a ball
-        doubts = (self.data.error_variance(0.0), np.zeros(len(root)))
+        own = np.ones(len(root))
         errors = [
-            self._noise((c * hyper.error) ** 2 + doubt)
-            for doubt in (doubts if doubts[0].any() else doubts[1:])
-            for c in (scales if hyper.error else (0.0,))
+            self._noise((c * hyper.error) ** 2 * own) for c in (scales if hyper.error else (0.0,))
         ]
         lengths = {hyper.length_m ** (1 - c) * longest_m**c for c in (0.0, *self.settings.longer)}
         for number, length in enumerate(sorted(lengths)):
@@ -181,6 +186,13 @@ class BallSearch:
         balls = Balls.joined(found)
         radii = len(np.unique(balls.radius_m))
         return replace(balls, log_prior=balls.log_prior + np.log(s.expected / max(radii, 1)))
+
+    def _presses(self) -> Balls:
+        """Return the presses as balls of no size: each may have an error of its own."""
+        s, count = self.settings, len(self.data.target)
+        place = np.arange(count)[:, None] * np.ones(3)
+        prior = np.full(count, np.log(s.expected / count))
+        return Balls(place, np.zeros(count), s.slip * self.data.root.T, prior)
 
     def split(self, balls: Balls, share: float) -> Balls:
         """Return 16 balls in place of each, which halve its part of the lattice on each axis.

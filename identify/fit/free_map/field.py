@@ -109,6 +109,7 @@ class Field:
         mean, sd, _ = _mean_of(posterior, seen if seen.any() else np.ones_like(seen))
         directions, gain = posterior.modes
         search = BallSearch(posterior, hyper, lengths_m[1])
+        spots, slipped = find_spots(search, posterior) if converged else ((), 0.0 * errs)
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -119,10 +120,10 @@ class Field:
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
             ball_sight_m=_ball_sight_m(search, model),
-            spots=find_spots(search, posterior) if converged else (),
+            spots=spots,
             press_error=press_error,
             left_out=posterior.left_out(fifths(len(press_error))),
-            errs=errs,
+            errs=errs | (slipped >= SPOTS.possible),
             lengths_m=lengths_m,
             regions=tuple(_regions(posterior, log_prior_mean)),
             by_press_m=model.by_log_compliance(at),

@@ -64,38 +64,109 @@ class Spot:
         return self.probability >= SPOTS.probable and not self.wide
 
 
-def find_spots(search: BallSearch, posterior: FieldPosterior) -> tuple[Spot, ...]:
-    """Return the spots in the readings of a posterior, the most probable first."""
-    if not search.balls.radius_m.size:
-        return ()
-    balls = _added(search)
+def find_spots(
+    search: BallSearch, posterior: FieldPosterior
+) -> tuple[tuple[Spot, ...], np.ndarray]:
+    """Return the spots in the readings of a posterior, the most probable first, and odd presses.
+
+    Returns
+    -------
+    spots, and the probability (j,) that a press has an error of its own
+    """
+    added = _added(search)
+    balls = [ball for ball in added if ball.real[0]]
+    presses = [ball for ball in added if not ball.real[0]]
+    presses, balls = _without_errors(search, presses, balls)
     groups = _groups(search, balls)
     while True:
-        found = []
-        for group in groups:
-            beside = search.alone
-            for ball in (ball for other in groups if other is not group for ball in other):
-                beside = search.added(beside, balls[ball])
-            found.append(_spot(search, beside, balls[group[0]], posterior))
+        beside = [_beside(search, presses, balls, [g for g in groups if g is not group])
+                  for group in groups]  # fmt: skip
+        found = [
+            _spot(search, others, balls[group[0]], posterior)
+            for others, group in zip(beside, groups, strict=True)
+        ]
         if all(spot.probability >= search.settings.possible for spot in found):
-            return tuple(sorted(found, key=lambda spot: -spot.probability))
+            break
         # The others were judged beside one that is hardly there
         del groups[int(np.argmin([spot.probability for spot in found]))]
+    spots = tuple(sorted(found, key=lambda spot: -spot.probability))
+    return spots, _errs(search, presses, balls, groups)
+
+
+def _without_errors(
+    search: BallSearch, presses: list[Balls], balls: list[Balls]
+) -> tuple[list[Balls], list[Balls]]:
+    """Return presses that err, and balls, less those in whose place a few presses do better.
+
+    Neighbours that both slipped look like a ball: one ball is likelier than an error of either.
+    """
+    groups = _groups(search, balls)
+    for group in groups:
+        others = [other for other in groups if other is not group]
+        beside = _beside(search, presses, balls, others)
+        instead, gain = _erring(search, beside)
+        there = search.balls.overlap(balls[group[0]])
+        if gain > _log_sum(search.log_odds(beside)[there]):
+            rest = [balls[number] for other in others for number in other]
+            return _without_errors(search, [*presses, *instead], rest)
+    return presses, balls
+
+
+def _erring(search: BallSearch, beside: Beside) -> tuple[list[Balls], float]:
+    """Return the few presses that explain most by errors of their own, and their log odds."""
+    own = np.flatnonzero(~search.balls.real)
+    presses: list[Balls] = []
+    total = [0.0]
+    for _ in range(search.settings.neighbours):
+        odds = search.log_odds(beside)[own]
+        presses.append(search.balls.some(own[[np.argmax(odds)]]))
+        total.append(total[-1] + float(odds.max()))
+        beside = search.added(beside, presses[-1])
+    best = int(np.argmax(total))
+    return presses[:best], total[best]
+
+
+def _beside(
+    search: BallSearch, presses: list[Balls], balls: list[Balls], groups: list[list[int]]
+) -> Beside:
+    """Return everything beside errors of presses, and the balls of some groups."""
+    beside = search.alone
+    for known in (*presses, *(balls[number] for group in groups for number in group)):
+        beside = search.added(beside, known)
+    return beside
+
+
+def _errs(
+    search: BallSearch, presses: list[Balls], balls: list[Balls], groups: list[list[int]]
+) -> np.ndarray:
+    """Return the probability (j,) of an error of each press alone, against a ball and none."""
+    own = np.flatnonzero(~search.balls.real)
+    found = np.zeros(len(own))
+    for one in presses:
+        others = [press for press in presses if press is not one]
+        odds = search.log_odds(_beside(search, others, balls, groups))
+        number = int(one.centre_m[0, 0])
+        found[number] = np.exp(odds[own[number]] - _log_sum(np.append(odds, 0.0)))
+    return found
 
 
 def _added(search: BallSearch) -> list[Balls]:
-    """Return balls in the order in which they explain most; as many as are most probable."""
-    beside, balls, total = search.alone, [], [0.0]
-    for _ in range(search.settings.most):
+    """Return balls and presses in the order in which they explain most; as many as are probable."""
+    s, every = search.settings, search.balls
+    beside, added, total = search.alone, [], [0.0]
+    most = s.most + int(s.presses * np.sum(~every.real))
+    while len(added) < most:
         odds = search.log_odds(beside)
         total.append(total[-1] + _log_sum(odds))
-        if int(np.argmax(total)) <= len(balls) - search.settings.patience:
+        if int(np.argmax(total)) <= len(added) - s.patience:
             break
-        best = search.balls.some(np.array([np.argmax(odds)]))
-        finer, _ = search.finer(beside, np.flatnonzero(search.balls.overlap(best)))
-        balls.append(finer.balls.some(np.array([np.argmax(search.log_odds(finer))])))
-        beside = search.added(beside, balls[-1])
-    return balls[: int(np.argmax(total[: len(balls) + 1]))]
+        best = every.some(np.array([np.argmax(odds)]))
+        if best.real[0]:
+            finer, _ = search.finer(beside, np.flatnonzero(every.overlap(best)))
+            best = finer.balls.some(np.array([np.argmax(search.log_odds(finer))]))
+        added.append(best)
+        beside = search.added(beside, best)
+    return added[: int(np.argmax(total[: len(added) + 1]))]
 
 
 def _groups(search: BallSearch, balls: list[Balls]) -> list[list[int]]:
@@ -120,7 +191,7 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
     """Judge a ball beside others."""
     s, balls, odds = search.settings, search.balls, search.log_odds(beside)
     best = int(np.argmax(np.where(balls.overlap(ball), odds, -np.inf)))
-    alike = search.alike(beside, best) > s.alike
+    alike = balls.real & (search.alike(beside, best) > s.alike)
     own = np.flatnonzero(alike | balls.overlap(balls.some(np.array([best]))))
     there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, 0.0))))
     # The lattice tells the odds; places and radii between its own tell the likely ones apart
@@ -154,7 +225,7 @@ def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPoste
         x, y, z,
         place_sd_m=float(np.sqrt(np.mean((place - centre)[:, told] ** 2))),
         diameter_m=float(2 * np.median(radius)),
-        diameter_lower95_m=2 * least if least > balls.radius_m.min() else 0.0,
+        diameter_lower95_m=2 * least if least > balls.radius_m[balls.real].min() else 0.0,
         diameter_upper95_m=2 * most,
         width_m=float(posterior.smearing_m(np.array([at]))[0]),
         contrast=middle,

@@ -67,7 +67,11 @@ class FreeFieldRecord(Record):
         description="what the readings of each press ask its ln C to change by, (j,)"
     )
     left_out: Row = Field(description="the same of presses that the map has not seen, (j,)")
-    errs: tuple[bool, ...] = Field(description="presses that err by themselves, (j,)")
+    errs: tuple[bool, ...] = Field(description="presses weighted down, (j,)")
+    slips: Row = Field(
+        default=(),
+        description="probability that a press errs by itself, and no ball is there, (j,)",
+    )
     lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]
     ball_sight_m: float = Field(

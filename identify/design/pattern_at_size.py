@@ -58,7 +58,7 @@ def at_its_size(
         length = float(np.linalg.norm(left))
         if not np.isfinite(length) or length < settings.visible:
             return found
-        share = float(np.sqrt(np.mean((moved * at.sigma_m) ** 2))) / signal_m(at) / length
+        share = float(np.sqrt(np.mean(moved_m**2))) / signal_m(at) / length
         found = replace(
             linear,
             share=share,

@@ -64,14 +64,14 @@ def seen_patterns(
     for g in range(len(left)):
         if not left[g].any():
             continue
-        direction = weakest_direction(left[g], (pattern.columns[g].T * at.sigma_m).T, sides)
+        direction = weakest_direction(left[g], pattern.change_m[g], sides)
         least = float(np.linalg.norm(pattern.columns[g] @ direction))
         if least <= _UNMOVED * float(np.linalg.norm(pattern.columns[g] * np.abs(direction))):
             unmoved = True
             continue
         weakest = direction / max(float(np.linalg.norm(left[g] @ direction)), 1e-300)
         column = pattern.columns[g] @ weakest
-        share = float(np.sqrt(np.mean((column * at.sigma_m) ** 2))) / signal_m(at)
+        share = float(np.sqrt(np.mean((pattern.change_m[g] @ weakest) ** 2))) / signal_m(at)
         if visible[g] < settings.visible or not np.isfinite(weakest).all():
             share = np.inf
         along = left[g] @ weakest

@@ -154,5 +154,6 @@ def _field(content: dict) -> Field:
     for name in arrays:
         found[name] = np.array(content[name], float)
     found["errs"] = np.array(content["errs"], bool)
+    found["slips"] = np.array(content.get("slips", ()), float)
     found["lengths_m"] = tuple(content["lengths_m"])
     return Field(**found)

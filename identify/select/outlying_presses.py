@@ -9,27 +9,26 @@ If any does not, the selection runs once more without these presses, and an effe
 them is not offered by name.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.fit.joint_fit import fit_jointly
 from identify.fit.result import FitResult
-from identify.measurement.experiment import PlacedExperiment
-from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.compare import compare_residual
 from identify.residual.comparison import Comparison
-from identify.residual.trimmed import further, missed, presses_apart
-from identify.select.confirm import confirmed
-from identify.select.diagnosis import diagnose
-from identify.select.explanation import Explanation, PressesApart, Verdict
+from identify.select.accepted_effect import AcceptedEffect, at_bound
+from identify.select.explanation import Explanation, Verdict
 from identify.select.first_step import selected, with_exact_map
+from identify.select.presses_apart import Others, apart, beside_free_map, told
+from identify.select.reconsider import reconsider, without_unneeded
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
 from identify.select.step import Step, whitened_fit
-from models import InputError
+from models import InputError, Scan
 
 
 @dataclass(frozen=True)
@@ -77,193 +76,21 @@ def explain(
                 on_step(step)
         without = without_suspects(start, seed, explained, settings)
         return weighed(explained, without), without, start
-    others = _Others(start, seed, settings)
-    rest = _apart(others, start.joint, (True,))
+    others = Others(start, seed, settings)
+    rest = apart(others, start.joint, (True,))
     explained = selected(start, seed, on_step, settings, rest and rest.answer)
-    if not explained.final.comparison.is_noise:
-        rest = rest or _apart(others, explained.final.fit, (True, False))
-        if rest is not None:
-            if on_step:
-                on_step(rest.answer.final)
-            answer = replace(rest.answer, verdict="unexplained", apart=rest.apart)
-            return answer, None, rest.start
+    final = explained.final
+    if final.fit.field is not None:
+        rest = beside_free_map(others, final.fit.field)
+    elif not final.comparison.is_noise:
+        rest = rest or apart(others, final.fit, (True, False))
+    if rest is not None and (final.fit.field is not None or not final.comparison.is_noise):
+        if on_step:
+            on_step(rest.answer.final)
+        answer = replace(rest.answer, verdict="unexplained", apart=rest.apart)
+        return answer, None, rest.start
     without = without_suspects(start, seed, explained, settings, others)
     return weighed(explained, without), without, start
-
-
-@dataclass(frozen=True)
-class _Rest:
-    """The scan without the presses that stand apart: its start, and its answer, which is noise."""
-
-    start: StartFit
-    apart: PressesApart
-    answer: Explanation
-
-
-@dataclass
-class _Others:
-    """Starts and answers of a scan without some presses (ids), each made once."""
-
-    start: StartFit
-    seed: int
-    settings: SelectionSettings
-    starts: dict[tuple[int, ...], StartFit | None] = field(default_factory=dict)
-    answers: dict[tuple[tuple[int, ...], bool], Explanation] = field(default_factory=dict)
-
-    def without(self, presses: tuple[int, ...]) -> StartFit | None:
-        """Return the fit of the map without presses, None where the others are too few."""
-        if presses not in self.starts:
-            start = self.start
-            fewer = start.experiment.without(presses, refill=False)
-            fit = start_fit(_told(fewer, presses), start.catalogue) if fewer.is_determined else None
-            self.starts[presses] = fit
-        return self.starts[presses]
-
-    def answer(
-        self, presses: tuple[int, ...], rest: StartFit, one_effect: bool = False
-    ) -> Explanation:
-        """Return the selection of the `rest`, the scan without presses; see `selected`."""
-        if (key := (presses, one_effect)) not in self.answers:
-            self.answers[key] = selected(rest, self.seed, None, self.settings, None, one_effect)
-        return self.answers[key]
-
-    def is_noise(self, fit: FitResult, start: StartFit) -> bool:
-        """Whether the residual of a fit is noise."""
-        return compare_residual(whitened_fit(fit, start.scan), self.settings.residual).is_noise
-
-    def beside(self, fit: FitResult) -> tuple[MeasurementModel, Linearised]:
-        """Return all presses beside the map and effects of a fit to some of them."""
-        model = replace(self.start.model, effects=fit.model.started(fit.u).effects)
-        model = model.corrected(fit.u)  # the finer mesh corrects each map otherwise
-        return model, model.linearise(fit.u)
-
-
-def _apart(others: _Others, fit: FitResult, one_effect: Sequence[bool]) -> _Rest | None:
-    """Return the scan without the presses that stand apart from a map and effects of the others.
-
-    None where no press stands apart, or the others have structure that no effect takes. Several
-    effects, one after the other, would otherwise be fitted to a few presses that slipped. One
-    effect of the others is sought, or all: these take long where the map has another form.
-
-    Parameters
-    ----------
-    fit : of all presses, beside whose effects they are sought first
-    one_effect : one after the other
-    """
-    start = others.start
-    if start.fit.field is not None or start.model.press_error:
-        return None
-    bad = compare_residual(whitened_fit(fit, start.scan), others.settings.residual).bad_presses
-    if not bad:
-        return None
-    try:
-        suspected = _suspected(others, fit, bad)
-        for one in one_effect:
-            for found in suspected:
-                rest = _settled(others, found, one)
-                if rest is not None:
-                    return rest
-    except (InputError, InadmissibleError):
-        pass
-    return None
-
-
-def _suspected(others: _Others, fit: FitResult, bad: tuple[int, ...]) -> list[np.ndarray]:
-    """Return presses (indices) that may stand apart: from the map alone, if that meets the others.
-
-    Else those apart beside one effect of all, and the `bad` ones (ids), which no smooth pattern
-    accounts for.
-    """
-    start, trimmed = others.start, others.settings.residual.trimmed
-    found = presses_apart(fit.model, fit.at, trimmed)
-    rest = others.without(_ids(start, found)) if len(found) else None
-    if rest is not None and others.is_noise(rest.joint, rest):
-        return [found]
-    beside = presses_apart(fit.model, fit.at, trimmed, _one_effect(fit, others))
-    worst = np.flatnonzero(np.isin(start.scan.press_ids, bad))
-    few = len(worst) <= (1 - trimmed.kept) * len(start.scan.press_ids)
-    return [beside, worst] if few and not np.array_equal(beside, worst) else [beside]
-
-
-def _settled(others: _Others, found: np.ndarray, one_effect: bool) -> _Rest | None:
-    """Return the scan without presses (indices) that are sought again until they stay, or None.
-
-    One that the model of the others predicts is taken back, unless structure comes with it.
-
-    Parameters
-    ----------
-    one_effect : beside the best effect of the others alone
-    """
-    start, trimmed = others.start, others.settings.residual.trimmed
-    larger, tried = None, set()
-    while len(found) and (presses := _ids(start, found)) not in tried:
-        tried.add(presses)
-        rest = others.without(presses)
-        if rest is None:
-            break
-        answer = others.answer(presses, rest, one_effect=True)
-        model, at = others.beside(answer.final.fit)
-        if not answer.final.comparison.is_noise:
-            again = presses_apart(model, at, trimmed)
-            press = model.readings.press
-            if hold_misfit(press, at.residual, found, again, others.settings.elsewhere):
-                rest.model.mechanics.forget()
-                found = again
-                continue
-            if not one_effect:
-                answer = others.answer(presses, rest)
-                model, at = others.beside(answer.final.fit)
-        rest.model.mechanics.forget()
-        if not answer.final.comparison.is_noise:
-            break
-        still = missed(model, at, found, trimmed)
-        if not still.any():
-            break
-        softer, readings = further(model, at, found), start.model.readings.some(found)
-        apart = PressesApart(presses, tuple(softer.tolist()), readings, answer.verdict)
-        larger, found = _Rest(rest, apart, answer), found[still]
-        if still.all():
-            break
-    return larger
-
-
-def hold_misfit(
-    press: np.ndarray, residual: np.ndarray, found: np.ndarray, again: np.ndarray, share: float
-) -> bool:
-    """Whether presses found again hold a share of what is unexplained beside those found before.
-
-    Else a map of the wrong form makes another press stand apart at every turn.
-
-    Parameters
-    ----------
-    press, residual : (m,) index of each reading's press, and its whitened residual
-    found, again : presses (indices)
-    """
-    excess = np.bincount(press, residual**2 - 1)
-    excess[found] = 0.0
-    return bool(excess[again].sum() > share * max(excess.sum(), 0.0))
-
-
-def _ids(start: StartFit, found: np.ndarray) -> tuple[int, ...]:
-    """Return the ids of presses (indices)."""
-    return tuple(start.scan.press_ids[found].tolist())
-
-
-def _one_effect(fit: FitResult, others: _Others) -> list[np.ndarray]:
-    """Return the columns of each effect with a significant score; of a law, not of any curve.
-
-    A curve of any shape bends to the presses that slipped.
-    """
-    laws = [effect for effect in others.start.catalogue if not effect.any_shape]
-    others.start.experiment.say("seeking presses that stand apart")
-    scores = diagnose(fit, laws, seed=others.seed, settings=others.settings.diagnosis)
-    return [scores[name].beyond for name in sorted(scores.significant)]
-
-
-def _told(experiment: PlacedExperiment, presses: tuple[int, ...]) -> PlacedExperiment:
-    """Return an experiment that tells its progress as one without these presses."""
-    named, say = ", ".join(map(str, presses)), experiment.say
-    return replace(experiment, say=lambda text: say(f"without presses {named}: {text}"))
 
 
 def without_suspects(
@@ -271,7 +98,7 @@ def without_suspects(
     seed: int,
     explained: Explanation,
     settings: SelectionSettings = SELECTION,
-    others: _Others | None = None,
+    others: Others | None = None,
 ) -> WithoutSuspects | None:
     """Return the explanation without the outlying presses; None without any.
 
@@ -281,7 +108,7 @@ def without_suspects(
     free = start.model.map_uncertainty is not None  # its search weights such presses down itself
     if not presses or explained.map_error or free:  # beside a wrong map there are many
         return None
-    experiment = _told(start.experiment, presses)
+    experiment = told(start.experiment, presses)
     try:
         if explained.accepted:
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
@@ -347,3 +174,68 @@ def weighed(explained: Explanation, without: WithoutSuspects | None) -> Explanat
         return explained
     verdict = "ambiguous" if explained.verdict == "explained" else explained.verdict
     return replace(explained, verdict=verdict, resting_on_outliers=resting)
+
+
+def confirmed(
+    explained: Explanation,
+    model: MeasurementModel,
+    scan: Scan,
+    same: np.ndarray,
+    say: Callable[[str], None],
+    settings: SelectionSettings = SELECTION,
+) -> tuple[FitResult, Comparison] | None:
+    """Test an explanation on some of its readings; None unless all of it holds.
+
+    The residual must be noise again, or structured again, and every effect must earn its place
+    beside the others. If it is noise, each that has a name must have the same group of equivalents
+    as before; candidates that were far behind on these readings are not tried again.
+
+    Parameters
+    ----------
+    explained : with one accepted effect or more
+    model : without effects, of the other readings
+    scan : placed, with these readings
+    same : (m,) bool, the explanation's readings among them
+
+    Returns
+    -------
+    the last model fitted to these readings, and the analysis of its residual
+    """
+    final, accepted = explained.final, explained.accepted
+    say("fitting the answer")
+    effects = final.fit.model.started(final.fit.u).effects
+    fit = fit_jointly(replace(model, effects=effects), final.fit.map)
+    comparison = compare_residual(whitened_fit(fit, scan), settings.residual)
+    named = [effect for effect in accepted if not effect.is_unknown]  # courses have no groups
+    alike = comparison.is_noise == final.comparison.is_noise
+    if not alike or any(at_bound(fit, effect.name) for effect in named):
+        return None
+    _, lost = without_unneeded(fit, [effect.name for effect in accepted], say, settings)
+    if lost:
+        return None
+    if not comparison.is_noise:
+        return fit, comparison
+    near = [_without_beaten(effect, same, settings) for effect in named]
+    _, again, _ = reconsider(fit, near, say, last_too=True, settings=settings)
+    same_groups = [(a.name, set(a.group)) for a in again] == [(a.name, set(a.group)) for a in named]
+    return (fit, comparison) if same_groups else None
+
+
+def _without_beaten(
+    accepted: AcceptedEffect, same: np.ndarray, settings: SelectionSettings
+) -> AcceptedEffect:
+    """Leave out the candidates that are far behind on the same readings, (m,) bool.
+
+    Those of an effect that was found without presses that stand apart were fitted to fewer
+    readings, and are compared on all of their own.
+    """
+
+    def chi2(fit: FitResult) -> float:
+        residual = fit.at.residual
+        return float(np.sum(residual[same] ** 2 if len(residual) == len(same) else residual**2))
+
+    best = min(chi2(c.fit) for c in accepted.candidates if c.name == accepted.name)
+    most = best + settings.behind_chi2
+    return replace(
+        accepted, candidates=tuple(c for c in accepted.candidates if chi2(c.fit) <= most)
+    )

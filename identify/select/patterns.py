@@ -27,11 +27,13 @@ class EffectPattern:
     effect : its effect
     shapes : g candidates of the shape parameters
     columns : (g, m, q) derivative by each amplitude in units of its typical size
+    change_m : (g, m, q) the same of the readings as they are, m: whitened, a free map hides part
     """
 
     effect: Effect
     shapes: Sequence[Mapping[str, float]]
     columns: np.ndarray
+    change_m: np.ndarray
 
 
 def effect_patterns(
@@ -46,9 +48,12 @@ def effect_patterns(
         shapes = [shapes[i] for i in np.linspace(0, len(shapes) - 1, most).round().astype(int)]
     blocks = list(pattern_blocks(model, at, effect, shapes, np.inf))
     if not blocks:
-        return EffectPattern(effect, [], np.empty((0, len(at.residual), len(effect.amplitudes))))
+        none = np.empty((0, len(at.residual), len(effect.amplitudes)))
+        return EffectPattern(effect, [], none, none)
     columns = np.concatenate([block.columns for block in blocks])
-    return EffectPattern(effect, [shape for block in blocks for shape in block.shapes], columns)
+    change_m = np.concatenate([block.change_m for block in blocks])
+    shapes = [shape for block in blocks for shape in block.shapes]
+    return EffectPattern(effect, shapes, columns, change_m)
 
 
 def pattern_blocks(
@@ -93,10 +98,12 @@ def pattern_blocks(
             moved = np.array([[moved_by(shape, a) for a in amplitudes] for shape in part])
         flat = moved.reshape(-1, m)
         rows = at.whitened(flat.T, model.readings.press).T.reshape(moved.shape).swapaxes(1, 2)
-        yield EffectPattern(effect, part, rows)
+        yield EffectPattern(effect, part, rows, moved.swapaxes(1, 2))
     far = _far_patterns(model, at, effect, amplitudes[0], shapes)
     if far:
-        yield EffectPattern(effect, [s for s, _ in far], np.concatenate([r for _, r in far]))
+        moved = np.array([moved for _, moved in far]).T
+        rows = at.whitened(moved, model.readings.press).T[:, :, None]
+        yield EffectPattern(effect, [s for s, _ in far], rows, moved.T[:, :, None])
 
 
 def _far_patterns(
@@ -106,8 +113,8 @@ def _far_patterns(
     amplitude: EffectParameter,
     shapes: Sequence[Mapping[str, float]],
 ) -> list[tuple[Mapping[str, float], np.ndarray]]:
-    """Return shapes and patterns (1, m, 1) of a body effect at its levels, see `Advice`."""
-    null, press, found = effect.null, model.readings.press, []
+    """Return shapes and changes (m,) m of a body effect at its levels, see `Advice`."""
+    null, found = effect.null, []
     if not changes_body(effect):
         return found
     for level in advice(effect).levels(at.state):
@@ -116,5 +123,5 @@ def _far_patterns(
             dc, de = at.body.exact_change(state, _SLACK)
             moved = model.moved_by_body(at, dc, de)
             size = (level - null[amplitude.name]) / amplitude.typical
-            found.append((shape, at.whitened(moved / size, press)[None, :, None]))
+            found.append((shape, moved / size))
     return found

@@ -108,7 +108,7 @@ class _Candidate(NamedTuple):
 
     signed: float
     shape: Mapping[str, float]
-    columns: np.ndarray
+    change_m: np.ndarray
     left: np.ndarray
     basis: np.ndarray
     visible: float
@@ -152,7 +152,7 @@ def score_effect(
             signed = sign * t[:, 0] if sign else np.sum(t**2, axis=1)
             g = int(np.argmax(signed))
             if best is None or signed[g] > best.signed:
-                best = _Candidate(float(signed[g]), pattern.shapes[g], pattern.columns[g].copy(),
+                best = _Candidate(float(signed[g]), pattern.shapes[g], pattern.change_m[g].copy(),
                                   left[g].copy(), basis[g].copy(), float(visible[g]))  # fmt: skip
             search.add(sign * basis if sign else basis, best.signed)
     except InadmissibleError as error:
@@ -182,7 +182,7 @@ def _score_of(
     for amplitude, size in zip(effect.amplitudes, sizes, strict=True):
         assert amplitude.null is not None
         values[amplitude.name] = amplitude.null + float(size) * amplitude.typical
-    moved = (best.columns @ sizes) * at.sigma_m
+    moved = best.change_m @ sizes
     return Score(
         name=effect.name,
         statistic=max(signed, 0.0) ** 2 if sign else signed,

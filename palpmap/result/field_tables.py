@@ -116,7 +116,9 @@ def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> 
         f"{100 * hyper.error:.2g} % of each press's compliance: the noise is not the limit, and "
         "the map follows the presses no closer"
     )  # fmt: skip
-    errs = [p for p, errs in zip(scan.used().press_ids.tolist(), field.errs, strict=True) if errs]
+    ids = scan.used().press_ids
+    errs = ids[field.errs].tolist()
+    slipped = ids[np.flatnonzero(field.slips >= SPOTS.possible)].tolist()
     ball = "seen at no depth for sure, as the map may vary as much by itself"
     if any(spot.found for spot in field.spots):
         ball += "; the spots found are harder, softer or larger"
@@ -130,6 +132,16 @@ def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> 
             f"{percent(field.left_out_error)} by a map of the other four fifths of the presses",
         ),
         *((("presses weighted down", _listed(errs)),) if errs else ()),
+        *(
+            (
+                (
+                    "presses that slipped",
+                    f"{_listed(slipped)}: their neighbours feel no ball; press there again",
+                ),
+            )
+            if slipped
+            else ()
+        ),
         ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),
         (f"a ball of {1e3 * SPOTS.ball_m:.0f} mm, {SPOTS.ball_contrast:.0f} times as hard", ball),
         ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),

@@ -267,7 +267,7 @@ def limit_table(
     rows = (
         (
             e.name,
-            "never" if e.smallest_share is None else units.percent(e.smallest_share),
+            _seen_from(e.smallest_share),
             *(c.shown(e.map_bias[c.name]) if c.name in e.map_bias else "" for c in shifts),
             _better(e, letters or {}),
             "" if e.in_mixed_scan is None else units.percent(e.in_mixed_scan),
@@ -277,6 +277,17 @@ def limit_table(
     )
     head = ("Seen from", *(c.heading for c in shifts), "Better scan", "Mixed scan")
     return Table.of(("Effect", *map(number, head), "Looks like"), rows, title)
+
+
+def _seen_from(share: float | None) -> str:
+    """Return a detection limit; beyond the whole signal its size means nothing.
+
+    >>> [_seen_from(share) for share in (None, 0.012, 1.2)]
+    ['never', '1.2 %', 'over 100 %']
+    """
+    if share is None:
+        return "never"
+    return units.percent(share) if share <= 1 else f"over {units.percent(1.0)}"
 
 
 def _better(limit: LimitRecord, letters: Mapping[str, str]) -> str:

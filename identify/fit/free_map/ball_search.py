@@ -34,6 +34,8 @@ from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.settings import SPOTS, SpotSettings
 from identify.map import Grid
 
+_DEAF = 1e6  # variance of a press that is known to err, over that of a slip
+
 
 @dataclass(frozen=True, eq=False)
 class Balls:
@@ -41,7 +43,7 @@ class Balls:
 
     Attributes
     ----------
-    centre_m : (c, 3); of a press nothing
+    centre_m : (c, 3); of a press nothing but its number
     radius_m : (c,); 0 of a press
     pattern : (j, c) change of the target by each, for a change of ln E by 1
     log_prior : (c,) logarithm of the number of such balls that is expected before any reading
@@ -73,6 +75,11 @@ class Balls:
     def real(self) -> np.ndarray:
         """Whether each (c,) is a ball, and no press."""
         return self.radius_m > 0
+
+    @property
+    def number(self) -> int:
+        """Number of the one press."""
+        return int(self.centre_m[0, 0])
 
     def overlap(self, other: Balls) -> np.ndarray:
         """Whether each (c,) is a ball and overlaps with any of some others."""
@@ -191,7 +198,7 @@ class BallSearch:
         """Return the presses as balls of no size: each may have an error of its own."""
         s, count = self.settings, len(self.data.target)
         place = np.arange(count)[:, None] * np.ones(3)
-        prior = np.full(count, np.log(s.expected / count))
+        prior = np.full(count, np.log(s.slips / count))
         return Balls(place, np.zeros(count), s.slip * self.data.root.T, prior)
 
     def split(self, balls: Balls, share: float) -> Balls:
@@ -266,6 +273,8 @@ class BallSearch:
         there = self.instead(beside, ball)
         likelier = self.gains(there)[:, :, 0].argmax(axis=0)
         v = np.array([amplitude**2 for amplitude, _ in self.settings.kinds])[likelier]
+        if not ball.real[0]:  # a press that errs says nothing more
+            v = v * _DEAF
         weight, scale = self.weight(beside, ball), v / (1 + v * there.power[:, 0])
         across = weight @ beside.balls.pattern
         return Beside(

@@ -58,6 +58,7 @@ class Field:
         beside the effects, ask the map to change by
     left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
     errs : (j,) bool, presses with errors of their own, weighted down
+    slips : (j,) probability that a press errs by itself, against a ball under it and none
     lengths_m : least and largest length that was tried
     regions : of a map with labelled regions
     posterior : for draws and resolution; both only of a fit that was made here
@@ -77,6 +78,7 @@ class Field:
     press_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    slips: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lengths_m: tuple[float, float] = (0.0, 0.0)
     ball_sight_m: float = 0.0
     regions: tuple[RegionEstimate, ...] = ()
@@ -109,7 +111,7 @@ class Field:
         mean, sd, _ = _mean_of(posterior, seen if seen.any() else np.ones_like(seen))
         directions, gain = posterior.modes
         search = BallSearch(posterior, hyper, lengths_m[1])
-        spots, slipped = find_spots(search, posterior) if converged else ((), 0.0 * errs)
+        spots, slips = find_spots(search, posterior) if converged else ((), 0.0 * errs)
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -123,13 +125,19 @@ class Field:
             spots=spots,
             press_error=press_error,
             left_out=posterior.left_out(fifths(len(press_error))),
-            errs=errs | (slipped >= SPOTS.possible),
+            errs=errs,
+            slips=slips,
             lengths_m=lengths_m,
             regions=tuple(_regions(posterior, log_prior_mean)),
             by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
             posterior=posterior,
         )
+
+    @property
+    def slipped(self) -> np.ndarray:
+        """Whether each press (j,) is offered as one that errs by itself."""
+        return self.slips >= SPOTS.probable
 
     @property
     def ordinary_error(self) -> float:

@@ -130,15 +130,17 @@ class SpotSettings:
     kinds : standard deviation of the change of ln E, and share, of two kinds of balls: of other
         tissue, and as good as rigid or as holes. A rough field explains the second kind as well as
         a ball does, if it is thought improbable
-    slip : change of ln C by a press's own error, where a ball changes ln E by 1; as many presses
-        as balls are expected to have one
+    slip, slips : change of ln C by a press's own error, where a ball changes ln E by 1, and presses
+        of a scan that are expected to have one
     shows : standard deviations of the readings' noise from which on a ball may show
     scales : of the prior's spread and of the map's error, those that were fitted being 1
     longer : exponents of the way from the prior's length to the longest
     most, presses : balls that are added, and share of the presses that may err by themselves
-    neighbours : presses that are tried in place of a ball
+    neighbours : presses that are tried together in place of a ball; more can be as a ball is
     patience : the most in turn that do not raise the log evidence
     alike : cosine of the patterns of two balls from which on they are one spot
+    felt : cosine of the patterns of a ball and of a press that errs from which on one may do for
+        the other
     splits, most_splits, enough, kept : least and most times that the lattice is made finer for a
         spot, the effective number of parts that ends it, and most balls that are split
     unlikely : how far below the largest the log evidence of a prior may be that is kept for that
@@ -156,15 +158,17 @@ class SpotSettings:
     apart: float = 0.7
     expected: float = 1.0
     kinds: tuple[tuple[float, float], ...] = ((1.2, 0.8), (2.0, 0.2))
-    slip: float = 0.2
+    slip: float = 0.15
+    slips: float = 0.2
     shows: float = 3.0
     scales: tuple[float, ...] = (2.0, 1.0, 0.5, 0.2, 0.0)
     longer: tuple[float, ...] = (0.5, 1.0)
     most: int = 8
     presses: float = 0.2
-    neighbours: int = 4
+    neighbours: int = 2
     patience: int = 2
     alike: float = 0.6
+    felt: float = 0.3
     splits: int = 2
     most_splits: int = 5
     enough: float = 30.0

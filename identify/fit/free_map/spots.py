@@ -67,102 +67,130 @@ class Spot:
 def find_spots(
     search: BallSearch, posterior: FieldPosterior
 ) -> tuple[tuple[Spot, ...], np.ndarray]:
-    """Return the spots in the readings of a posterior, the most probable first, and odd presses.
+    """Return the spots in the readings of a posterior, the most probable first, and slips.
 
     Returns
     -------
-    spots, and the probability (j,) that a press has an error of its own
+    spots, and the probability (j,) that a press errs by itself, against a ball under it and none
     """
     added = _added(search)
     balls = [ball for ball in added if ball.real[0]]
-    presses = [ball for ball in added if not ball.real[0]]
-    presses, balls = _without_errors(search, presses, balls)
+    slips = np.zeros(int(np.sum(~search.balls.real)))
+    presses, balls = _without_errors(search, [b for b in added if not b.real[0]], balls, slips)
     groups = _groups(search, balls)
     while True:
-        beside = [_beside(search, presses, balls, [g for g in groups if g is not group])
-                  for group in groups]  # fmt: skip
-        found = [
-            _spot(search, others, balls[group[0]], posterior)
-            for others, group in zip(beside, groups, strict=True)
-        ]
-        if all(spot.probability >= search.settings.possible for spot in found):
+        found = []
+        for group in groups:
+            others = [balls[number] for other in groups if other is not group for number in other]
+            beside = _beside(search, presses, others, balls[group[0]])
+            erring = _erring(search, beside, balls[group[0]])
+            found.append((_spot(search, beside, balls[group[0]], posterior, erring), erring))
+        if all(spot.probability >= search.settings.possible for spot, _ in found):
             break
         # The others were judged beside one that is hardly there
-        del groups[int(np.argmin([spot.probability for spot in found]))]
-    spots = tuple(sorted(found, key=lambda spot: -spot.probability))
-    return spots, _errs(search, presses, balls, groups)
+        least = int(np.argmin([spot.probability for spot, _ in found]))
+        found[least][1].note(slips)
+        del groups[least]
+    there = [balls[number] for group in groups for number in group]
+    for one in presses:
+        others = [press for press in presses if press is not one]
+        odds = search.log_odds(_beside(search, others, there))
+        rival = search.balls.some(np.array([np.argmax(np.where(search.balls.real, odds, -np.inf))]))
+        erring = _erring(search, _beside(search, others, there, rival), rival)
+        slips[one.number] = 0.0
+        if one.number in [press.number for press in erring.presses]:
+            erring.note(slips)
+    return tuple(sorted((spot for spot, _ in found), key=lambda spot: -spot.probability)), slips
 
 
 def _without_errors(
-    search: BallSearch, presses: list[Balls], balls: list[Balls]
+    search: BallSearch, presses: list[Balls], balls: list[Balls], slips: np.ndarray
 ) -> tuple[list[Balls], list[Balls]]:
     """Return presses that err, and balls, less those in whose place a few presses do better.
 
     Neighbours that both slipped look like a ball: one ball is likelier than an error of either.
+    Their probability, against that ball, is written to `slips` (j,).
     """
     groups = _groups(search, balls)
     for group in groups:
-        others = [other for other in groups if other is not group]
-        beside = _beside(search, presses, balls, others)
-        instead, gain = _erring(search, beside)
-        there = search.balls.overlap(balls[group[0]])
-        if gain > _log_sum(search.log_odds(beside)[there]):
-            rest = [balls[number] for other in others for number in other]
-            return _without_errors(search, [*presses, *instead], rest)
+        others = [balls[number] for other in groups if other is not group for number in other]
+        beside = _beside(search, presses, others, balls[group[0]])
+        erring = _erring(search, beside, balls[group[0]])
+        if erring.log_odds > erring.ball:
+            erring.note(slips)
+            known = [press.number for press in presses]
+            more = [press for press in erring.presses if press.number not in known]
+            return _without_errors(search, [*presses, *more], others, slips)
     return presses, balls
 
 
-def _erring(search: BallSearch, beside: Beside) -> tuple[list[Balls], float]:
-    """Return the few presses that explain most by errors of their own, and their log odds."""
-    own = np.flatnonzero(~search.balls.real)
+@dataclass(frozen=True)
+class _Erring:
+    """The few presses that explain most by errors of their own, in place of a ball.
+
+    `log_odds` are theirs together, `ball` those of the ball.
+    """
+
+    presses: list[Balls]
+    log_odds: float
+    ball: float
+
+    def note(self, slips: np.ndarray) -> None:
+        """Write their probability, against the ball and none, to slips (j,)."""
+        number = [press.number for press in self.presses]
+        slips[number] = np.exp(self.log_odds - _log_sum(np.array([self.log_odds, self.ball, 0.0])))
+
+
+def _erring(search: BallSearch, beside: Beside, ball: Balls) -> _Erring:
+    """Return the presses that may err in place of a ball, beside everything else."""
+    every = search.balls
+    own = np.flatnonzero(~every.real)
+    odds = search.log_odds(beside)
+    of_ball = _log_sum(odds[every.overlap(ball)])
     presses: list[Balls] = []
     total = [0.0]
     for _ in range(search.settings.neighbours):
-        odds = search.log_odds(beside)[own]
-        presses.append(search.balls.some(own[[np.argmax(odds)]]))
-        total.append(total[-1] + float(odds.max()))
+        presses.append(every.some(own[[np.argmax(odds[own])]]))
+        total.append(total[-1] + float(odds[own].max()))
         beside = search.added(beside, presses[-1])
+        odds = search.log_odds(beside)
     best = int(np.argmax(total))
-    return presses[:best], total[best]
+    return _Erring(presses[:best], total[best], of_ball)
 
 
 def _beside(
-    search: BallSearch, presses: list[Balls], balls: list[Balls], groups: list[list[int]]
+    search: BallSearch, presses: list[Balls], balls: list[Balls], judged: Balls | None = None
 ) -> Beside:
-    """Return everything beside errors of presses, and the balls of some groups."""
+    """Return everything beside presses that err and balls.
+
+    A press that feels a judged ball is not known to err: one may do for the other.
+    """
+    if judged is not None and presses:
+        together = search.instead(search.alone, Balls.joined([judged, *presses]))
+        felt = np.abs(search.alike(together, 0))[1:] > search.settings.felt
+        presses = [press for press, one in zip(presses, felt, strict=True) if not one]
     beside = search.alone
-    for known in (*presses, *(balls[number] for group in groups for number in group)):
+    for known in (*presses, *balls):
         beside = search.added(beside, known)
     return beside
-
-
-def _errs(
-    search: BallSearch, presses: list[Balls], balls: list[Balls], groups: list[list[int]]
-) -> np.ndarray:
-    """Return the probability (j,) of an error of each press alone, against a ball and none."""
-    own = np.flatnonzero(~search.balls.real)
-    found = np.zeros(len(own))
-    for one in presses:
-        others = [press for press in presses if press is not one]
-        odds = search.log_odds(_beside(search, others, balls, groups))
-        number = int(one.centre_m[0, 0])
-        found[number] = np.exp(odds[own[number]] - _log_sum(np.append(odds, 0.0)))
-    return found
 
 
 def _added(search: BallSearch) -> list[Balls]:
     """Return balls and presses in the order in which they explain most; as many as are probable."""
     s, every = search.settings, search.balls
+    own = np.flatnonzero(~every.real)
     beside, added, total = search.alone, [], [0.0]
-    most = s.most + int(s.presses * np.sum(~every.real))
-    while len(added) < most:
+    while len(added) < s.most + int(s.presses * len(own)):
         odds = search.log_odds(beside)
         total.append(total[-1] + _log_sum(odds))
         if int(np.argmax(total)) <= len(added) - s.patience:
             break
-        best = every.some(np.array([np.argmax(odds)]))
-        if best.real[0]:
-            finer, _ = search.finer(beside, np.flatnonzero(every.overlap(best)))
+        best = every.some(np.array([np.argmax(np.where(every.real, odds, -np.inf))]))
+        there = np.flatnonzero(every.overlap(best))
+        if odds[own].max() > max(_log_sum(odds[there]), 0.0):
+            best = every.some(own[[np.argmax(odds[own])]])
+        else:
+            finer, _ = search.finer(beside, there)
             best = finer.balls.some(np.array([np.argmax(search.log_odds(finer))]))
         added.append(best)
         beside = search.added(beside, best)
@@ -187,13 +215,15 @@ def _groups(search: BallSearch, balls: list[Balls]) -> list[list[int]]:
     return groups
 
 
-def _spot(search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPosterior) -> Spot:
-    """Judge a ball beside others."""
+def _spot(
+    search: BallSearch, beside: Beside, ball: Balls, posterior: FieldPosterior, erring: _Erring
+) -> Spot:
+    """Judge a ball beside others; `erring` presses may do in its place."""
     s, balls, odds = search.settings, search.balls, search.log_odds(beside)
     best = int(np.argmax(np.where(balls.overlap(ball), odds, -np.inf)))
     alike = balls.real & (search.alike(beside, best) > s.alike)
     own = np.flatnonzero(alike | balls.overlap(balls.some(np.array([best]))))
-    there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, 0.0))))
+    there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, [0.0, erring.log_odds]))))
     # The lattice tells the odds; places and radii between its own tell the likely ones apart
     beside, part = search.finer(beside, own)
     finer = beside.balls

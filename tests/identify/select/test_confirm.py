@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identify.catalogue.catalogue import CATALOGUE as BUILT_IN
-from identify.select.confirm import confirmed
 from identify.select.explanation import Explanation
 from identify.select.forward_selection import forward_selection
+from identify.select.outlying_presses import confirmed
 from identify.select.settings import SELECTION
 from tests.identify.select.loop_problem import PEAK_N, TRUE, model, scan, timing, true_compliance
 

@@ -11,6 +11,8 @@ from scipy.stats import kstest
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.catalogue import CATALOGUE
+from identify.design.seen_pattern import seen_patterns, signal_m
+from identify.design.settings import DETECTION
 from identify.effects import Readings
 from identify.fit import FitResult
 from identify.map import FreeMap, Grid, MaternField
@@ -23,7 +25,7 @@ from identify.optimize.gauss_newton import covariance
 from identify.select.explanation import ended_by_presses
 from identify.select.model_error import few_presses, within_laws
 from identify.select.patterns import effect_patterns
-from identify.select.score_test import unavailable
+from identify.select.score_test import fitted_basis, unavailable
 from identify.select.settings import SELECTION
 from identify.select.step import Step, hides_lead, replaces_map
 from models import Scan
@@ -114,6 +116,22 @@ def test_an_effect_is_seen_beside_every_map(model):
         shifted.map_uncertainty, of_field=1e6 * shifted.map_uncertainty.of_field
     ))  # fmt: skip
     assert abs(deviate(blind, "touch_threshold")) > 4  # its curve, which no map has
+
+
+@pytest.mark.parametrize("name", ["contact_offset", "tool_compliance"])
+def test_a_detection_limit_is_the_size_of_the_effect_not_of_what_a_free_map_leaves_of_it(
+    model, name
+):
+    """An offset is as large as its change of every reading; a compliance goes with force."""
+    drawn = scan_of(model, 4)
+    at, effect = drawn.around(drawn.body(np.empty(0)), np.empty(0)), CATALOGUE[name]
+    fitted, normal = fitted_basis(at), np.linalg.pinv(at.jacobian)
+    (seen,) = seen_patterns(drawn, at, effect, fitted, normal, DETECTION)
+    size = abs(float(seen.sizes[0])) * effect.parameters[0].typical
+    force_n = 1.0 if name == "contact_offset" else at.latent_force_n
+    assert seen.share * signal_m(at) == pytest.approx(size * np.sqrt(np.mean(force_n**2)), rel=0.02)
+    change_m = size * force_n * np.ones(len(at.residual))
+    assert np.linalg.norm(at.whitened(change_m, drawn.readings.press)) == pytest.approx(1, rel=0.02)
 
 
 def test_a_form_of_the_map_is_no_effect_beside_a_free_map(model):

@@ -40,7 +40,7 @@ def test_a_direction_that_the_model_contains_is_no_degree_of_freedom():
     free = rng.standard_normal((300, 2))
     # the first column lies in the model up to rounding, as an offset beside a plane with an offset
     columns = np.column_stack([fitted @ [1.0, -2.0, 0.5, 3.0], free])[None]
-    pattern = EffectPattern(CATALOGUE["surface_tilt"], [{}], columns)
+    pattern = EffectPattern(CATALOGUE["surface_tilt"], [{}], columns, columns)
     _, basis, visible = beyond(pattern, fitted)
     assert basis.shape == (1, 300, 2)
     expected, _ = np.linalg.qr(free - fitted @ (fitted.T @ free))

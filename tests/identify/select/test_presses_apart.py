@@ -6,7 +6,7 @@ import pytest
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
-from identify.select.outlying_presses import hold_misfit
+from identify.select.presses_apart import hold_misfit
 from identify.select.settings import SELECTION
 
 

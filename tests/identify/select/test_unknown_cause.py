@@ -9,10 +9,10 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.unknown_course import COURSES, UNKNOWN
-from identify.select.confirm import confirmed
 from identify.select.form_average import averaged, structure_factor
 from identify.select.form_curve import form_curves
 from identify.select.forward_selection import forward_selection
+from identify.select.outlying_presses import confirmed
 from identify.select.verdicts import effect_verdict
 from tests.identify.select.loop_problem import TRUE, model
 from tests.identify.select.test_forward_selection import planted

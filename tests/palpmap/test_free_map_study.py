@@ -12,6 +12,8 @@ import palpmap as pm
 from identify.map import FreeMap, Grid
 from models import InputError
 from palpmap.__main__ import app
+from palpmap.blind.seal import unseal
+from palpmap.blind.trial import Trial, make_trial
 from palpmap.figures.map import cuts, extension, sample, seen_part
 
 STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
@@ -102,6 +104,23 @@ def test_limits_plan_scans_of_other_tips_and_lengths(tmp_path):
     better = found.record.model_dump()["limits"]
     assert any(limit["better_scan"] for limit in better)
     assert sum(limit["in_mixed_scan"] is not None for limit in better) > 15
+
+
+@pytest.mark.slow
+def test_presses_that_slipped_under_a_free_map_are_named_and_make_no_spots(tmp_path):
+    """Three of the four were sure soft spots of a tenth of the modulus, and nothing was missing."""
+    make_trial(tmp_path, Trial(10013, ("outside_slipped_presses",), (0.05,), 1))
+    (hidden,) = unseal(tmp_path).effects
+    path = tmp_path / "study.toml"
+    path.write_text(path.read_text().split("[map]")[0] + '[map]\nkind = "free"\n')
+    found = pm.explain(pm.read_study(path), [pm.CATALOGUE["contact_offset"]])
+    assert found.verdict == "unexplained"
+    slipped = sorted(value for name, value in hidden.values.items() if name != "share")
+    assert tuple(found.record.presses_apart) == tuple(map(int, slipped))
+    assert "4 of 81 presses, which stand apart" in found.summary()
+    assert not any(spot.contrast < 1 for spot in found.fit.field.spots if spot.found)
+    made = pm.fit(pm.read_study(path)).summary()
+    assert "presses that slipped" in made
 
 
 def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():

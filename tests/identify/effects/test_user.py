@@ -125,7 +125,7 @@ def test_a_check_that_was_not_made_is_not_said_to_be_kept(monkeypatch):
     done = palpmap("check-effect", WARM_UP)
     assert done.exit_code == 0
     assert re.search(r"^ *- +planted and found", done.stdout, re.MULTILINE)
-    assert "keeps to the 15 checks that were made; not made: planted and found." in done.stdout
+    assert "keeps to the 16 checks that were made; not made: planted and found." in done.stdout
     said = json.loads(palpmap("check-effect", WARM_UP, "--json").stdout)
     assert said["not_made"] == ["planted and found"]
     assert [f["check"] for f in said["findings"] if not f["made"]] == said["not_made"]
@@ -137,7 +137,7 @@ def test_a_faulty_effect_fails_the_command(tmp_path):
     done = palpmap("check-effect", faulty)
     assert done.exit_code == 1
     assert re.search(r"FAULT +worked examples come out", done.stdout)
-    assert "1 of 16 checks" in done.stdout
+    assert "1 of 17 checks" in done.stdout
 
 
 def test_a_missing_file_is_bad_input():

@@ -86,10 +86,13 @@ def fit(
     progress("fitting the map")
     for effect, initial in opened.effects:
         refuse_effect(effect, Readings.of(opened.scan), initial)
-    kind = kind_of_map(opened, on_iteration) if opened.map.either else None
-    if kind is not None and not kind.free:
-        experiment = experiment.of_kind("inclusions")
-        opened = experiment.opened(progress, thin=False)
+    kind = None
+    if opened.map.either:
+        alone = experiment.of_kind("inclusions")
+        others = alone.opened(progress, thin=False)
+        kind = kind_of_map(opened, others, on_iteration)
+        if not kind.free:
+            experiment, opened = alone, others
     if kind is not None and kind.free:
         found = kind.fit
     elif opened.effects and opened.map.field is None:

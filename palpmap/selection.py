@@ -32,9 +32,10 @@ def start(
     """
     opened = experiment.opened(progress)
     if opened.map.either:
-        kind = kind_of_map(opened, on_iteration)
+        inclusions = experiment.of_kind("inclusions")
+        kind = kind_of_map(opened, inclusions.opened(progress), on_iteration)
         progress(kind.says)
-        experiment = experiment.of_kind("free" if kind.free else "inclusions")
+        experiment = experiment.of_kind("free") if kind.free else inclusions
         opened = experiment.opened(progress)
     known = (*effects, *(effect for effect, _ in opened.effects), *experiment.own_effects)
     catalogue = Catalogue({effect.name: effect for effect in known}.values())

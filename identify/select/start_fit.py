@@ -32,7 +32,7 @@ from identify.fit.settings import CONTACT_LAW, ContactLawSettings
 from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import parameter_space
-from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment
+from identify.measurement.experiment import BodyModel, PlacedExperiment
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.select.candidates import fit_with
@@ -124,17 +124,25 @@ class KindOfMap:
 
 
 def kind_of_map(
-    experiment: PlacedExperiment, on_iteration: Callable[[FitIteration], None] | None = None
+    experiment: PlacedExperiment,
+    other: PlacedExperiment,
+    on_iteration: Callable[[FitIteration], None] | None = None,
 ) -> KindOfMap:
     """Decide between inclusions, of a number by the information criterion, and a free map.
 
     On the same mesh, both beside the experiment's effects, each press with an error of its own.
+
+    Parameters
+    ----------
+    other : the experiment with inclusions and the models for these, on which they are sought: that
+        of a free map is finer, and takes ten times as long
     """
     experiment.say("fitting a free map")
     free = fit_map(experiment, callback=on_iteration)
-    experiment.say("fitting inclusions")
-    alone = replace(experiment, map=MapGuess("auto"))
-    inclusions = with_effects(alone) if experiment.effects else fit_map(alone)
+    other.say("fitting inclusions")
+    inclusions = with_effects(other) if other.effects else fit_map(other)
+    experiment.say("fitting inclusions on the mesh of the free map")
+    inclusions = _on_models(inclusions, experiment)
     assert free.field is not None
     at, uncertain = inclusions.solution, free.model.map_uncertainty
     assert at is not None
@@ -145,6 +153,12 @@ def kind_of_map(
     above = f"its log evidence is {digits(abs(more))} above that of"
     says = f"a free map, {above} {few}" if more > 0 else f"{few}, {above} a free map"
     return KindOfMap(more > 0, free, f"the kind of map by evidence: {says}")
+
+
+def _on_models(fit: FitResult, experiment: PlacedExperiment) -> FitResult:
+    """Return inclusions and effects fitted again on the models of another experiment."""
+    model = measurement_model(experiment.scan, experiment.body, fit)
+    return fit_jointly(replace(model, effects=fit.model.effects), fit.map)
 
 
 def contact_law_of(

@@ -70,7 +70,7 @@ class FreeFieldRecord(Record):
     errs: tuple[bool, ...] = Field(description="presses weighted down, (j,)")
     slips: Row = Field(
         default=(),
-        description="probability that a press errs by itself, and no ball is there, (j,)",
+        description="probability that a press slipped, and no ball is there, (j,)",
     )
     lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]

@@ -80,11 +80,12 @@ def explain(
     rest = apart(others, start.joint, (True,))
     explained = selected(start, seed, on_step, settings, rest and rest.answer)
     final = explained.final
-    if final.fit.field is not None:
-        rest = beside_free_map(others, final.fit.field)
-    elif not final.comparison.is_noise:
-        rest = rest or apart(others, final.fit, (True, False))
-    if rest is not None and (final.fit.field is not None or not final.comparison.is_noise):
+    noise = final.comparison.is_noise
+    if final.fit.field is not None:  # it follows such presses, so that noise is left
+        rest = beside_free_map(others, final.fit.field) if noise else None
+    else:
+        rest = None if noise else rest or apart(others, final.fit, (True, False))
+    if rest is not None:
         if on_step:
             on_step(rest.answer.final)
         answer = replace(rest.answer, verdict="unexplained", apart=rest.apart)

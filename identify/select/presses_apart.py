@@ -109,7 +109,7 @@ def apart(others: Others, fit: FitResult, one_effect: Sequence[bool]) -> Rest | 
 
 
 def beside_free_map(others: Others, field: Field) -> Rest | None:
-    """Return the scan without the presses of which a free map shows that they err by themselves.
+    """Return the scan without the presses that slipped, as a free map shows.
 
     None where there are none, or where the others have structure that no effect takes.
 

@@ -1,7 +1,7 @@
 """A matched filter for balls beside a free map: how much more probable one makes the readings.
 
-A press that slipped, or met its place elsewhere than stated, competes with them: a ball that one
-press alone shows is told from it by what the neighbours see of a ball.
+A press that slipped, or met its place elsewhere than stated, competes with them: what its
+neighbours feel of a ball decides.
 
 A ball changes ln E by a inside it, and the readings t in data space
 (`identify.fit.free_map.field_data`) by a x, with x = V' K (share of the ball in each grid point).
@@ -73,7 +73,7 @@ class Balls:
 
     @property
     def real(self) -> np.ndarray:
-        """Whether each (c,) is a ball, and no press."""
+        """Balls among them, (c,) bool; the others are presses."""
         return self.radius_m > 0
 
     @property

@@ -58,7 +58,7 @@ class Field:
         beside the effects, ask the map to change by
     left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
     errs : (j,) bool, presses with errors of their own, weighted down
-    slips : (j,) probability that a press errs by itself, against a ball under it and none
+    slips : (j,) probability that a press slipped, against a ball under it and none
     lengths_m : least and largest length that was tried
     regions : of a map with labelled regions
     posterior : for draws and resolution; both only of a fit that was made here
@@ -136,7 +136,7 @@ class Field:
 
     @property
     def slipped(self) -> np.ndarray:
-        """Whether each press (j,) is offered as one that errs by itself."""
+        """Presses that are offered as slipped, (j,) bool."""
         return self.slips >= SPOTS.probable
 
     @property

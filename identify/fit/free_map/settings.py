@@ -135,7 +135,7 @@ class SpotSettings:
     shows : standard deviations of the readings' noise from which on a ball may show
     scales : of the prior's spread and of the map's error, those that were fitted being 1
     longer : exponents of the way from the prior's length to the longest
-    most, presses : balls that are added, and share of the presses that may err by themselves
+    most, presses : balls that are added, and share of the presses that may have slipped
     neighbours : presses that are tried together in place of a ball; more can be as a ball is
     patience : the most in turn that do not raise the log evidence
     alike : cosine of the patterns of two balls from which on they are one spot

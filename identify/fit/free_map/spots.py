@@ -71,7 +71,7 @@ def find_spots(
 
     Returns
     -------
-    spots, and the probability (j,) that a press errs by itself, against a ball under it and none
+    spots, and the probability (j,) that a press slipped, against a ball under it and none
     """
     added = _added(search)
     balls = [ball for ball in added if ball.real[0]]

@@ -189,6 +189,8 @@ def _added(search: BallSearch) -> list[Balls]:
         there = np.flatnonzero(every.overlap(best))
         if odds[own].max() > max(_log_sum(odds[there]), 0.0):
             best = every.some(own[[np.argmax(odds[own])]])
+        elif not len(there):  # no ball would show
+            break
         else:
             finer, _ = search.finer(beside, there)
             best = finer.balls.some(np.array([np.argmax(search.log_odds(finer))]))
@@ -223,7 +225,8 @@ def _spot(
     best = int(np.argmax(np.where(balls.overlap(ball), odds, -np.inf)))
     alike = balls.real & (search.alike(beside, best) > s.alike)
     own = np.flatnonzero(alike | balls.overlap(balls.some(np.array([best]))))
-    there = float(np.exp(_log_sum(odds[own]) - _log_sum(np.append(odds, [0.0, erring.log_odds]))))
+    every = np.concatenate([odds[balls.real], [0.0], [erring.log_odds] * bool(erring.presses)])
+    there = float(np.exp(_log_sum(odds[own]) - _log_sum(every)))
     # The lattice tells the odds; places and radii between its own tell the likely ones apart
     beside, part = search.finer(beside, own)
     finer = beside.balls

@@ -228,6 +228,18 @@ def test_presses_that_slipped_are_no_spots(by_field, grid, slipped):
         assert slips(by_field, grid, wrong, seed) == (slipped, 0)
 
 
+def test_a_press_that_slipped_is_found_where_no_ball_would_show(by_field, grid):
+    blind = replace(QUICK, shows=1e9)
+    wrong = np.where(np.arange(36) == 14, 0.15, 0.0)
+    for of_press, expected in ((wrong, [14]), (0 * wrong, [])):
+        found = posterior(by_field, grid, of_press)
+        search = BallSearch(found, HYPER, LONGEST_M, blind)
+        assert not search.balls.real.any()
+        spots, slips = find_spots(search, found)
+        assert spots == ()
+        assert np.flatnonzero(slips >= SPOTS.probable).tolist() == expected
+
+
 def test_two_neighbours_that_slipped_unequally_are_no_spot(by_field, grid):
     """One ball explains both, and is likelier than an error of either alone."""
     wrong = np.zeros(36)

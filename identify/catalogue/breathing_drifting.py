@@ -13,6 +13,7 @@ from identify.effects.units import length, seconds
 _STEP = 3.0  # between neighbouring drifts, in 1 / T^2: cosines of 0.93 and more
 _MOST = 0.25  # change of the frequency over the scan, as a share
 _SHAPES = 4000  # of the grid: a long scan is searched for smaller drifts alone
+_AROUND = 0.15  # of a frequency: where its larger drifts are sought
 
 
 class BreathingDrifting(Breathing):
@@ -108,6 +109,21 @@ class BreathingDrifting(Breathing):
             {"frequency_hz": float(first[i]), "drift_hz_per_s": float(drift[k]),
              "bend_hz_per_s2": 0.0}
             for i, k in np.argwhere(tested)
+        ]  # fmt: skip
+
+    def around(self, shape: Values, readings: Readings) -> list[Values]:
+        """Return all drifts of frequencies near the one that the scan has in its middle."""
+        frequency, free = free_frequencies(readings, self.tones)
+        time = float(readings.elapsed_s[-1])
+        middle = shape["frequency_hz"] + shape["drift_hz_per_s"] * time / 2
+        near = frequency[free & (np.abs(frequency / middle - 1) < _AROUND)]
+        most = int(_MOST * middle * time / _STEP)
+        return [
+            {"frequency_hz": float(f - drift * time / 2), "drift_hz_per_s": float(drift),
+             "bend_hz_per_s2": 0.0}
+            for f in near
+            for drift in _STEP / time**2 * np.arange(-most, most + 1)
+            if f > abs(drift) * time / 2
         ]  # fmt: skip
 
     def doubt(self, values: Values, readings: Readings) -> str | None:

@@ -239,6 +239,10 @@ class Advice:
         """
         return None
 
+    def around(self, shape: Values, readings: Readings) -> Sequence[Values]:
+        """Return shapes beyond the grid, to be scored around the best one if that is certain."""
+        return ()
+
     def redundant(self, profile: str, nonlinear: bool) -> str | None:
         """Return the reason why the effect adds nothing to a model, or None.
 

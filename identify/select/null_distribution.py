@@ -90,6 +90,7 @@ class NullSearch:
     ) -> None:
         self.candidates, self.amplitudes = candidates, amplitudes
         self.one_sided, self.settings = one_sided, settings
+        self.widened = False
         self._rng, self._dof = rng, 1
         self._noise: list[np.ndarray] = []  # (m, b), the same for all blocks
         self._largest: list[np.ndarray] = []
@@ -101,7 +102,7 @@ class NullSearch:
         """
         g, m, q = basis.shape
         self._dof = max(self._dof, q)
-        if self._is_certain(statistic):
+        if self.is_certain(statistic):
             return
         if not self._noise:
             self._noise = [
@@ -116,10 +117,14 @@ class NullSearch:
             score = t[:, 0] if self.one_sided else np.sum(t**2, axis=1)
             np.maximum(largest, score.max(axis=0), out=largest)
 
+    def widen(self, candidates: int) -> None:
+        """Count further candidates around a score that is certain."""
+        self.candidates, self.widened = self.candidates + candidates, True
+
     def null(self, statistic: float = 0.0) -> ScoreNull:
         """Return the distribution, after all candidates, for an observed score."""
         q, one_sided, tail = self._dof, self.one_sided, self.settings.tail
-        if self._is_certain(statistic):
+        if self.is_certain(statistic):
             return ScoreNull(np.empty(0), float(self.candidates), q, one_sided, tail)
         ordered = np.sort(np.concatenate(self._largest))
         n = len(ordered)
@@ -129,7 +134,7 @@ class NullSearch:
         trials = float(np.exp(np.median(np.log(chance) - single)))
         return ScoreNull(ordered, max(trials, 1.0), q, one_sided, tail)
 
-    def _is_certain(self, statistic: float) -> bool:
+    def is_certain(self, statistic: float) -> bool:
         """Return True for a score that needs no simulation; once true, it stays so."""
         if self.candidates == 1:
             return True

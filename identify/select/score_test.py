@@ -143,18 +143,27 @@ def score_effect(
     )
     best, most_visible = None, 0.0
     try:
-        for pattern in pattern_blocks(model, at, effect, shapes, settings.block_bytes):
-            if not np.isfinite(pattern.columns).all():
-                return unscored(effect, _NOT_FINITE, count)
-            left, basis, visible = beyond(pattern, fitted, settings)
-            most_visible = max(most_visible, float(visible.max()))
-            t = np.einsum("gmq,m->gq", basis, residual)
-            signed = sign * t[:, 0] if sign else np.sum(t**2, axis=1)
-            g = int(np.argmax(signed))
-            if best is None or signed[g] > best.signed:
-                best = _Candidate(float(signed[g]), pattern.shapes[g], pattern.change_m[g].copy(),
-                                  left[g].copy(), basis[g].copy(), float(visible[g]))  # fmt: skip
-            search.add(sign * basis if sign else basis, best.signed)
+        while shapes:
+            for pattern in pattern_blocks(model, at, effect, shapes, settings.block_bytes):
+                if not np.isfinite(pattern.columns).all():
+                    return unscored(effect, _NOT_FINITE, count)
+                left, basis, visible = beyond(pattern, fitted, settings)
+                most_visible = max(most_visible, float(visible.max()))
+                t = np.einsum("gmq,m->gq", basis, residual)
+                signed = sign * t[:, 0] if sign else np.sum(t**2, axis=1)
+                g = int(np.argmax(signed))
+                if best is None or signed[g] > best.signed:
+                    best = _Candidate(
+                        float(signed[g]), pattern.shapes[g], pattern.change_m[g].copy(),
+                        left[g].copy(), basis[g].copy(), float(visible[g]),
+                    )  # fmt: skip
+                search.add(sign * basis if sign else basis, best.signed)
+            further = best is not None and len(shapes) > 1 and search.is_certain(best.signed)
+            if not further or search.widened:
+                break
+            assert best is not None
+            shapes = advice(effect).around(best.shape, model.readings)
+            search.widen(len(shapes))
     except InadmissibleError as error:
         return unscored(effect, str(error), count)
     if best is None:

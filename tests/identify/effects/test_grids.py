@@ -90,3 +90,25 @@ def test_no_tone_of_a_breath_keeps_step_with_the_presses():
     one = np.array([v["frequency_hz"] for v in CATALOGUE["breathing"].grid(EVEN, STATE)])
     assert np.abs(one - 0.5 / EVEN_PACE_S).min() < 0.2 / time_s
     assert effect.doubt({"frequency_hz": 0.5 / EVEN_PACE_S}, EVEN) is not None
+
+
+def test_a_breath_that_changes_much_in_a_long_scan_is_found_around_the_best_of_the_grid():
+    """The grid of a long scan has small drifts alone, of which the best is a poor start."""
+    breath, pause = CATALOGUE["breathing_drifting"], np.random.default_rng(2).uniform(0, 3, 81)
+    start = EVEN_PACE_S * np.arange(81) + np.cumsum(pause)
+    time = tuple((start[:, None] + np.linspace(0, 3, 9)).ravel().tolist())
+    readings = Inputs({"press": tuple(np.repeat(np.arange(81), 9).tolist()), "time_s": time})
+    long = readings.readings()
+    for first, change in ((0.345, 0.17), (0.28, -0.15), (0.5, 0.1)):
+        drift = first * change / float(long.elapsed_s[-1])
+        true = {"frequency_hz": first, "drift_hz_per_s": drift, "bend_hz_per_s2": 0.0}
+        wave = breath.columns(long, [true])[0] @ [0.6, 0.8]
+
+        def like(shapes, wave=wave):
+            bases = np.linalg.qr(breath.columns(long, shapes))[0]
+            return np.linalg.norm(bases.swapaxes(1, 2) @ wave, axis=1) / np.linalg.norm(wave)
+
+        grid = breath.grid(long, STATE)
+        coarse = like(grid)
+        assert coarse.max() < 0.8
+        assert like(breath.around(grid[int(np.argmax(coarse))], long)).max() > 0.93

@@ -19,7 +19,7 @@ from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import NullSearch
-from identify.select.patterns import EffectPattern
+from identify.select.patterns import EffectPattern, effect_patterns
 from identify.select.score_test import beyond, fitted_basis, score_effect
 from identify.select.settings import DiagnosisSettings
 from tests.identify.select.loop_problem import TRUE, model, scan, timing
@@ -54,6 +54,27 @@ def test_a_direction_that_the_model_contains_is_no_degree_of_freedom():
 def null_scan(seed: int):
     press, _, _, force = timing(seed)
     return scan(compliance()[press] * force, force, seed)
+
+
+@pytest.mark.parametrize("name", ["breathing_from_touch", "breathing_harmonics"])
+def test_patterns_that_come_at_once_are_those_of_the_hook(name, monkeypatch):
+    fitted = model(null_scan(0))
+    effect, at = CATALOGUE[name], fitted.linearise(fitted.start(TRUE))
+    at_once = effect_patterns(fitted, at, effect, most=5)
+    monkeypatch.setattr(type(effect), "columns", lambda *_: None)
+    alone = effect_patterns(fitted, at, effect, most=5)
+    assert at_once.columns.shape == (5, len(at.residual), len(effect.amplitudes))
+    for given, found in ((at_once.columns, alone.columns), (at_once.change_m, alone.change_m)):
+        assert_allclose(given, found, rtol=0, atol=1e-6 * np.abs(found).max())
+
+
+def test_a_certain_score_widens_the_search_and_counts_what_was_tried():
+    search = NullSearch(100, 2, False, np.random.default_rng(0))
+    assert search.is_certain(200.0)
+    before = search.null(200.0).log_p(200.0)
+    search.widen(900)
+    assert search.widened
+    assert search.null(200.0).log_p(200.0) - before == pytest.approx(np.log(10), abs=1e-6)
 
 
 def test_a_searched_score_has_the_simulated_null():

@@ -240,6 +240,16 @@ def test_a_press_that_slipped_is_found_where_no_ball_would_show(by_field, grid):
         assert np.flatnonzero(slips >= SPOTS.probable).tolist() == expected
 
 
+def test_a_press_that_is_known_to_err_says_nothing_more(by_field, grid):
+    found = posterior(by_field, grid, np.where(np.arange(36) == 14, 1.5, 0.0))
+    search = BallSearch(found, HYPER, LONGEST_M, QUICK)
+    press = np.flatnonzero(~search.balls.real)[14]
+    known = search.added(search.alone, search.balls.some(np.array([press])))
+    again = search.log_odds(known)[press] - search.balls.log_prior[press]
+    assert search.log_odds(search.alone)[press] > 10
+    assert again == pytest.approx(0, abs=0.01)
+
+
 def test_two_neighbours_that_slipped_unequally_are_no_spot(by_field, grid):
     """One ball explains both, and is likelier than an error of either alone."""
     wrong = np.zeros(36)

@@ -105,7 +105,7 @@ class Breathing(Advice, Effect):
         waves, tone = np.empty((*angle.shape, 2 * self.tones)), np.ones_like(turn)
         for number in range(self.tones):
             tone *= turn
-            waves[..., 2 * number], waves[..., 2 * number + 1] = tone.imag, tone.real
+            waves[..., 2 * number], waves[..., 2 * number + 1] = np.imag(tone), np.real(tone)
         return waves
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:

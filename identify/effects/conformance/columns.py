@@ -22,7 +22,8 @@ def columns(effect: Effect, case: ExampleScan) -> str:
     for shape, found in zip(shapes, given, strict=True):
         still = case.out(effect, {**effect.null, **shape})
         for amplitude, column in zip(effect.amplitudes, found.T, strict=True):
-            moved = {**effect.null, **shape, amplitude.name: amplitude.null + amplitude.typical}
+            size = effect.null[amplitude.name] + amplitude.typical
+            moved = {**effect.null, **shape, amplitude.name: size}
             change = (case.out(effect, moved) - still) / amplitude.typical
             if not np.abs(change - column).max() <= _ACCURACY * np.abs(column).max():
                 raise Fault(f"columns() is not what {amplitude.name} changes at {shape}")

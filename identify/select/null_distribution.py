@@ -90,7 +90,6 @@ class NullSearch:
     ) -> None:
         self.candidates, self.amplitudes = candidates, amplitudes
         self.one_sided, self.settings = one_sided, settings
-        self.widened = False
         self._rng, self._dof = rng, 1
         self._noise: list[np.ndarray] = []  # (m, b), the same for all blocks
         self._largest: list[np.ndarray] = []
@@ -119,7 +118,7 @@ class NullSearch:
 
     def widen(self, candidates: int) -> None:
         """Count further candidates around a score that is certain."""
-        self.candidates, self.widened = self.candidates + candidates, True
+        self.candidates += candidates
 
     def null(self, statistic: float = 0.0) -> ScoreNull:
         """Return the distribution, after all candidates, for an observed score."""

@@ -143,7 +143,7 @@ def score_effect(
     )
     best, most_visible = None, 0.0
     try:
-        while shapes:
+        for second in (False, True):
             for pattern in pattern_blocks(model, at, effect, shapes, settings.block_bytes):
                 if not np.isfinite(pattern.columns).all():
                     return unscored(effect, _NOT_FINITE, count)
@@ -158,10 +158,8 @@ def score_effect(
                         left[g].copy(), basis[g].copy(), float(visible[g]),
                     )  # fmt: skip
                 search.add(sign * basis if sign else basis, best.signed)
-            further = best is not None and len(shapes) > 1 and search.is_certain(best.signed)
-            if not further or search.widened:
+            if second or best is None or len(shapes) < 2 or not search.is_certain(best.signed):
                 break
-            assert best is not None
             shapes = advice(effect).around(best.shape, model.readings)
             search.widen(len(shapes))
     except InadmissibleError as error:

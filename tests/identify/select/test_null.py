@@ -14,6 +14,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+from identify.catalogue.breathing import Breathing
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
@@ -73,8 +74,27 @@ def test_a_certain_score_widens_the_search_and_counts_what_was_tried():
     assert search.is_certain(200.0)
     before = search.null(200.0).log_p(200.0)
     search.widen(900)
-    assert search.widened
     assert search.null(200.0).log_p(200.0) - before == pytest.approx(np.log(10), abs=1e-6)
+
+
+class CoarseBreath(Breathing):
+    """A breath whose grid misses the planted one, and that knows where to look further."""
+
+    def grid(self, readings, state):
+        return [{"frequency_hz": 0.247}, {"frequency_hz": 0.254}]
+
+    def around(self, shape, readings):
+        return [{"frequency_hz": shape["frequency_hz"] + step} for step in (-0.004, 0.003)]
+
+
+def test_shapes_beyond_the_grid_are_scored_around_a_certain_best():
+    table = null_scan(0)
+    wave = 2e-3 * np.sin(2 * np.pi * 0.25 * (table.time_s - table.time_s[0]))
+    fit = fit_jointly(model(table.replace(displacement_m=table.displacement_m + wave)), TRUE)
+    fitted = fitted_basis(fit.at)
+    found = score_effect(fit, CoarseBreath(), fitted)
+    assert found.values["frequency_hz"] == pytest.approx(0.25)
+    assert found.statistic > score_effect(fit, Breathing(), fitted).statistic / 2
 
 
 def test_a_searched_score_has_the_simulated_null():

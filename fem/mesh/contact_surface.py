@@ -104,14 +104,29 @@ class ContactSurface:
         )
         return _unit(by_x, by_y)
 
-    def smoothed(self, length_m: float, low_m: np.ndarray, high_m: np.ndarray) -> SmoothedSurface:
-        """Return the surface averaged over a length, m, between corners (2,) m of x and y."""
+    def smoothed(
+        self,
+        length_m: float,
+        low_m: np.ndarray,
+        high_m: np.ndarray,
+        base_m: float = -np.inf,
+        clear_m: float = 0.0,
+    ) -> SmoothedSurface:
+        """Return the surface averaged over a length, m, between corners (2,) m of x and y.
+
+        Where it comes nearer to a base at height `base_m` than `clear_m` it is lifted first: to
+        half of that where it would lie in the base, and less, smoothly, above.
+        """
         aside = 6 * length_m
         x, y = axes = [
             np.linspace(a - aside, b + aside, math.ceil(_FINER * (b - a + 2 * aside) / length_m))
             for a, b in zip(low_m, high_m, strict=True)
         ]
         rough = self.heights(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+        if clear_m:
+            over = np.maximum(rough - base_m, 0)
+            lifted = base_m + (clear_m + over**2 / clear_m) / 2
+            rough = np.where(over < clear_m, lifted, rough)
         width = [length_m / (axis[1] - axis[0]) for axis in axes]
         once = gaussian_filter(rough.reshape(*map(len, axes)), width, mode="nearest")
         smooth = 2 * once - gaussian_filter(once, width, mode="nearest")

@@ -48,6 +48,15 @@ Thickness = Annotated[
 ThicknessAssumed = Annotated[
     bool, typer.Option("--thickness-assumed", help="The thickness is a guess.")
 ]
+Margin = Annotated[
+    float | None,
+    typer.Option(
+        "--margin",
+        metavar="M",
+        help="Distance from the outermost presses to the sides of such a body, m.",
+        show_default="3/4 of the thickness",
+    ),
+]
 Poisson = Annotated[float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")]
 Origin = Annotated[
     str | None,
@@ -82,6 +91,7 @@ def new(
     surface: Surface = None,
     thickness: Thickness = None,
     thickness_assumed: ThicknessAssumed = False,
+    margin: Margin = None,
     poisson: Poisson = None,
     origin: Origin = None,
     displacement_noise: DisplacementNoise = None,
@@ -99,6 +109,8 @@ def new(
         raise typer.BadParameter("give --thickness, --size or --surface, one of the three")
     if thickness_assumed and thickness is None:
         raise typer.BadParameter("--thickness-assumed belongs to --thickness")
+    if margin is not None and thickness is None:
+        raise typer.BadParameter("--margin belongs to --thickness")
     from palpmap.commands.new import run_new
     from palpmap.importing.new import Facts
 
@@ -109,6 +121,7 @@ def new(
         surface=surface,
         thickness_m=thickness,
         thickness_assumed=thickness_assumed,
+        margin_m=margin,
         origin_m=_three(origin),
         displacement_noise_m=displacement_noise,
         force_noise_n=force_noise,

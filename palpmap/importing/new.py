@@ -44,6 +44,7 @@ class Facts:
     size_m, surface, thickness_m : of the body, one of the three: a block's edges, the file of a
         closed surface, or the thickness under a surface that the contact points make
     thickness_assumed : it is a guess
+    margin_m : from the outermost contacts to the sides of such a body; None is 3/4 of the thickness
     origin_m : place of the body's frame in the scan's; a block's is found if both are one
     displacement_noise_m, force_noise_n : standard deviations of the readings
     inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from
@@ -57,6 +58,7 @@ class Facts:
     surface: Path | None = None
     thickness_m: float | None = None
     thickness_assumed: bool = False
+    margin_m: float | None = None
     origin_m: tuple[float, ...] | None = None
     displacement_noise_m: float | None = None
     force_noise_n: float | None = None
@@ -153,7 +155,7 @@ def _study(scan: Scan, scan_file: Path, study_file: Path, facts: Facts) -> Study
         shape = {"shape": "surface", "file": facts.surface.resolve()}
     elif facts.thickness_m is not None:
         shape = {"shape": "from-contacts", "thickness_m": facts.thickness_m}
-        shape |= {"thickness_assumed": facts.thickness_assumed}
+        shape |= {"thickness_assumed": facts.thickness_assumed, "margin_m": facts.margin_m}
     else:
         shape = {"shape": "block", "size_m": list(facts.size_m or ())}
     table = shape | {"poisson_ratio": facts.poisson_ratio, "origin_m": list(origin_m)}

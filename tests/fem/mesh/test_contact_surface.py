@@ -5,6 +5,7 @@ import pytest
 
 from fem import Contacts, MeshError, PalpationModel, block_mesh
 from fem.mesh import ContactSurface, under_surface
+from fem.mesh.checks import check_mesh
 
 RADIUS, HEIGHT, NU = 0.06, 0.03, 0.45
 
@@ -103,6 +104,25 @@ def test_a_dome_from_contacts_has_the_compliances_of_the_dome():
 
     true = compliance(dome, (11, 11, 5))
     np.testing.assert_allclose(compliance(surface.heights, (8, 8, 4)), true, rtol=0.01)
+
+
+def test_a_surface_that_would_fall_below_the_base_is_lifted_and_stays_elsewhere():
+    xy = grid(9, half_m=0.03)
+    points = np.column_stack([xy, 0.03 - 25 * (xy**2).sum(axis=1)])  # a base circle of 35 mm
+    inward = np.column_stack([-50 * xy, -np.ones(len(xy))])
+    through = ContactSurface.through(points, inward / np.linalg.norm(inward, axis=1, keepdims=True))
+    corners = np.full(2, -0.05), np.full(2, 0.05)
+    clear = 0.003
+    as_it_is, lifted = (through.smoothed(2e-3, *corners, *more) for more in ((), (0.0, clear)))
+    everywhere = grid(60, half_m=0.05)
+    assert as_it_is.heights(everywhere).min() < -0.01
+    assert lifted.heights(everywhere).min() == pytest.approx(clear / 2, rel=0.15)
+    high = everywhere[as_it_is.heights(everywhere) > 0.01]
+    np.testing.assert_allclose(lifted.heights(high), as_it_is.heights(high), atol=1e-4)
+    mesh = under_surface(
+        block_mesh((0.1, 0.1, 0.02), (24, 24, 5)), (-0.05, -0.05, 0), lifted.heights
+    )
+    check_mesh(mesh)
 
 
 def folded() -> np.ndarray:

@@ -77,6 +77,29 @@ def test_a_homogeneous_dome_has_its_modulus(tmp_path):
 
 
 @pytest.mark.slow
+def test_an_organ_that_ends_at_its_base_has_the_stiffness_of_its_closed_surface(tmp_path):
+    organ = Path("examples/organ/study.toml")
+    scan = read_scan(organ.with_name("scan.csv"))
+    thickness = f"{scan.contact_points[:, 2].mean():.3f}"
+    said = json.loads(new(tmp_path, scan, "--thickness", thickness))
+    closed, contacts = (
+        read_study(study).opened(thin=False).body.fine.evaluate(MODULUS).compliance
+        for study in (organ, said["study"])
+    )
+    assert contacts == pytest.approx(closed, rel=0.08)
+    assert np.median(contacts / closed) == pytest.approx(1, abs=0.05)
+
+
+def test_a_stated_margin_moves_the_sides(tmp_path):
+    written = new(tmp_path, dome_scan(), "--thickness", str(THICK), "--margin", "0.007")
+    body = contact_body(load_study(json.loads(written)["study"]).body)
+    assert body.margin_m == pytest.approx(0.007)
+    assert "State it where they are nearer" not in written
+    bad = CliRunner().invoke(app, ["new", "s.csv", "--margin", "0.01", "--out", "s"])
+    assert (bad.exit_code, "--margin belongs to" in bad.output) == (2, True)
+
+
+@pytest.mark.slow
 def test_a_press_in_the_air_bends_no_surface_and_is_fitted_by_nobody(tmp_path):
     said = json.loads(new(tmp_path, dome_scan(in_the_air=True), "--thickness", str(THICK)))
     assert "Press 5 (1 of 16): the force does not rise" in " ".join(said["said"])
@@ -148,7 +171,7 @@ def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
 
 def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):
     scan = dome_scan()
-    assert "expected at least 0.0" in new(tmp_path, scan, "--thickness", "0.004", code=2)
+    assert "expected at least 0.0" in new(tmp_path, scan, "--thickness", "0.002", code=2)
     aside = scan.replace(direction=np.tile([1.0, 0, 0], (len(scan), 1)))
     assert "degrees off straight down" in new(tmp_path, aside, "--thickness", "0.02", code=2)
     point_m = scan.point_m.copy()

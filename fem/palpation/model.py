@@ -29,6 +29,7 @@ from fem.linear.modulus_samples import (
     close_points_m,
 )
 from fem.linear.support import Support, first_order_rest
+from fem.mesh.focus import probed_box
 from fem.mesh.mesh import Mesh
 from fem.near_field.enrichment import Enrichment, close_cells, enrich, neighbourhood
 from fem.near_field.points import FUNCTIONS
@@ -149,6 +150,11 @@ class PalpationModel:
     def floating(self) -> ConstrainedBody:
         """The body whose supported surface can move."""
         return self._hold(self.stiffness.poisson_ratio, self.support.held)
+
+    @cached_property
+    def probed_m(self) -> np.ndarray:
+        """Part of the body that the presses may show, a box (2, 3) m; see `fem.mesh.probed_box`."""
+        return probed_box(self.contacts.points_m, self.mesh.box_m)
 
     @cached_property
     def points_m(self) -> np.ndarray:

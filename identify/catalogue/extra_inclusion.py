@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fem.mesh import probed_box
 from identify.body.state import BodyState
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
@@ -71,7 +72,8 @@ class ExtraInclusion(Effect):
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:
         """Places below the pressed area, a good radius apart, at two depths."""
-        radius = _RADIUS * state.height_m
+        height = _shown_height_m(readings, state)
+        radius = _RADIUS * height
         low, high = readings.point_m.min(axis=0), readings.point_m.max(axis=0)
         top = state.box_m[1][2]
         sides, spacing = (high - low)[:2], _SPACING * radius
@@ -87,7 +89,7 @@ class ExtraInclusion(Effect):
             {
                 "x_m": float(x),
                 "y_m": float(y),
-                "z_m": float(top - depth * state.height_m),
+                "z_m": float(top - depth * height),
                 "radius_m": float(radius),
             }
             for depth in _DEPTHS
@@ -105,7 +107,7 @@ class ExtraInclusion(Effect):
             replace(p, lower=low, upper=high, typical=0.1 * (high - low))
             for p, low, high in zip(centre, *state.box_m, strict=True)
         ]
-        height = state.height_m
+        height = _shown_height_m(readings, state)
         bounded = replace(radius, lower=0.04 * height, upper=0.6 * height, typical=0.2 * height)
         return weight, *places, bounded
 
@@ -119,3 +121,9 @@ class ExtraInclusion(Effect):
             f"{pressure(abs(values['weight_pa']))} {kind} than its surroundings, "
             f"{length(top - values['z_m'])} below the top, of {length(values['radius_m'])} radius."
         )
+
+
+def _shown_height_m(readings: Readings, state: BodyState) -> float:
+    """Height of the part of the body that the presses show."""
+    low, high = probed_box(readings.point_m[readings.first], np.array(state.box_m))
+    return float(high[2] - low[2])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem import Mesh
+from fem import PalpationModel
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
 from identify.effects.readings import Readings
@@ -49,8 +49,8 @@ def fit_free_map(
     guess, body = experiment.map.field, experiment.body
     assert guess is not None
     box = body.coarse.mesh.box_m
-    grid = _grid(guess.regions, box, settings)
-    least, longest = lengths_m = _lengths_m(guess.length_m, grid, body.coarse.mesh, settings)
+    grid = _grid(guess.regions, box if guess.regions else body.coarse.probed_m, settings)
+    least, longest = lengths_m = _lengths_m(guess.length_m, grid, body.coarse, settings)
     used = experiment.scan.used()
     readings = Readings.of(experiment.scan)
     mechanics = BodyMechanics.of(body.coarse, body.fine)
@@ -73,7 +73,7 @@ def fit_free_map(
         readings, used.displacement_m, experiment.noise, mechanics,
         ParameterSpace(start, (), ()), tuple(parts), unit_compliance=REFERENCE_PA * homogeneous,
     )  # fmt: skip
-    first = settings.first_length * float((box[1] - box[0]).min())
+    first = settings.first_length * float(np.ptp(body.coarse.probed_m, axis=0).min())
     given = {"length_m": guess.length_m, "spread": guess.spread}
     hyper = Hyper(
         guess.length_m or float(np.clip(first, least, longest)),
@@ -93,12 +93,15 @@ def _grid(regions: LabelVolume | None, box_m: np.ndarray, settings: FreeMapSetti
 
 
 def _lengths_m(
-    stated_m: float | None, grid: Grid, mesh: Mesh, settings: FreeMapSettings
+    stated_m: float | None, grid: Grid, model: PalpationModel, settings: FreeMapSettings
 ) -> tuple[float, float]:
     """Least and largest length of the prior that grid and cells show; refuse another stated one."""
-    cell = float(np.cbrt(6 * np.mean(mesh.cell_volumes)))  # six cells make a cube
+    mesh, (low, high) = model.mesh, model.probed_m
+    centres = mesh.nodes[mesh.cells[:, :4]].mean(axis=1)
+    shown = ((centres >= low) & (centres <= high)).all(axis=1)
+    cell = float(np.cbrt(6 * np.mean(mesh.cell_volumes[shown])))  # six cells make a cube
     least = max(settings.finest * max(grid.spacing_m), settings.finest_cell * cell)
-    longest = settings.longest * float((mesh.box_m[1] - mesh.box_m[0]).max())
+    longest = settings.longest * float((high - low).max())
     if stated_m is not None and not least <= stated_m <= longest:
         raise InputError(
             f"study, key map.length_m: found {stated_m:g} m, expected {least:.2g} to "

@@ -22,7 +22,7 @@ from identify.fit.search import Progress, Search
 from identify.fit.settings import PRECISE, FitSettings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.initial_guess import REFERENCE_PA, apparent_modulus, scaled, start_maps
-from identify.map.parameters import parameter_space
+from identify.map.parameters import ParameterSpace, parameter_space
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise, scan_noise
 from identify.optimize.gauss_newton import minimize_gauss_newton
@@ -98,7 +98,7 @@ def fit_scan(
         rows.displacement_m,
         noise or scan_noise(rows),
         mechanics,
-        parameter_space(start or reference, box, free),
+        parameter_space(start or reference, box, free, model.probed_m),
         straight=straight,
     )
     if fine_model is None:
@@ -114,10 +114,12 @@ def fit_scan(
     apparent = apparent_modulus(
         whole.table.slope, rows.contact_points, rows.contact_directions, homogeneous
     )
-    maps = start_maps(apparent, box, inclusions, settings.start_depths, settings.start_radii)
+    maps = start_maps(
+        apparent, model.probed_m, inclusions, settings.start_depths, settings.start_radii
+    )
     ranked = _ranked(replace(whole, mechanics=quick), maps)
     search.spent += len(maps)
-    return found_again(fit_from(search, *_from_best(search, whole, ranked, box)), callback)
+    return found_again(fit_from(search, *_from_best(search, whole, ranked)), callback)
 
 
 def _corrected(search: Search, model: MeasurementModel, u: np.ndarray) -> MeasurementModel:
@@ -172,24 +174,28 @@ def _ranked(model: MeasurementModel, maps: Sequence[GaussianMap]) -> list[Gaussi
 
 
 def _from_best(
-    search: Search, model: MeasurementModel, ranked: Sequence[GaussianMap], box: np.ndarray
+    search: Search, model: MeasurementModel, ranked: Sequence[GaussianMap]
 ) -> tuple[MeasurementModel, np.ndarray]:
     """Follow the best few starts a little; return the model and the coordinates of the best end.
 
     The search continues the history of that one. The model is carried to the finer one at the best
     start: the error of a rough mesh would draw the search to a hard grain.
     """
-    s = search.settings
+    s, coarse = search.settings, model.mechanics.coarse
+
+    def space(stiffness: GaussianMap) -> ParameterSpace:
+        return parameter_space(stiffness, coarse.mesh.box_m, probed=coarse.probed_m)
+
     kept = list(ranked[: s.kept_starts])
     # A body with hard and soft spots: a start with a wrong sign never comes back from it
     kept += [stiffness for stiffness in ranked[s.kept_starts :] if _is_mixed(stiffness)][:1]
-    model = replace(model, space=parameter_space(kept[0], box))
+    model = replace(model, space=space(kept[0]))
     model = _corrected(search, model, model.start(kept[0]))
     followed = []
     for stiffness in kept:
         most = s.start_evaluations * max(2 * len(stiffness.inclusions) - 1, 1)
         short = Search(replace(s.following, max_evaluations=most), search.optimizer)
-        trial = replace(model, space=parameter_space(stiffness, box))
+        trial = replace(model, space=space(stiffness))
         end, _ = short.minimum(trial, trial.start(stiffness))
         followed.append((short, trial, end))
     best, trial, end = min(followed, key=lambda one: one[2].fun)

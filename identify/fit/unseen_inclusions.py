@@ -86,7 +86,8 @@ class _End:
             inclusion, dot, value = name.partition(".")
             if was.get(inclusion, inclusion) + dot + value in space.names:
                 free.append(name)
-        fewer = parameter_space(stiffness, self.model.mechanics.coarse.mesh.box_m, free)
+        coarse = self.model.mechanics.coarse
+        fewer = parameter_space(stiffness, coarse.mesh.box_m, free, coarse.probed_m)
         model, search = replace(self.model.started(self.u), space=fewer), Search(settings)
         try:
             result, found = search.minimum(model, model.start(stiffness))

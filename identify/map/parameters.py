@@ -160,17 +160,21 @@ class ParameterSpace:
         return tuple(name for name, is_hit in zip(self.names, hit, strict=True) if is_hit)
 
 
-def body_parameters(start: GaussianMap, box: np.ndarray) -> tuple[Parameter, ...]:
+def body_parameters(
+    start: GaussianMap, box: np.ndarray, probed: np.ndarray | None = None
+) -> tuple[Parameter, ...]:
     """Describe the parameters of a map in a body with bounding box (2, 3) in m.
 
-    Bounds: a centre lies inside the box; a radius between 1/15 of the body's smallest size
-    (less is resolved neither by presses nor by cells) and its largest; the background within a
+    Bounds: a centre lies inside the box; a radius between 1/15 of the smallest size of the part
+    that presses show, a box like the body's (less is resolved neither by presses nor by cells), and
+    the body's largest; the background within a
     factor of 1000 of its start, positive weights up to 100 backgrounds (more is as good as rigid),
     negative ones down to 0.95 of the start's background (less is as good as a hole).
     """
     low, high = np.asarray(box, float)
     size = high - low
-    longest, shortest = float(size.max()), float(size.min())
+    longest = float(size.max())
+    shortest = float(np.ptp(box if probed is None else probed, axis=0).min())
     background = start.background_pa
     if not background > 0:
         raise InputError(f"background_pa must be positive, found {background}")
@@ -204,9 +208,15 @@ def _of_map(name: str, lower: float, upper: float, typical: float, log: bool = F
 
 
 def parameter_space(
-    start: GaussianMap, box: np.ndarray, free: Sequence[str] | None = None
+    start: GaussianMap,
+    box: np.ndarray,
+    free: Sequence[str] | None = None,
+    probed: np.ndarray | None = None,
 ) -> ParameterSpace:
-    """Free the named parameters of a map (all of them for None) in a body with box (2, 3) m."""
+    """Free the named parameters of a map (all of them for None) in a body with box (2, 3) m.
+
+    See `body_parameters` for the part of it that presses show.
+    """
     names = start.names
     wanted = names if free is None else tuple(free)
     unknown = [name for name in wanted if name not in names]
@@ -215,4 +225,4 @@ def parameter_space(
             f"the map has no parameter '{unknown[0]}' to be freed; it has: {', '.join(names)}"
         )
     indices = tuple(i for i, name in enumerate(names) if name in wanted)
-    return ParameterSpace(start, body_parameters(start, box), indices)
+    return ParameterSpace(start, body_parameters(start, box, probed), indices)

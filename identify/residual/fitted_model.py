@@ -37,7 +37,7 @@ def fitted_model(
         space = ParameterSpace(fit.map, (), ())
     else:
         names = [name for name in free if name in fit.map.names]
-        space = parameter_space(fit.map, body.coarse.mesh.box_m, names)
+        space = parameter_space(fit.map, body.coarse.mesh.box_m, names, body.coarse.probed_m)
     values: dict[str, dict[str, float]] = {}
     for name, estimate in fit.parameters.items():
         effect, _, parameter = name.partition(".")

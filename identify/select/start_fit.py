@@ -288,7 +288,7 @@ def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> Measuremen
         scan.used().displacement_m,
         fit.noise,
         mechanics.corrected(fit.map, mechanics.state()),
-        parameter_space(fit.map, coarse.mesh.box_m, free),
+        parameter_space(fit.map, coarse.mesh.box_m, free, coarse.probed_m),
     )
 
 

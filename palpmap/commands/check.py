@@ -13,7 +13,7 @@ from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import try_body_model
-from palpmap.study.cell_size import cell_size_m, free_map_cell_m
+from palpmap.study.cell_size import cell_size_m, free_map_cell_m, probed_part
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.contact_body import surface_notes
 from palpmap.study.placement import Placement, place_scan
@@ -80,6 +80,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         if study.effects:
             _refuse_effects(study, placement)
         try_body_model(study, placement.scan.used())
+    probed = probed_part(study.body, placement.scan.contact_points)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     counts = {phase: int(np.sum(scan.phase == phase)) for phase in PHASES}
@@ -88,9 +89,9 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         scan=str(study.scan),
         sha256={"study": sha256(path), "scan": sha256(study.scan)},
         body=study.body,
-        cell_size_m=free_map_cell_m(study.body, len(scan.press_ids))
+        cell_size_m=free_map_cell_m(study.body, len(scan.press_ids), probed)
         if study.map.kind == "free"
-        else cell_size_m(study.body),
+        else cell_size_m(study.body, probed),
         presses=len(scan.press_ids),
         rows=len(scan),
         ignored_rows=scan.ignored_rows,

@@ -24,6 +24,7 @@ from palpmap.result.records import (
     ValueRecord,
     WithoutSuspectsRecord,
 )
+from palpmap.study.cell_size import probed_part
 from palpmap.study.frame import evidence
 from palpmap.study.open_study import Problem
 
@@ -35,6 +36,8 @@ def explain_record(
 ) -> ExplainRecord:
     """Return verdict, additions, ladder, candidates, parameters, limits of an explanation."""
     final, without, apart = explained.final, assessment.without, explained.apart
+    readings = problem.model.readings
+    shown = probed_part(problem.study.body, readings.point_m[readings.first])
     return ExplainRecord(
         verdict=explained.verdict,
         added=explained.added,
@@ -65,7 +68,7 @@ def explain_record(
         presses_alone=presses_record(problem),
         unseen_inclusions=assessment.unseen_inclusions,
         stated_lengths=assessment.confounders,
-        finer_cells=finer_cells(problem.study.body) if assessment.finer_mesh else None,
+        finer_cells=finer_cells(problem.study.body, shown) if assessment.finer_mesh else None,
         other_map=assessment.other_map and OtherMapRecord(**vars(assessment.other_map)),
         next_presses=next_presses_records(
             assessment, problem.model.readings.presses, apart is not None

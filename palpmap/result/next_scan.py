@@ -89,11 +89,16 @@ def _asked(proposal: Proposal, present: int) -> str:
     return f"Make the {count} most informative presses of the scan {change}"
 
 
-def finer_cells(body: Body) -> str | None:
-    """Return the test by a finer mesh, a sentence without its full stop; None if impossible."""
-    present = cell_size_m(body)
+def finer_cells(body: Body, probed_m: np.ndarray | None = None) -> str | None:
+    """Return the test by a finer mesh, a sentence without its full stop; None if impossible.
+
+    Parameters
+    ----------
+    probed_m : part of the body that has these cells, `palpmap.study.cell_size.probed_part`
+    """
+    present = cell_size_m(body, probed_m)
     finer = FINER * present
-    if finer < smallest_cell_m(body):
+    if finer < smallest_cell_m(body, probed_m):
         return None
     return (
         f"Explain it again with finer elements, cell_size_m = {finer:.3g} under [body] (now "

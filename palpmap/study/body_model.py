@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support, block_mesh
-from fem.mesh import lower_base
+from fem import Contacts, Mesh, PalpationModel, RefinedModel, SolverError, Support
+from fem.mesh import FEWEST_CELLS, lower_base, mesh_between, refined_planes
 from identify import BodyModel, contacts_of
 from models import InputError, Scan
 from palpmap.study.body import Body
 from palpmap.study.cell_size import (
     SURFACE_EDGES,
-    block_divisions,
+    block_planes,
     cell_size_m,
     closed_surface,
     edges_of,
-    finer_divisions,
+    finer_planes,
     free_map_cell_m,
+    probed_part,
     refuse_too_large,
 )
 from palpmap.study.contact_body import contact_body
@@ -31,7 +32,11 @@ if TYPE_CHECKING:
 FEW = 20  # presses that tell it
 THICKER = 1.2  # of an assumed thickness, to tell how far moduli depend on it
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
-OUTSIDE = 32  # cells a side of the surface through contact points, where it is drawn or pressed
+OUTSIDE = (
+    32,
+    32,
+    4,
+)  # cells a side of the surface through contact points, where it is drawn or pressed
 
 
 def build_body_model(study: Study, scan: Scan) -> BodyModel:
@@ -50,11 +55,12 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     """
     ball = study.probe.tip == "sphere"
     surface = outside_of(study.body) if study.body.size_m is None else None
+    probed = probed_part(study.body, scan.contact_points)
     if study.map.kind == "inclusions":
-        refuse_too_large(study.body, len(scan.press_ids))
-        meshes = _meshes(study)
+        refuse_too_large(study.body, len(scan.press_ids), probed)
+        meshes = _meshes(study, probed)
     else:
-        meshes = (_mesh_of_free_map(study, len(scan.press_ids)),)
+        meshes = (_mesh_of_free_map(study, len(scan.press_ids), probed),)
     contacts, note = contacts_of(scan, ball, meshes, surface)
     nu, support = study.body.poisson_ratio, support_of(study.body)
     if len(meshes) == 1:
@@ -62,7 +68,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
         if study.body.support == "base-sliding":
             _check_held(model, scan)
         return BodyModel(model, model, model, _noted(study.body, model, note), surface)
-    search = _search_model(study, meshes[0], contacts)
+    search = _search_model(study, meshes[0], contacts, probed)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
     coarse, finer = (PalpationModel(mesh, nu, contacts, support=support) for mesh in meshes)
@@ -70,33 +76,37 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     return BodyModel(search, coarse, fine, _noted(study.body, coarse, note), surface)
 
 
-def _mesh_of_free_map(study: Study, presses: int) -> Mesh:
+def _mesh_of_free_map(study: Study, presses: int, probed: np.ndarray | None) -> Mesh:
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
     body, edges = study.body, edges_of(study.body)
     if edges is None:
-        return _meshes(study)[1]
-    return _divided(body, block_divisions(edges, free_map_cell_m(body, presses)))
+        return _meshes(study, None)[1]
+    return _between(body, block_planes(edges, free_map_cell_m(body, presses, probed), probed))
 
 
 def try_body_model(study: Study, scan: Scan) -> None:
     """Try all of a body's models that takes seconds; the errors are those of `build_body_model`."""
-    refuse_too_large(study.body, len(scan.press_ids))
+    probed = probed_part(study.body, scan.contact_points)
+    refuse_too_large(study.body, len(scan.press_ids), probed)
     edges = edges_of(study.body)
     if edges is None:
         from fem import check_underside
 
         check_underside(closed_surface(study.body))
         return
-    mesh = _divided(study.body, block_divisions(edges, cell_size_m(study.body)))
+    planes = block_planes(edges, cell_size_m(study.body, probed), probed)
+    mesh = _between(study.body, planes)
     contacts, _ = contacts_of(scan, study.probe.tip == "sphere", (mesh,))
-    search = _search_model(study, mesh, contacts)
+    search = _search_model(study, mesh, contacts, probed)
     if study.body.support == "base-sliding":
         _check_held(search, scan)
 
 
-def _search_model(study: Study, coarse: Mesh, contacts: Contacts) -> PalpationModel:
+def _search_model(
+    study: Study, coarse: Mesh, contacts: Contacts, probed: np.ndarray | None
+) -> PalpationModel:
     return PalpationModel(
-        _search_mesh(study, coarse),
+        _search_mesh(study, coarse, probed),
         study.body.poisson_ratio,
         contacts,
         near_field=False,
@@ -150,13 +160,16 @@ def _check_held(model: PalpationModel, scan: Scan) -> None:
         ) from error
 
 
-def _search_mesh(study: Study, coarse: Mesh) -> Mesh:
+def _search_mesh(study: Study, coarse: Mesh, probed: np.ndarray | None) -> Mesh:
     """Return the mesh on which starts are tried; of a closed surface another would cost more."""
     edges = edges_of(study.body)
     if edges is None:
         return coarse
-    counts = block_divisions(edges, cell_size_m(study.body))
-    return _divided(study.body, [max(round(SEARCH * count), 3) for count in counts])
+    planes = block_planes(edges, cell_size_m(study.body, probed), probed)
+    factors = [max(SEARCH, FEWEST_CELLS / (len(p) - 1)) for p in planes]
+    return _between(
+        study.body, [refined_planes(p, f) for p, f in zip(planes, factors, strict=True)]
+    )
 
 
 def outside_of(body: Body) -> Surface:
@@ -170,31 +183,36 @@ def outside_of(body: Body) -> Surface:
     from fem import check_surface, check_underside
 
     if body.shape == "from-contacts":
-        mesh = _divided(body, [OUTSIDE, OUTSIDE, 4])
+        even = [
+            np.linspace(0, e, n + 1) for e, n in zip(edges_of(body) or (), OUTSIDE, strict=True)
+        ]
+        mesh = _between(body, even)
         return check_surface(mesh.nodes, mesh.boundary[:, :3])
     surface = closed_surface(body)
     check_underside(surface)
     return surface
 
 
-def _divided(body: Body, counts: Sequence[int]) -> Mesh:
+def _between(body: Body, planes_m: Sequence[np.ndarray]) -> Mesh:
     """Mesh a block, or the body under the surface through contact points as a bent block."""
+    block = mesh_between(planes_m)
     if body.size_m is not None:
-        return block_mesh(body.size_m, counts)
+        return block
     from fem.mesh import under_surface, widened_margins
 
     made = contact_body(body)
-    x, y, z = made.size_m.tolist()
-    block = widened_margins(block_mesh((x, y, z), counts), counts[:2], made.margin_m)
+    if all(len(p) < 3 or np.allclose(np.diff(p), p[1]) for p in planes_m[:2]):
+        counts = [len(p) - 1 for p in planes_m[:2]]
+        block = widened_margins(block, counts, made.margin_m)
     return under_surface(block, made.corner_m.tolist(), made.surface.heights)
 
 
-def _meshes(study: Study) -> tuple[Mesh, Mesh]:
+def _meshes(study: Study, probed: np.ndarray | None) -> tuple[Mesh, Mesh]:
     """Mesh the body twice, both quadratic, the second finer."""
-    cell_m, edges = cell_size_m(study.body), edges_of(study.body)
+    cell_m, edges = cell_size_m(study.body, probed), edges_of(study.body)
     if edges is not None:
-        coarse = block_divisions(edges, cell_m)
-        return _divided(study.body, coarse), _divided(study.body, finer_divisions(coarse))
+        coarse = block_planes(edges, cell_m, probed)
+        return _between(study.body, coarse), _between(study.body, finer_planes(coarse))
     from fem import tetrahedralize_surface
 
     surface = closed_surface(study.body)

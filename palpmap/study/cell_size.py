@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fem.mesh import FEWEST_CELLS, focused_planes, probed_box, refined_planes
 from models import InputError
 from palpmap.study.body import Body
 from palpmap.study.contact_body import contact_body
@@ -26,8 +27,32 @@ REFINEMENT = 1.5
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
-def cell_size_m(body: Body) -> float:
+def probed_part(body: Body, points_m: np.ndarray) -> np.ndarray | None:
+    """Return the part of a body that is meshed as a block which a scan may show, (2, 3) m.
+
+    In the block's frame, whose corner is at zero; None where that is all of the body, or its
+    surface is closed.
+
+    Parameters
+    ----------
+    points_m : (j, 3) contact points in the body's frame
+    """
+    edges = edges_of(body)
+    if edges is None:
+        return None
+    corner = contact_body(body).corner_m[:2] if body.size_m is None else np.zeros(2)
+    points = np.column_stack([points_m[:, :2] - corner, np.full(len(points_m), edges[2])])
+    box = np.array([np.zeros(3), edges])
+    probed = probed_box(points, box)
+    return None if np.array_equal(probed, box) else probed
+
+
+def cell_size_m(body: Body, probed_m: np.ndarray | None = None) -> float:
     """Return the size of the coarser mesh's cells, m: what the study says, else by the volume.
+
+    Parameters
+    ----------
+    probed_m : (2, 3) part of the body where cells have it, see `probed_part`
 
     >>> size_m = (0.096, 0.096, 0.048)
     >>> round(cell_size_m(Body(shape="block", size_m=size_m, poisson_ratio=0.3)), 6)
@@ -41,11 +66,11 @@ def cell_size_m(body: Body) -> float:
     """
     if body.cell_size_m is None:
         cells = COARSE_CELLS if edges_of(body) is not None else SURFACE_EDGES[0] ** 3
-        chosen = float(np.cbrt(volume_of(body) / cells))
-        _refuse_too_wide(body, chosen)
+        chosen = float(np.cbrt(_volume(body, probed_m) / cells))
+        _refuse_too_wide(body, chosen, probed_m)
         return chosen
-    if body.cell_size_m < (least := smallest_cell_m(body)):
-        _refuse_too_wide(body, min(least, _shortest_edge(body) / 2))
+    if body.cell_size_m < (least := smallest_cell_m(body, probed_m)):
+        _refuse_too_wide(body, min(least, _shortest_edge(body) / 2), probed_m)
         edges = np.cbrt(volume_of(body)) / body.cell_size_m
         raise InputError(
             f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make about "
@@ -61,29 +86,36 @@ def cell_size_m(body: Body) -> float:
     return body.cell_size_m
 
 
-def free_map_cell_m(body: Body, presses: int) -> float:
+def free_map_cell_m(body: Body, presses: int, probed_m: np.ndarray | None = None) -> float:
     """Return the size of the cells under a free map, m: stated, or as fine as the time allows."""
     if edges_of(body) is None:
         return cell_size_m(body) * SURFACE_EDGES[0] / SURFACE_EDGES[1]
     cells = float(np.clip(FREE_MAP_WORK / presses, COARSE_CELLS, FREE_MAP_CELLS))
-    return body.cell_size_m or float(np.cbrt(volume_of(body) / cells))
+    return body.cell_size_m or float(np.cbrt(_volume(body, probed_m) / cells))
 
 
-def smallest_cell_m(body: Body) -> float:
+def smallest_cell_m(body: Body, probed_m: np.ndarray | None = None) -> float:
     """Return the least size of cells with which can be computed, m."""
-    cell_m = float(f"{np.cbrt(volume_of(body) / MOST_CELLS):.3g}")
-    while _finer_cells(body, cell_m) > MOST_FINER_CELLS and cell_m < _shortest_edge(body):
+    cell_m = float(f"{np.cbrt(_volume(body, probed_m) / MOST_CELLS):.3g}")
+    while _finer_cells(body, cell_m, probed_m) > MOST_FINER_CELLS and cell_m < _shortest_edge(body):
         cell_m = float(f"{1.02 * cell_m:.3g}")  # a thin body has three cells over its height
     return cell_m
 
 
-def _finer_cells(body: Body, cell_m: float) -> int:
+def _finer_cells(body: Body, cell_m: float, probed_m: np.ndarray | None) -> int:
     """Return the number of hexahedra of a block's finer mesh; 0 of a closed surface."""
     edges = edges_of(body)
-    return 0 if edges is None else math.prod(finer_divisions(block_divisions(edges, cell_m)))
+    if edges is None:
+        return 0
+    return math.prod(len(p) - 1 for p in finer_planes(block_planes(edges, cell_m, probed_m)))
 
 
-def refuse_too_large(body: Body, presses: int) -> None:
+def _volume(body: Body, probed_m: np.ndarray | None) -> float:
+    """Return the volume over which the number of cells is counted, m^3."""
+    return volume_of(body) if probed_m is None else float(np.prod(probed_m[1] - probed_m[0]))
+
+
+def refuse_too_large(body: Body, presses: int, probed_m: np.ndarray | None = None) -> None:
     """Refuse a body and a number of presses whose models need more memory than there is.
 
     Raises
@@ -92,7 +124,8 @@ def refuse_too_large(body: Body, presses: int) -> None:
         The memory that is needed and the cure.
     """
     base, of_cell, of_press = BYTES
-    needed = base + of_cell * _finer_cells(body, cell_size_m(body)) + of_press * presses
+    cells = _finer_cells(body, cell_size_m(body, probed_m), probed_m)
+    needed = base + of_cell * cells + of_press * presses
     there = _memory_bytes()
     if needed > there:
         raise InputError(
@@ -110,9 +143,9 @@ def _memory_bytes() -> float:
         return math.inf
 
 
-def _refuse_too_wide(body: Body, cell_m: float) -> None:
+def _refuse_too_wide(body: Body, cell_m: float, probed_m: np.ndarray | None) -> None:
     """Refuse a block so thin and wide that no cells of the right size fit into the memory."""
-    cells = _finer_cells(body, cell_m)
+    cells = _finer_cells(body, cell_m, probed_m)
     if cells > MOST_FINER_CELLS:
         size = " x ".join(f"{edge:.3g}" for edge in edges_of(body) or ())
         key = "size_m" if body.size_m is not None else "thickness_m"
@@ -143,18 +176,28 @@ def _shortest_edge(body: Body) -> float:
     return float(np.min(np.ptp(closed_surface(body).vertices, axis=0) if edges is None else edges))
 
 
-def block_divisions(size_m: tuple[float, float, float], cell_m: float) -> list[int]:
-    """Divide a block into cubes of about a size, at least three a side.
+def block_planes(
+    size_m: tuple[float, float, float], cell_m: float, probed_m: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """Planes between the cells of a block: cubes of about a size, at least three a side.
 
-    >>> block_divisions((0.096, 0.096, 0.048), 0.012)
+    Wider ones outside the probed part (2, 3), where one is given.
+
+    >>> [len(planes) - 1 for planes in block_planes((0.096, 0.096, 0.048), 0.012)]
     [8, 8, 4]
     """
-    return [max(round(edge / cell_m), 3) for edge in size_m]
+    if probed_m is None:
+        counts = [max(round(edge / cell_m), FEWEST_CELLS) for edge in size_m]
+        return [np.linspace(0, e, n + 1) for e, n in zip(size_m, counts, strict=True)]
+    return [
+        focused_planes(edge, cell_m, low, high)
+        for edge, low, high in zip(size_m, *probed_m.tolist(), strict=True)
+    ]
 
 
-def finer_divisions(divisions: Sequence[int]) -> list[int]:
-    """Return the divisions of the finer of two meshes."""
-    return [round(REFINEMENT * count) for count in divisions]
+def finer_planes(planes_m: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return the planes of the finer of two meshes."""
+    return [refined_planes(planes, REFINEMENT) for planes in planes_m]
 
 
 def closed_surface(body: Body) -> Surface:

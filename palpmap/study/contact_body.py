@@ -133,7 +133,7 @@ def contact_body(body: Body) -> ContactBody:
 def _made(
     file: Path, stamp: int, thickness_m: float, margin_m: float, cell_m: float | None
 ) -> ContactBody:
-    from fem.mesh import ContactSurface
+    from fem.mesh import ContactSurface, probed_box
 
     scan = touching(read_scan(file, units_checked=True))
     points, directions = scan.contact_points, scan.contact_directions
@@ -166,7 +166,9 @@ def _made(
             f"height of all; expected at least {needed:.2g} m"
         )
     size = np.array([*(high - low), thickness_m])
-    length_m = SMOOTHED * (cell_m or float(np.cbrt(size.prod() / CELLS)))
+    top = np.column_stack([points[:, :2] - low, np.full(len(points), thickness_m)])
+    probed = np.ptp(probed_box(top, np.array([np.zeros(3), size])), axis=0)
+    length_m = SMOOTHED * (cell_m or float(np.cbrt(probed.prod() / CELLS)))
     clear_m = min(CLEAR * thickness_m, lowest - base)
     surface = through.smoothed(length_m, low, high, base, clear_m)
     return ContactBody(through, surface, np.array([*low, base]), size, length_m)

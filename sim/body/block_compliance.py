@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from fem import Contacts, Mesh, PalpationModel, RefinedModel, block_mesh
+from fem import Contacts, Mesh, PalpationModel, RefinedModel
 from fem.contact import half_space_matrix, patch_grid
+from fem.mesh import mesh_between, planes_over
 from fem.palpation import RefinedResponse, Response, travel_under
 from sim.body.soft_body import COARSENING, DIVISIONS, SPLIT, Divisions
 from sim.body.true_body import HiddenBody
@@ -143,16 +144,18 @@ def _model(
         x, y, z = (round(SKINNED * count) for count in divisions)
         divisions = (x, y, z)
     coarser = [max(round(share * count), 1) for count in divisions]
-    coarse = PalpationModel(_layered(body, coarser), body.poisson_ratio, contacts)
+    coarse = PalpationModel(_layered(body, coarser, points), body.poisson_ratio, contacts)
     if not converged:
         return coarse
-    fine = PalpationModel(_layered(body, list(divisions)), body.poisson_ratio, contacts)
+    fine = PalpationModel(_layered(body, list(divisions), points), body.poisson_ratio, contacts)
     return RefinedModel(coarse, fine)
 
 
-def _layered(body: HiddenBody, divisions: list[int]) -> Mesh:
+def _layered(body: HiddenBody, divisions: list[int], points_m: np.ndarray) -> Mesh:
     """Mesh of the block; a skin gets a layer of cells of its own."""
-    levels, height = None, body.size_m[2]
+    x, y, height = body.size_m
+    below = height - body.skin_thickness_m
+    planes = planes_over((x, y, below), divisions, points_m - [0, 0, body.skin_thickness_m])
     if body.skin_thickness_m:
-        levels = [*np.linspace(0, height - body.skin_thickness_m, divisions[2] + 1), height]
-    return block_mesh(body.size_m, divisions, split=SPLIT, levels_m=levels)
+        planes[2] = np.append(planes[2], height)
+    return mesh_between(planes, SPLIT)

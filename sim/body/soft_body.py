@@ -22,11 +22,11 @@ from fem import (
     RefinedModel,
     Support,
     Surface,
-    block_mesh,
     tetrahedralize_surface,
 )
 from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
+from fem.mesh import mesh_between, planes_over
 from fem.palpation import RefinedResponse, Response
 from models import InputError
 from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
@@ -101,7 +101,7 @@ class SoftBody:
         contacts = Contacts(
             np.asarray(points_m)[owner], np.asarray(directions)[owner], np.concatenate(radii)
         )
-        meshes = true_meshes(shape, divisions)
+        meshes = true_meshes(shape, divisions, np.asarray(points_m, float))
         self.modulus = modulus
         grows = np.array([each[j].grows for j in owner])
         solved = {
@@ -305,12 +305,21 @@ def ring_share(inner_share: float) -> float:
 
 
 def true_meshes(
-    shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray], divisions: Divisions
+    shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray],
+    divisions: Divisions,
+    points_m: np.ndarray,
 ) -> list[Mesh]:
-    """Return the laboratory's own meshes of a shape: two of a block, the second finer, else one."""
+    """Return the laboratory's own meshes of a shape: two of a block, the second finer, else one.
+
+    Where presses at points (j, 3) m show a small part of a block, cells are even there, and wider
+    elsewhere.
+    """
     if len(shape) == 3:
         coarser = [max(round(COARSENING * count), 1) for count in divisions]
-        return [block_mesh(shape, counts, split=SPLIT) for counts in (coarser, divisions)]
+        return [
+            mesh_between(planes_over(shape, counts, points_m), SPLIT)
+            for counts in (coarser, divisions)
+        ]
     surface = Surface(*shape)
     edge = float(np.cbrt(surface.volume) / (SURFACE_EDGES * np.cbrt(np.prod(divisions) / CELLS)))
     return [tetrahedralize_surface(*surface, edge)]

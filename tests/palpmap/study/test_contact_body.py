@@ -18,7 +18,7 @@ from palpmap.api import fit
 from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
 from palpmap.result.finding import study_outline
-from palpmap.study.body_model import _divided
+from palpmap.study.body_model import _between
 from palpmap.study.contact_body import contact_body
 from palpmap.study.kept_inputs import keep_inputs
 from palpmap.study.placement import place_scan
@@ -152,7 +152,10 @@ def test_waves_finer_than_the_cells_make_no_press_stiffer(tmp_path):
         contacts = Contacts(
             placed.contact_points[some], placed.contact_directions[some], np.full(21, 0.002)
         )
-        mesh = _divided(study.body, [8, 8, 3])
+        edges = contact_body(study.body).size_m
+        mesh = _between(
+            study.body, [np.linspace(0, e, n + 1) for e, n in zip(edges, (8, 8, 3), strict=True)]
+        )
         compliance.append(PalpationModel(mesh, NU, contacts).evaluate(MODULUS).compliance)
     ratio = compliance[1] / compliance[0]
     assert ratio == pytest.approx(np.ones(21), abs=0.03)

@@ -1,0 +1,126 @@
+"""Cells where a scan sees, and wider ones elsewhere, in a body much larger than its probed part.
+
+A press's field decays with the distance from the tip, and presses tell the body apart to a depth
+of about half the width over which they are spread. A mesh of even cells over a body many times
+larger has no cell as small as what the scan shows: in a block of 200 x 200 x 100 mm whose middle
+80 mm were pressed, an inclusion of 7 mm came out twelve times too soft, beside a residual of noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import root_scalar
+
+from fem.mesh.block import block_mesh
+from fem.mesh.mesh import Mesh
+
+FEWEST_PRESSES = 20  # fewer say little of where a scan looks
+MARGIN = 0.15  # beside the presses, of the width over which they are spread
+DEPTH = 0.6  # below them, of the same
+NEARLY_ALL = 0.5  # of the body's volume: then the probed part is all of it
+WIDER = 4.0  # most that a layer of cells may be, of the one before it
+FEWEST_CELLS = 3
+_THIN = 0.5  # of a cell: a layer thinner than this is no layer of its own
+
+
+def probed_box(points_m: np.ndarray, box_m: np.ndarray) -> np.ndarray:
+    """Return the part of a body that a scan's presses may show, a box (2, 3) m.
+
+    All of the body where that is hardly more, and for fewer than twenty presses.
+
+    Parameters
+    ----------
+    points_m : (j, 3) contact points, z up
+    box_m : (2, 3) of the body
+
+    Examples
+    --------
+    >>> line = np.linspace(0.06, 0.14, 5)
+    >>> points = np.stack(np.meshgrid(line, line, [0.1]), axis=-1).reshape(-1, 3)
+    >>> probed_box(points, np.array([[0, 0, 0], [0.2, 0.2, 0.1]])).round(3).tolist()
+    [[0.048, 0.048, 0.052], [0.152, 0.152, 0.1]]
+    """
+    points, box = np.asarray(points_m, float), np.asarray(box_m, float)
+    width = float(np.ptp(points[:, :2], axis=0).max())
+    if len(points) < FEWEST_PRESSES or width == 0:
+        return box
+    aside = np.array([MARGIN, MARGIN, 0]) * width
+    low = np.maximum(points.min(axis=0) - aside - [0, 0, DEPTH * width], box[0])
+    high = np.minimum(np.append((points.max(axis=0) + aside)[:2], box[1, 2]), box[1])
+    if np.prod(high - low) >= NEARLY_ALL * np.prod(box[1] - box[0]):
+        return box
+    return np.array([low, high])
+
+
+def planes_over(
+    size_m: Sequence[float], counts: Sequence[int], points_m: np.ndarray
+) -> list[np.ndarray]:
+    """Planes of so many even cells along x, y and z of a block, or of the part that presses show.
+
+    Parameters
+    ----------
+    points_m : (j, 3) contact points on the top
+    """
+    box = np.array([np.zeros(3), size_m])
+    probed = probed_box(points_m, box)
+    if np.array_equal(probed, box):
+        return [np.linspace(0, e, n + 1) for e, n in zip(size_m, counts, strict=True)]
+    cell = float(np.cbrt(np.prod(probed[1] - probed[0]) / np.prod(counts)))
+    return [focused_planes(e, cell, *at) for e, *at in zip(size_m, *probed.tolist(), strict=True)]
+
+
+def focused_planes(edge_m: float, cell_m: float, low_m: float, high_m: float) -> np.ndarray:
+    """Planes between cells along an edge: about a size apart from low to high, wider outside.
+
+    >>> focused_planes(0.1, 0.01, 0.0, 0.1).round(4).tolist()
+    [0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1]
+    >>> focused_planes(0.1, 0.01, 0.06, 0.1).round(4).tolist()
+    [0.0, 0.04, 0.06, 0.07, 0.08, 0.09, 0.1]
+    """
+    low = 0.0 if low_m < _THIN * cell_m else low_m
+    high = edge_m if edge_m - high_m < _THIN * cell_m else high_m
+    count = max(round((high - low) / cell_m), FEWEST_CELLS)
+    inner = np.linspace(low, high, count + 1)
+    before, after = (_outside(distance, inner[1] - inner[0]) for distance in (low, edge_m - high))
+    return np.concatenate([low - before[::-1], inner, high + after])
+
+
+def _outside(distance_m: float, cell_m: float) -> np.ndarray:
+    """Distances of planes from the even cells, up to the last one; none for no distance."""
+    if distance_m == 0:
+        return np.zeros(0)
+    count = 1
+    while cell_m * np.sum(WIDER ** np.arange(1, count + 1)) < distance_m:
+        count += 1
+    powers = np.arange(1, count + 1)
+    even = root_scalar(
+        lambda q: cell_m * np.sum(q**powers) - distance_m, bracket=(0, 1.001 * WIDER)
+    )
+    growth = even.root
+    places = cell_m * np.cumsum(growth**powers)
+    return places * distance_m / places[-1]
+
+
+def refined_planes(planes_m: np.ndarray, factor: float) -> np.ndarray:
+    """Return so many times as many planes, as dense beside each other as before."""
+    last = len(planes_m) - 1
+    count = round(factor * last)
+    return np.interp(np.linspace(0, last, count + 1), np.arange(last + 1), planes_m)
+
+
+def mesh_between(planes_m: Sequence[np.ndarray], split: str = "kuhn") -> Mesh:
+    """Return a block's mesh with cells between planes along x, y and z, the first at 0.
+
+    See `fem.block_mesh` for the split.
+    """
+    size = [float(planes[-1]) for planes in planes_m]
+    mesh = block_mesh(size, [len(planes) - 1 for planes in planes_m], split=split)
+    nodes = mesh.nodes.copy()
+    for axis, planes in enumerate(planes_m):
+        last = len(planes) - 1
+        if not np.allclose(planes, np.linspace(0, size[axis], last + 1), rtol=0, atol=1e-9):
+            place = nodes[:, axis] / size[axis] * last
+            nodes[:, axis] = np.interp(place, np.arange(last + 1), planes)
+    return Mesh(nodes, mesh.cells, mesh.surfaces)

@@ -1,0 +1,87 @@
+"""A body much larger than its pressed part: cells are fine where the scan sees."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpmap as pm
+from fem import Contacts, PalpationModel
+from fem.mesh import focused_planes, mesh_between
+from identify.map.gaussian_map import GaussianMap, Inclusion
+from models.scan import Scan
+from models.scan_file import write_scan
+
+SIZE, NU, TIP = (0.2, 0.2, 0.1), 0.48, 0.005
+TRUTH = GaussianMap(5000.0, (Inclusion(12000.0, 0.0876, 0.0921, 0.08, 0.0083),))
+STUDY = """\
+[study]
+name = "large"
+scan = "scan.csv"
+[body]
+shape = "block"
+size_m = [0.2, 0.2, 0.1]
+poisson_ratio = 0.48
+[probe]
+tip = "flat"
+radius_m = 0.005
+[noise]
+displacement_m = 1e-5
+force_n = 0.003
+[map]
+inclusions = 1
+"""
+
+
+def presses() -> np.ndarray:
+    line = 0.1 + 0.01 * np.arange(-4, 5)
+    return np.stack(np.meshgrid(line, line, [SIZE[2]], indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def write(folder: Path, compliance: np.ndarray) -> Path:
+    points = presses()
+    steps, rng = 10, np.random.default_rng(3)
+    force = np.tile(np.linspace(0.03, 0.3, steps), len(points))
+    travel = force * np.repeat(compliance, steps)
+    scan = Scan(
+        press=np.repeat(np.arange(len(points)), steps), time_s=0.2 * np.arange(len(force)),
+        phase=["load"] * len(force), point_m=np.repeat(points, steps, axis=0),
+        direction=np.tile([0.0, 0, -1], (len(force), 1)),
+        force_n=force + rng.normal(0, 3e-3, len(force)),
+        displacement_m=travel + rng.normal(0, 1e-5, len(force)),
+        probe_radius_m=np.full(len(force), TIP), tip_pose=None,
+    )  # fmt: skip
+    write_scan(scan, folder / "scan.csv")
+    (folder / "study.toml").write_text(STUDY)
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize("kind", ["inclusions = 1", 'kind = "free"'])
+def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
+    study = write(tmp_path, np.full(81, 0.015))
+    study.write_text(STUDY.replace("inclusions = 1", kind))
+    mesh = pm.read_study(study).opened(thin=False).body.coarse.mesh
+    centres = mesh.nodes[mesh.cells[:, :4]].mean(axis=1)
+    near = (np.abs(centres[:, :2] - 0.1).max(axis=1) < 0.05) & (centres[:, 2] > 0.06)
+    cell_m = float(np.cbrt(6 * mesh.cell_volumes[near].mean()))
+    assert 0.007 < cell_m < 0.0135
+    assert len(mesh.cells) < 6 * 2500
+
+
+@pytest.mark.slow
+def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path):
+    # Evenly spread, as many cells made it a third as hard as it is, beside a residual of noise
+    middle = (0.045, 0.155)
+    sides = [focused_planes(edge, 0.0062, *middle) for edge in SIZE[:2]]
+    planes = [*sides, focused_planes(SIZE[2], 0.0062, 0.052, SIZE[2])]
+    contacts = Contacts(presses(), np.tile([0.0, 0, -1], (81, 1)), TIP)
+    truth = PalpationModel(mesh_between(planes, "alternating"), NU, contacts)
+    compliance = truth.evaluate(TRUTH.modulus(truth.points_m)).compliance
+    fit = pm.fit(pm.read_study(write(tmp_path, compliance)))
+    assert fit.success
+    held = [
+        name
+        for name, value in zip(TRUTH.names, TRUTH.values, strict=True)
+        if fit.parameters[name].lower95 <= value <= fit.parameters[name].upper95
+    ]
+    assert held == list(TRUTH.names)

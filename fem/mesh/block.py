@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -101,7 +102,7 @@ def under_surface(
     every[: len(nodes)] = nodes
     if mesh.order == 2:
         every[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
-    return Mesh(every, mesh.cells, mesh.surfaces)
+    return replace(mesh, nodes=every)
 
 
 def widened_margins(mesh: Mesh, divisions: Sequence[int], margin_m: float) -> Mesh:
@@ -119,7 +120,7 @@ def widened_margins(mesh: Mesh, divisions: Sequence[int], margin_m: float) -> Me
             share = [0, outer / count, 1 - outer / count, 1]
             places = [0, margin_m, edge - margin_m, edge]
             nodes[:, axis] = np.interp(nodes[:, axis] / edge, share, places)
-    return Mesh(nodes, mesh.cells, mesh.surfaces)
+    return replace(mesh, nodes=nodes)
 
 
 def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
@@ -138,7 +139,7 @@ def moved_sides(mesh: Mesh, shift_m: tuple[float, float]) -> Mesh:
         nodes[:, axis] += shift * np.clip(1 - from_side / thick, 0.0, 1.0)
     if mesh.order == 2:  # an edge across the border of the layers is bent there
         nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
-    return Mesh(nodes, mesh.cells, mesh.surfaces)
+    return replace(mesh, nodes=nodes)
 
 
 def lower_base(mesh: Mesh, by_m: float) -> Mesh:
@@ -150,7 +151,7 @@ def lower_base(mesh: Mesh, by_m: float) -> Mesh:
     if mesh.order == 2:  # edges stay straight
         sinks[mesh.cells[:, 4:]] = sinks[mesh.cells[:, TET_EDGES]].mean(axis=2)
     nodes[:, 2] -= sinks
-    return Mesh(nodes, mesh.cells, mesh.surfaces)
+    return replace(mesh, nodes=nodes)
 
 
 def paper_mesh() -> Mesh:

@@ -20,31 +20,36 @@ FEWEST_PRESSES = 20  # fewer say little of where a scan looks
 MARGIN = 0.15  # beside the presses, of the width over which they are spread
 DEPTH = 0.6  # below them, of the same
 NEARLY_ALL = 0.5  # of the body's volume: then the probed part is all of it
+EVEN_CELLS = 256  # of a block, 8 x 8 x 4 ...
+FINE_ENOUGH = 3.5  # ... are fine enough up to so many radii of the tip
 WIDER = 4.0  # most that a layer of cells may be, of the one before it
 FEWEST_CELLS = 3
 _THIN = 0.5  # of a cell: a layer thinner than this is no layer of its own
 
 
-def probed_box(points_m: np.ndarray, box_m: np.ndarray) -> np.ndarray:
+def probed_box(points_m: np.ndarray, box_m: np.ndarray, radius_m: float) -> np.ndarray:
     """Return the part of a body that a scan's presses may show, a box (2, 3) m.
 
-    All of the body where that is hardly more, and for fewer than twenty presses.
+    All of the body where that is hardly more, where even cells all over are as fine as the tip
+    sees, and for fewer than twenty presses.
 
     Parameters
     ----------
     points_m : (j, 3) contact points, z up
     box_m : (2, 3) of the body
+    radius_m : of the smallest tip
 
     Examples
     --------
     >>> line = np.linspace(0.06, 0.14, 5)
     >>> points = np.stack(np.meshgrid(line, line, [0.1]), axis=-1).reshape(-1, 3)
-    >>> probed_box(points, np.array([[0, 0, 0], [0.2, 0.2, 0.1]])).round(3).tolist()
+    >>> probed_box(points, np.array([[0, 0, 0], [0.2, 0.2, 0.1]]), 0.005).round(3).tolist()
     [[0.048, 0.048, 0.052], [0.152, 0.152, 0.1]]
     """
     points, box = np.asarray(points_m, float), np.asarray(box_m, float)
     width = float(np.ptp(points[:, :2], axis=0).max())
-    if len(points) < FEWEST_PRESSES or width == 0:
+    even = np.cbrt(np.prod(box[1] - box[0]) / EVEN_CELLS)
+    if len(points) < FEWEST_PRESSES or width == 0 or even <= FINE_ENOUGH * radius_m:
         return box
     aside = np.array([MARGIN, MARGIN, 0]) * width
     low = np.maximum(points.min(axis=0) - aside - [0, 0, DEPTH * width], box[0])
@@ -55,16 +60,17 @@ def probed_box(points_m: np.ndarray, box_m: np.ndarray) -> np.ndarray:
 
 
 def planes_over(
-    size_m: Sequence[float], counts: Sequence[int], points_m: np.ndarray
+    size_m: Sequence[float], counts: Sequence[int], points_m: np.ndarray, radius_m: float
 ) -> list[np.ndarray]:
     """Planes of so many even cells along x, y and z of a block, or of the part that presses show.
 
     Parameters
     ----------
     points_m : (j, 3) contact points on the top
+    radius_m : of the smallest tip
     """
     box = np.array([np.zeros(3), size_m])
-    probed = probed_box(points_m, box)
+    probed = probed_box(points_m, box, radius_m)
     if np.array_equal(probed, box):
         return [np.linspace(0, e, n + 1) for e, n in zip(size_m, counts, strict=True)]
     cell = float(np.cbrt(np.prod(probed[1] - probed[0]) / np.prod(counts)))
@@ -117,10 +123,11 @@ def mesh_between(planes_m: Sequence[np.ndarray], split: str = "kuhn") -> Mesh:
     """
     size = [float(planes[-1]) for planes in planes_m]
     mesh = block_mesh(size, [len(planes) - 1 for planes in planes_m], split=split)
-    nodes = mesh.nodes.copy()
+    nodes, focused = mesh.nodes.copy(), False
     for axis, planes in enumerate(planes_m):
         last = len(planes) - 1
         if not np.allclose(planes, np.linspace(0, size[axis], last + 1), rtol=0, atol=1e-9):
+            focused = True
             place = nodes[:, axis] / size[axis] * last
             nodes[:, axis] = np.interp(place, np.arange(last + 1), planes)
-    return Mesh(nodes, mesh.cells, mesh.surfaces)
+    return Mesh(nodes, mesh.cells, mesh.surfaces, focused)

@@ -34,11 +34,13 @@ class Mesh:
     nodes : (n, 3) m
     cells : (e, 4) or (e, 10) node numbers; ten: vertices, then mid-edges in `TET_EDGES` order.
     surfaces : name -> (t, 3) or (t, 6) node numbers of boundary faces, normals outwards.
+    focused : cells are wider outside the part that presses show, see `fem.mesh.focus`
     """
 
     nodes: np.ndarray
     cells: np.ndarray
     surfaces: Mapping[str, np.ndarray]
+    focused: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", _frozen(self.nodes, np.float64))

@@ -154,7 +154,8 @@ class PalpationModel:
     @cached_property
     def probed_m(self) -> np.ndarray:
         """Part of the body that the presses may show, a box (2, 3) m; see `fem.mesh.probed_box`."""
-        return probed_box(self.contacts.points_m, self.mesh.box_m)
+        points, radii, box = self.contacts.points_m, self.contacts.radius_m, self.mesh.box_m
+        return probed_box(points, box, float(radii.min())) if self.mesh.focused else box
 
     @cached_property
     def points_m(self) -> np.ndarray:

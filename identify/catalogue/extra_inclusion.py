@@ -125,5 +125,6 @@ class ExtraInclusion(Effect):
 
 def _shown_height_m(readings: Readings, state: BodyState) -> float:
     """Height of the part of the body that the presses show."""
-    low, high = probed_box(readings.point_m[readings.first], np.array(state.box_m))
+    points, box = readings.point_m[readings.first], np.array(state.box_m)
+    low, high = probed_box(points, box, float(readings.radius_m.min()))
     return float(high[2] - low[2])

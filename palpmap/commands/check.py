@@ -80,7 +80,8 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         if study.effects:
             _refuse_effects(study, placement)
         try_body_model(study, placement.scan.used())
-    probed = probed_part(study.body, placement.scan.contact_points)
+    placed = placement.scan
+    probed = probed_part(study.body, placed.contact_points, placed.contact_radii)
     used = scan.used()
     radii, presses = np.unique(scan.contact_radii, return_counts=True)
     counts = {phase: int(np.sum(scan.phase == phase)) for phase in PHASES}

@@ -37,7 +37,8 @@ def explain_record(
     """Return verdict, additions, ladder, candidates, parameters, limits of an explanation."""
     final, without, apart = explained.final, assessment.without, explained.apart
     readings = problem.model.readings
-    shown = probed_part(problem.study.body, readings.point_m[readings.first])
+    first = readings.first
+    shown = probed_part(problem.study.body, readings.point_m[first], readings.radius_m[first])
     return ExplainRecord(
         verdict=explained.verdict,
         added=explained.added,

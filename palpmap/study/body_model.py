@@ -55,7 +55,7 @@ def build_body_model(study: Study, scan: Scan) -> BodyModel:
     """
     ball = study.probe.tip == "sphere"
     surface = outside_of(study.body) if study.body.size_m is None else None
-    probed = probed_part(study.body, scan.contact_points)
+    probed = probed_part(study.body, scan.contact_points, scan.contact_radii)
     if study.map.kind == "inclusions":
         refuse_too_large(study.body, len(scan.press_ids), probed)
         meshes = _meshes(study, probed)
@@ -86,7 +86,7 @@ def _mesh_of_free_map(study: Study, presses: int, probed: np.ndarray | None) -> 
 
 def try_body_model(study: Study, scan: Scan) -> None:
     """Try all of a body's models that takes seconds; the errors are those of `build_body_model`."""
-    probed = probed_part(study.body, scan.contact_points)
+    probed = probed_part(study.body, scan.contact_points, scan.contact_radii)
     refuse_too_large(study.body, len(scan.press_ids), probed)
     edges = edges_of(study.body)
     if edges is None:

@@ -27,7 +27,7 @@ REFINEMENT = 1.5
 SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed surface
 
 
-def probed_part(body: Body, points_m: np.ndarray) -> np.ndarray | None:
+def probed_part(body: Body, points_m: np.ndarray, radii_m: np.ndarray) -> np.ndarray | None:
     """Return the part of a body that is meshed as a block which a scan may show, (2, 3) m.
 
     In the block's frame, whose corner is at zero; None where that is all of the body, or its
@@ -35,7 +35,7 @@ def probed_part(body: Body, points_m: np.ndarray) -> np.ndarray | None:
 
     Parameters
     ----------
-    points_m : (j, 3) contact points in the body's frame
+    points_m, radii_m : (j, 3) contact points in the body's frame, (j,) radii of the tips
     """
     edges = edges_of(body)
     if edges is None:
@@ -43,7 +43,7 @@ def probed_part(body: Body, points_m: np.ndarray) -> np.ndarray | None:
     corner = contact_body(body).corner_m[:2] if body.size_m is None else np.zeros(2)
     points = np.column_stack([points_m[:, :2] - corner, np.full(len(points_m), edges[2])])
     box = np.array([np.zeros(3), edges])
-    probed = probed_box(points, box)
+    probed = probed_box(points, box, float(radii_m.min()))
     return None if np.array_equal(probed, box) else probed
 
 

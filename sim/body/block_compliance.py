@@ -144,18 +144,19 @@ def _model(
         x, y, z = (round(SKINNED * count) for count in divisions)
         divisions = (x, y, z)
     coarser = [max(round(share * count), 1) for count in divisions]
-    coarse = PalpationModel(_layered(body, coarser, points), body.poisson_ratio, contacts)
+    coarse = PalpationModel(_layered(body, coarser, contacts), body.poisson_ratio, contacts)
     if not converged:
         return coarse
-    fine = PalpationModel(_layered(body, list(divisions), points), body.poisson_ratio, contacts)
+    fine = PalpationModel(_layered(body, list(divisions), contacts), body.poisson_ratio, contacts)
     return RefinedModel(coarse, fine)
 
 
-def _layered(body: HiddenBody, divisions: list[int], points_m: np.ndarray) -> Mesh:
+def _layered(body: HiddenBody, divisions: list[int], contacts: Contacts) -> Mesh:
     """Mesh of the block; a skin gets a layer of cells of its own."""
     x, y, height = body.size_m
     below = height - body.skin_thickness_m
-    planes = planes_over((x, y, below), divisions, points_m - [0, 0, body.skin_thickness_m])
+    points = contacts.points_m - [0, 0, body.skin_thickness_m]
+    planes = planes_over((x, y, below), divisions, points, contacts.radius_m.min())
     if body.skin_thickness_m:
         planes[2] = np.append(planes[2], height)
     return mesh_between(planes, SPLIT)

@@ -101,7 +101,7 @@ class SoftBody:
         contacts = Contacts(
             np.asarray(points_m)[owner], np.asarray(directions)[owner], np.concatenate(radii)
         )
-        meshes = true_meshes(shape, divisions, np.asarray(points_m, float))
+        meshes = true_meshes(shape, divisions, np.asarray(points_m, float), contacts.radius_m.min())
         self.modulus = modulus
         grows = np.array([each[j].grows for j in owner])
         solved = {
@@ -308,16 +308,17 @@ def true_meshes(
     shape: tuple[float, float, float] | tuple[np.ndarray, np.ndarray],
     divisions: Divisions,
     points_m: np.ndarray,
+    radius_m: float,
 ) -> list[Mesh]:
     """Return the laboratory's own meshes of a shape: two of a block, the second finer, else one.
 
-    Where presses at points (j, 3) m show a small part of a block, cells are even there, and wider
-    elsewhere.
+    Where presses at points (j, 3) m by tips of a radius and more show a small part of a block,
+    cells are even there, and wider elsewhere.
     """
     if len(shape) == 3:
         coarser = [max(round(COARSENING * count), 1) for count in divisions]
         return [
-            mesh_between(planes_over(shape, counts, points_m), SPLIT)
+            mesh_between(planes_over(shape, counts, points_m, radius_m), SPLIT)
             for counts in (coarser, divisions)
         ]
     surface = Surface(*shape)

@@ -19,10 +19,12 @@ def test_the_whole_body_is_probed_where_presses_cover_it_or_are_few():
     box = np.array([np.zeros(3), [0.096, 0.096, 0.048]])
     line = np.linspace(0.008, 0.088, 9)
     all_over = np.stack(np.meshgrid(line, line, [0.048]), axis=-1).reshape(-1, 3)
-    assert np.array_equal(probed_box(all_over, box), box)
+    assert np.array_equal(probed_box(all_over, box, 0.001), box)
     large = np.array([np.zeros(3), SIZE])
-    assert np.array_equal(probed_box(grid(4, 0.01), large), large)
-    assert np.array_equal(probed_box(np.tile(grid(1, 0.01), (30, 1)), large), large)
+    assert np.array_equal(probed_box(grid(5, 0.01), large, 0.01), large)  # a wide tip
+    assert not np.array_equal(probed_box(grid(5, 0.01), large, 0.005), large)
+    assert np.array_equal(probed_box(grid(4, 0.01), large, 0.005), large)
+    assert np.array_equal(probed_box(np.tile(grid(1, 0.01), (30, 1)), large, 0.005), large)
 
 
 @pytest.mark.parametrize("low", [0.0, 0.002, 0.03, 0.15])
@@ -40,14 +42,14 @@ def test_planes_are_even_where_a_scan_sees_and_grow_outside(low):
 
 
 def test_even_planes_make_the_blocks_own_mesh():
-    planes = planes_over(SIZE.tolist(), (5, 4, 3), grid(2, 0.1))
+    planes = planes_over(SIZE.tolist(), (5, 4, 3), grid(2, 0.1), 0.005)
     np.testing.assert_array_equal(mesh_between(planes).nodes, block_mesh(SIZE, (5, 4, 3)).nodes)
 
 
 @pytest.mark.slow
 def test_a_large_block_pressed_in_its_middle_has_the_stiffness_of_even_fine_cells():
     points = grid(5, 0.015)
-    planes = planes_over(SIZE.tolist(), (8, 8, 4), points)
+    planes = planes_over(SIZE.tolist(), (8, 8, 4), points, 0.005)
     mesh = mesh_between(planes)
     check_mesh(mesh)
     x, y, z = (len(p) - 1 for p in planes)

@@ -46,6 +46,17 @@ def test_even_planes_make_the_blocks_own_mesh():
     np.testing.assert_array_equal(mesh_between(planes).nodes, block_mesh(SIZE, (5, 4, 3)).nodes)
 
 
+def test_a_model_knows_the_part_that_its_presses_show_by_its_mesh():
+    points = grid(5, 0.015)
+    contacts = Contacts(points, np.tile([0.0, 0, -1], (25, 1)), 0.005)
+    focused = mesh_between(planes_over(SIZE.tolist(), (4, 4, 3), points, 0.005))
+    even = block_mesh(SIZE, (6, 6, 4))
+    one, other = (PalpationModel(m, 0.4, contacts, near_field=False) for m in (focused, even))
+    assert np.array_equal(other.probed_m, even.box_m)
+    assert np.array_equal(one.probed_m, probed_box(points, focused.box_m, 0.005))
+    assert (np.ptp(one.probed_m, axis=0) < 0.5 * SIZE).all()
+
+
 @pytest.mark.slow
 def test_a_large_block_pressed_in_its_middle_has_the_stiffness_of_even_fine_cells():
     points = grid(5, 0.015)

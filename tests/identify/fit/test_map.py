@@ -89,6 +89,16 @@ def test_a_map_refuses_a_radius_that_is_not_positive(radius):
         GaussianMap(6000.0, (Inclusion(1.0, 0.0, 0.0, 0.0, radius),))
 
 
+def test_a_radius_is_as_small_as_the_pressed_part_allows():
+    low, high = BOX
+    part = np.array([high - 0.3 * (high - low), high])
+    whole, pressed = (parameter_space(TWO, BOX, probed=p).bounds[0] for p in (None, part))
+    radius = TWO.names.index("inclusion_1.radius_m")
+    assert pressed[radius] - whole[radius] == pytest.approx(np.log(0.3))
+    assert np.array_equal(np.delete(pressed, [radius, radius + 5]),
+                          np.delete(whole, [radius, radius + 5]))  # fmt: skip
+
+
 def test_scaled_coordinates_lead_back_to_the_map():
     space = parameter_space(TWO, BOX)
     assert_allclose(space.to_map(space.to_scaled(TWO)).values, TWO.values, rtol=1e-14)

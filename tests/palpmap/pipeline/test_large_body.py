@@ -1,5 +1,6 @@
 """A body much larger than its pressed part: cells are fine where the scan sees."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,16 @@ def write(folder: Path, compliance: np.ndarray) -> Path:
     return folder / "study.toml"
 
 
+@cache
+def true_compliance() -> np.ndarray:
+    middle = (0.045, 0.155)
+    sides = [focused_planes(edge, 0.0062, *middle) for edge in SIZE[:2]]
+    planes = [*sides, focused_planes(SIZE[2], 0.0062, 0.052, SIZE[2])]
+    contacts = Contacts(presses(), np.tile([0.0, 0, -1], (81, 1)), TIP)
+    truth = PalpationModel(mesh_between(planes, "alternating"), NU, contacts)
+    return truth.evaluate(TRUTH.modulus(truth.points_m)).compliance
+
+
 @pytest.mark.parametrize("kind", ["inclusions = 1", 'kind = "free"'])
 def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
     study = write(tmp_path, np.full(81, 0.015))
@@ -71,13 +82,7 @@ def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
 @pytest.mark.slow
 def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path):
     # Evenly spread, as many cells made it a third as hard as it is, beside a residual of noise
-    middle = (0.045, 0.155)
-    sides = [focused_planes(edge, 0.0062, *middle) for edge in SIZE[:2]]
-    planes = [*sides, focused_planes(SIZE[2], 0.0062, 0.052, SIZE[2])]
-    contacts = Contacts(presses(), np.tile([0.0, 0, -1], (81, 1)), TIP)
-    truth = PalpationModel(mesh_between(planes, "alternating"), NU, contacts)
-    compliance = truth.evaluate(TRUTH.modulus(truth.points_m)).compliance
-    fit = pm.fit(pm.read_study(write(tmp_path, compliance)))
+    fit = pm.fit(pm.read_study(write(tmp_path, true_compliance())))
     assert fit.success
     held = [
         name
@@ -85,3 +90,15 @@ def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path):
         if fit.parameters[name].lower95 <= value <= fit.parameters[name].upper95
     ]
     assert held == list(TRUTH.names)
+
+
+@pytest.mark.slow
+def test_a_free_map_of_a_large_body_has_its_spot_in_place_and_no_false_size(tmp_path):
+    study = write(tmp_path, true_compliance())
+    study.write_text(STUDY.replace("inclusions = 1", 'kind = "free"'))
+    field = pm.fit(pm.read_study(study)).field
+    (spot,) = [spot for spot in field.spots if spot.probability > 0.9]
+    (true,) = TRUTH.inclusions
+    assert np.hypot(spot.x_m - true.x_m, spot.y_m - true.y_m) < 0.002
+    assert spot.wide  # its depth, size and contrast are open from above
+    assert field.sight_m < 0.03

@@ -164,6 +164,14 @@ def _notes(study: Study, scan: Scan, placement: Placement, doubts: Sequence[Doub
         )
     if study.body.shape == "from-contacts":
         notes += surface_notes(study.body, placement.distance_m, placement.angle_deg)
+    placed = placement.scan
+    probed = probed_part(study.body, placed.contact_points, placed.contact_radii)
+    if probed is not None:
+        x, y, z = 1e3 * np.ptp(probed, axis=0)
+        notes.append(
+            f"The presses may show a part of {x:.0f} x {y:.0f} x {z:.0f} mm under them: cells "
+            "are of that size there and wider elsewhere, where the scan tells nothing."
+        )
     size = study.body.size_m
     height_m = study.body.thickness_m if size is None else size[2]
     if height_m is not None and study.body.thickness_assumed:

@@ -12,6 +12,7 @@ from fem.mesh import focused_planes, mesh_between
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from models.scan import Scan
 from models.scan_file import write_scan
+from palpmap.commands.check import check_study
 
 SIZE, NU, TIP = (0.2, 0.2, 0.1), 0.48, 0.005
 TRUTH = GaussianMap(5000.0, (Inclusion(12000.0, 0.0876, 0.0921, 0.08, 0.0083),))
@@ -77,6 +78,9 @@ def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
     cell_m = float(np.cbrt(6 * mesh.cell_volumes[near].mean()))
     assert 0.007 < cell_m < 0.0135
     assert len(mesh.cells) < 6 * 2500
+    checked = check_study(study)
+    assert checked.cell_size_m == pytest.approx(cell_m, rel=0.1)
+    assert "a part of 104 x 104 x 48 mm under them" in " ".join(checked.notes)
 
 
 @pytest.mark.slow

@@ -3,7 +3,8 @@
 A press's field decays with the distance from the tip, and presses tell the body apart to a depth
 of about half the width over which they are spread. A mesh of even cells over a body many times
 larger has no cell as small as what the scan shows: in a block of 200 x 200 x 100 mm whose middle
-80 mm were pressed, an inclusion of 7 mm came out twelve times too soft, beside a residual of noise.
+80 mm were pressed, an inclusion of 8 mm came out a third as hard as it is, beside a residual of
+noise (docs/trust.md).
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ MARGIN = 0.15  # beside the presses, of the width over which they are spread
 DEPTH = 0.6  # below them, of the same
 NEARLY_ALL = 0.5  # of the body's volume: then the probed part is all of it
 EVEN_CELLS = 256  # of a block, 8 x 8 x 4 ...
-FINE_ENOUGH = 3.5  # ... are fine enough up to so many radii of the tip
+FINE_ENOUGH = 3.5  # ... are fine enough up to so many radii of the tip: those of the measured small
+# balls (2.8) are, and with finer ones their free map lost both; those of the block above are 5
 WIDER = 4.0  # most that a layer of cells may be, of the one before it
 FEWEST_CELLS = 3
 _THIN = 0.5  # of a cell: a layer thinner than this is no layer of its own
@@ -101,10 +103,9 @@ def _outside(distance_m: float, cell_m: float) -> np.ndarray:
     while cell_m * np.sum(WIDER ** np.arange(1, count + 1)) < distance_m:
         count += 1
     powers = np.arange(1, count + 1)
-    even = root_scalar(
+    growth = root_scalar(
         lambda q: cell_m * np.sum(q**powers) - distance_m, bracket=(0, 1.001 * WIDER)
-    )
-    growth = even.root
+    ).root
     places = cell_m * np.cumsum(growth**powers)
     return places * distance_m / places[-1]
 

@@ -112,7 +112,10 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         ),
         can_be_fitted=too_few(placement, study) is None,
         doubts=tuple(doubts),
-        notes=(*(doubt.sentence for doubt in doubts), *_notes(study, scan, placement, doubts)),
+        notes=(
+            *(doubt.sentence for doubt in doubts),
+            *_notes(study, scan, placement, doubts, probed),
+        ),
     )
 
 
@@ -149,7 +152,13 @@ def _range(values: np.ndarray) -> Range:
     return float(values.min()), float(values.max())
 
 
-def _notes(study: Study, scan: Scan, placement: Placement, doubts: Sequence[Doubt]) -> list[str]:
+def _notes(
+    study: Study,
+    scan: Scan,
+    placement: Placement,
+    doubts: Sequence[Doubt],
+    probed: np.ndarray | None,
+) -> list[str]:
     """Sentences about assumptions, ignored data and invisible effects."""
     notes = []
     if few := too_few(placement, study):
@@ -164,13 +173,11 @@ def _notes(study: Study, scan: Scan, placement: Placement, doubts: Sequence[Doub
         )
     if study.body.shape == "from-contacts":
         notes += surface_notes(study.body, placement.distance_m, placement.angle_deg)
-    placed = placement.scan
-    probed = probed_part(study.body, placed.contact_points, placed.contact_radii)
     if probed is not None:
         x, y, z = 1e3 * np.ptp(probed, axis=0)
         notes.append(
-            f"The presses may show a part of {x:.0f} x {y:.0f} x {z:.0f} mm under them: cells "
-            "are of that size there and wider elsewhere, where the scan tells nothing."
+            f"The presses may show a part of {x:.0f} x {y:.0f} x {z:.0f} mm under them. The "
+            "finite elements are wider elsewhere, where the scan tells nothing."
         )
     size = study.body.size_m
     height_m = study.body.thickness_m if size is None else size[2]

@@ -201,7 +201,7 @@ def _between(body: Body, planes_m: Sequence[np.ndarray]) -> Mesh:
     from fem.mesh import under_surface, widened_margins
 
     made = contact_body(body)
-    if all(len(p) < 3 or np.allclose(np.diff(p), p[1]) for p in planes_m[:2]):
+    if not block.focused:
         counts = [len(p) - 1 for p in planes_m[:2]]
         block = widened_margins(block, counts, made.margin_m)
     return under_surface(block, made.corner_m.tolist(), made.surface.heights)

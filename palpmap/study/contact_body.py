@@ -89,8 +89,8 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
     if body.margin_m is None:
         notes.append(
             f"Beyond the probed area the body goes on for {1e3 * MARGIN * made.size_m[2]:.3g} mm "
-            "(body.margin_m): the scan does not know its sides. State it where they are nearer: "
-            "a press at a free side is felt up to twice as soft."
+            "(body.margin_m), as the scan does not know its sides. State body.margin_m where they "
+            "are nearer: a press at a free side is felt up to twice as soft."
         )
     return tuple(notes)
 
@@ -161,9 +161,9 @@ def _made(
     if lowest - base < THINNEST * thickness_m:
         needed = (mean - lowest) / (1 - THINNEST)
         raise InputError(
-            f"study, key body.thickness_m: found {thickness_m:g} m, but the lowest contact lies "
-            f"{1e3 * (lowest - base):.3g} mm above the base, which lies so far below the mean "
-            f"height of all; expected at least {needed:.2g} m"
+            f"study, key body.thickness_m: found {thickness_m:g} m, which puts the lowest contact "
+            f"{1e3 * (lowest - base):.3g} mm above the base; expected at least {needed:.2g} m, "
+            "from the mean height of the contacts to the base"
         )
     size = np.array([*(high - low), thickness_m])
     top = np.column_stack([points[:, :2] - low, np.full(len(points), thickness_m)])

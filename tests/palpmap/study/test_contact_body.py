@@ -94,7 +94,7 @@ def test_a_stated_margin_moves_the_sides(tmp_path):
     written = new(tmp_path, dome_scan(), "--thickness", str(THICK), "--margin", "0.007")
     body = contact_body(load_study(json.loads(written)["study"]).body)
     assert body.margin_m == pytest.approx(0.007)
-    assert "State it where they are nearer" not in written
+    assert "State body.margin_m where they" not in written
     bad = CliRunner().invoke(app, ["new", "s.csv", "--margin", "0.01", "--out", "s"])
     assert (bad.exit_code, "--margin belongs to" in bad.output) == (2, True)
 

@@ -439,6 +439,18 @@ def test_candidate_inclusions_stand_closer_than_their_radius():
         assert_allclose([places[0], places[-1]], [0.012, 0.084])
 
 
+def test_candidate_inclusions_follow_the_pressed_part_of_a_large_body():
+    places = 0.1 + 0.01 * np.arange(-4, 5)
+    points = tuple((a, b, 0.1) for a in places for b in places)
+    own = readings(press=tuple(range(81)), point_m=points)
+    effect, large = CATALOGUE["extra_inclusion"], ((0.0, 0.0, 0.0), (0.2, 0.2, 0.1))
+    small = effect.grid(readings(), BodyState(BOX, 0.49))  # of a body 48 mm high
+    grid = effect.grid(own, BodyState(large, 0.49))
+    assert grid[0]["radius_m"] == pytest.approx(small[0]["radius_m"])
+    depths = {round(0.1 - candidate["z_m"], 6) for candidate in grid}
+    assert depths == {round(0.048 - candidate["z_m"], 6) for candidate in small}
+
+
 def test_bounds_of_an_inclusion_follow_body_and_background():
     state = BodyState(BOX, 0.49, background_pa=8000.0)
     weight, x, _, z, _ = CATALOGUE["extra_inclusion"].bounded(readings(), state)

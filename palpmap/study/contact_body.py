@@ -160,9 +160,10 @@ def _made(
     base = mean - thickness_m
     if lowest - base < THINNEST * thickness_m:
         needed = (mean - lowest) / (1 - THINNEST)
+        side = "above" if lowest >= base else "below"
         raise InputError(
             f"study, key body.thickness_m: found {thickness_m:g} m, which puts the lowest contact "
-            f"{1e3 * (lowest - base):.3g} mm above the base; expected at least {needed:.2g} m, "
+            f"{1e3 * abs(lowest - base):.3g} mm {side} the base; expected at least {needed:.2g} m, "
             "from the mean height of the contacts to the base"
         )
     size = np.array([*(high - low), thickness_m])

@@ -174,7 +174,8 @@ def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
 
 def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):
     scan = dome_scan()
-    assert "expected at least 0.0" in new(tmp_path, scan, "--thickness", "0.002", code=2)
+    thin = new(tmp_path, scan, "--thickness", "0.002", code=2)
+    assert re.search("lowest contact .* mm below the base; expected at least 0.0", thin)
     aside = scan.replace(direction=np.tile([1.0, 0, 0], (len(scan), 1)))
     assert "degrees off straight down" in new(tmp_path, aside, "--thickness", "0.02", code=2)
     point_m = scan.point_m.copy()

@@ -25,6 +25,7 @@ EVEN_CELLS = 256  # of a block, 8 x 8 x 4 ...
 FINE_ENOUGH = 3.5  # ... are fine enough up to so many radii of the tip: those of the measured small
 # balls (2.8) are, and with finer ones their free map lost both; those of the block above are 5
 WIDER = 4.0  # most that a layer of cells may be, of the one before it
+GROWTH = 0.7  # of the edges of tetrahedra, for each metre away from the probed part
 FEWEST_CELLS = 3
 _THIN = 0.5  # of a cell: a layer thinner than this is no layer of its own
 
@@ -108,6 +109,18 @@ def _outside(distance_m: float, cell_m: float) -> np.ndarray:
     ).root
     places = cell_m * np.cumsum(growth**powers)
     return places * distance_m / places[-1]
+
+
+def edge_lengths(points_m: np.ndarray, cell_m: float, box_m: np.ndarray) -> np.ndarray:
+    """Return the lengths of edges at points (n, 3): a size in a box (2, 3), longer outside, (n,) m.
+
+    >>> box = np.array([[0, 0, 0], [0.1, 0.1, 0.05]])
+    >>> points = np.array([[0.05, 0.05, 0.02], [0.05, 0.15, 0.02]])
+    >>> edge_lengths(points, 0.01, box).round(4).tolist()
+    [0.01, 0.045]
+    """
+    beside = np.maximum(np.maximum(box_m[0] - points_m, points_m - box_m[1]), 0)
+    return cell_m + GROWTH * np.linalg.norm(beside, axis=1)
 
 
 def refined_planes(planes_m: np.ndarray, factor: float) -> np.ndarray:

@@ -140,4 +140,4 @@ def promote_to_tet10(mesh: Mesh) -> Mesh:
         return np.hstack([faces, n + position.reshape(-1, 3)])
 
     surfaces = {name: quadratic(faces) for name, faces in mesh.surfaces.items()}
-    return Mesh(np.vstack([mesh.nodes, middle]), cells, surfaces)
+    return Mesh(np.vstack([mesh.nodes, middle]), cells, surfaces, mesh.focused)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,13 +64,24 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
         raise MeshError(f"{path}: there is no such file.")
     if not (np.isfinite(scale) and scale > 0):
         raise MeshError(f"The scale of a surface must be a positive number, got {scale}.")
+    state = path.stat()
     try:
-        raw = run_job("read", _READ_LIMIT_S, path=str(path.resolve()))
-        if len(raw["triangles"]) == 0:
-            raise MeshError("no triangles in it; export it again as a triangle surface.")
-        return check_surface(raw["vertices"] * scale, raw["triangles"])
+        return _read(path.resolve(), scale, (state.st_mtime_ns, state.st_size))
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from error
+
+
+@lru_cache(maxsize=4)  # a study asks for its surface several times, each a process of its own
+def _read(path: Path, scale: float, state: tuple[int, int]) -> Surface:
+    """Read and check a file in the state that its time of change and size, in bytes, tell."""
+    del state
+    raw = run_job("read", _READ_LIMIT_S, path=str(path))
+    if len(raw["triangles"]) == 0:
+        raise MeshError("no triangles in it; export it again as a triangle surface.")
+    surface = check_surface(raw["vertices"] * scale, raw["triangles"])
+    for array in surface:
+        array.setflags(write=False)
+    return surface
 
 
 def check_surface(vertices: ArrayLike, triangles: ArrayLike) -> Surface:

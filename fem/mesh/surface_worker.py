@@ -39,6 +39,8 @@ def read(given: Mapping[str, np.ndarray]) -> Arrays:
 def tetrahedralize(given: Mapping[str, np.ndarray]) -> Arrays:
     """Fill a checked surface; return `nodes` (n, 3), `cells` (e, 4).
 
+    Edges have one length, or those given on a grid of tetrahedra around the surface.
+
     The mesh's surface may lie 2 % of the edge length (at least 0.1 % of the body's diagonal) off
     the given one: a narrower envelope costs time and cells without use for the mechanics.
     """
@@ -49,12 +51,21 @@ def tetrahedralize(given: Mapping[str, np.ndarray]) -> Arrays:
     )
     edge_length = float(given["edge_length_m"])
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    longest, sizes = edge_length, {}
+    if "grid_lengths" in given:
+        longest = float(given["grid_lengths"].max())
+        sizes = {
+            "bg_vertices": given["grid_points"],
+            "bg_tets": given["grid_cells"].astype(np.int32),
+            "bg_values": given["grid_lengths"],
+        }
     nodes, cells = fill(
         np.ascontiguousarray(vertices, np.float64),
         np.ascontiguousarray(triangles, np.int32),
-        edge_length_abs=edge_length,
+        edge_length_abs=longest,
         epsilon=max(1e-3, 0.02 * edge_length / diagonal),
         vtk_ordering=True,  # without it all cells are inverted
+        **sizes,
     )
     return {"nodes": np.asarray(nodes, float), "cells": np.asarray(cells, np.int32)}
 

@@ -9,6 +9,7 @@ import tempfile
 import zipfile
 import zlib
 from contextlib import suppress
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,7 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.errors import MeshError
+from fem.mesh.block import block_mesh
 from fem.mesh.checks import cell_quality, check_mesh
+from fem.mesh.focus import FEWEST_CELLS, GROWTH, edge_lengths
 from fem.mesh.mesh import Mesh, boundary_faces, promote_to_tet10
 from fem.mesh.subprocess_job import run_job
 from fem.mesh.surface import Surface, check_surface
@@ -34,6 +37,7 @@ def tetrahedralize_surface(
     triangles: ArrayLike,
     edge_length_m: float,
     *,
+    fine_box_m: NDArray[np.float64] | None = None,
     order: int = 2,
     time_limit_s: float = 120.0,
     cache_folder: str | Path | None = None,
@@ -49,6 +53,8 @@ def tetrahedralize_surface(
     ----------
     vertices, triangles : (n, 3) m and (t, 3), as `fem.mesh.surface.check_surface` wants them.
     edge_length_m : length that the tetrahedra's edges should have.
+    fine_box_m : (2, 3) part of the body where they have it, longer ones elsewhere; see
+        `fem.mesh.probed_box`. All of the body where not given.
     order : 1 (four nodes a cell) or 2 (ten).
     time_limit_s : after which the mesher is stopped.
     cache_folder : where meshes are kept; `mesh_cache_folder()` where not given.
@@ -68,9 +74,9 @@ def tetrahedralize_surface(
     if order not in (1, 2):
         raise MeshError(f"The order of a mesh must be 1 or 2, got {order}.")
     surface = check_surface(vertices, triangles)
-    _check_edge_length(surface, edge_length_m)
+    _check_edge_length(surface, edge_length_m, fine_box_m)
     folder = mesh_cache_folder() if cache_folder is None else Path(cache_folder)
-    kept = folder / f"{_content_hash(surface, edge_length_m)}.npz"
+    kept = folder / f"{_content_hash(surface, edge_length_m, fine_box_m)}.npz"
     mesh = _load(kept, surface)
     if mesh is None:
         made = run_job(
@@ -80,9 +86,11 @@ def tetrahedralize_surface(
             triangles=surface.triangles,
             edge_length_m=edge_length_m,
             most_triangles=_TRIANGLES_A_SQUARE * surface.area / edge_length_m**2,
+            **({} if fine_box_m is None else _sizing_field(surface, edge_length_m, fine_box_m)),
         )
         mesh = _checked_mesh(made["nodes"], made["cells"], surface)
         _save(kept, mesh)
+    mesh = replace(mesh, focused=fine_box_m is not None)
     return promote_to_tet10(mesh) if order == 2 else mesh
 
 
@@ -99,16 +107,34 @@ def mesh_cache_folder() -> Path:
     return base / "palpmap" / "meshes"
 
 
-def _check_edge_length(surface: Surface, edge_length_m: float) -> None:
+def _sizing_field(
+    surface: Surface, edge_length_m: float, fine_box_m: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
+    """Lengths of edges on a grid around the surface, as the mesher wants them."""
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    size = high - low + 2 * edge_length_m  # points outside would have the longest edges
+    counts = np.ceil(size / edge_length_m).astype(int)
+    grid = block_mesh(size.tolist(), counts.tolist(), order=1)
+    points = grid.nodes + low - edge_length_m
+    longest = float((high - low).min()) / FEWEST_CELLS
+    lengths = np.minimum(edge_lengths(points, edge_length_m, fine_box_m), longest)
+    return {"grid_points": points, "grid_cells": grid.cells, "grid_lengths": lengths}
+
+
+def _check_edge_length(
+    surface: Surface, edge_length_m: float, fine_box_m: NDArray[np.float64] | None
+) -> None:
     shortest = float(np.ptp(surface.vertices, axis=0).min())
     if not 0 < edge_length_m <= shortest:
         raise MeshError(
             f"The edge length must be above 0 and at most the body's shortest side, "
             f"{shortest:.3g} m; got {edge_length_m} m."
         )
-    cells = _CELLS_A_CUBE * surface.volume / edge_length_m**3
+    box = np.inf if fine_box_m is None else float(np.prod(fine_box_m[1] - fine_box_m[0]))
+    volume = min(surface.volume, box)  # outside are hardly more cells than in the box
+    cells = _CELLS_A_CUBE * volume / edge_length_m**3
     if cells > MOST_CELLS:
-        least = (_CELLS_A_CUBE * surface.volume / MOST_CELLS) ** (1 / 3)
+        least = (_CELLS_A_CUBE * volume / MOST_CELLS) ** (1 / 3)
         raise MeshError(
             f"An edge length of {edge_length_m} m gives about {cells:.1e} cells, more than "
             f"{MOST_CELLS:.0e}: choose at least {least:.2g} m."
@@ -164,8 +190,12 @@ def _surfaces(nodes: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str,
     return {"base": faces[base], "top": faces[~base]}
 
 
-def _content_hash(surface: Surface, edge_length_m: float) -> str:
+def _content_hash(
+    surface: Surface, edge_length_m: float, fine_box_m: NDArray[np.float64] | None
+) -> str:
     made_by = ["1", version("pytetwild"), float(edge_length_m).hex()]  # 1: of this file's recipe
+    if fine_box_m is not None:
+        made_by += [GROWTH.hex(), *(value.hex() for value in fine_box_m.ravel().tolist())]
     digest = hashlib.sha256(" ".join(made_by).encode())
     for array in surface:
         digest.update(f"{array.shape} {array.dtype.str}".encode())

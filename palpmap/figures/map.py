@@ -152,10 +152,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
 
 
 def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.ndarray:
-    """Values of a cut where the scan sees a fitted free map, NaN elsewhere; else all of them.
-
-    Where it is blind the prior may be any colour, and is hatched.
-    """
+    """Values of a cut where the scan sees; NaN elsewhere, where a map is a guess and hatched."""
     share = _share(f, fit, cut)
     if share is None:
         return values
@@ -164,11 +161,13 @@ def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.nd
 
 
 def _share(f: Finding, fit: FitResult, cut: Cut) -> np.ndarray | None:
-    """Share of the prior's variance taken away on a cut of a fitted free map; None of others."""
-    field, found = fit.field, fit.map
-    if field is None or not isinstance(found, FreeMap):
+    """Share of a free map's prior variance taken away on a cut; of others 1 in the probed part."""
+    field, found, probed = fit.field, fit.map, f.probed_m
+    if field is not None and isinstance(found, FreeMap):
+        return sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
+    if probed is None:
         return None
-    return sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
+    return sample(f, cut, lambda p: ((probed[0] <= p) & (p <= probed[1])).all(axis=1).astype(float))
 
 
 def extension(fields: list[np.ndarray], span: tuple[float, float]) -> str:
@@ -295,7 +294,7 @@ def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
 
 
 def hatch_blind(axes: Axes, f: Finding, fit: FitResult, cut: Cut) -> None:
-    """Fade and hatch the places that the scan of a fitted free map does not see."""
+    """Fade and hatch the places that the scan does not see."""
     share = _share(f, fit, cut)
     if share is None:
         return

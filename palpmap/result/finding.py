@@ -21,6 +21,7 @@ from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import matched, read_truth
 from palpmap.run_folder import how_made
+from palpmap.study.cell_size import probed_part
 from palpmap.study.contact_body import contact_body
 from palpmap.study.frame import frame_shift_m, in_scan_frame
 from palpmap.study.open_study import Problem
@@ -72,6 +73,8 @@ class Finding:
         How the run was made: text by heading.
     limits : tuple of str
         Assumptions and limits in sentences.
+    probed_m : (2, 3) or None
+        Part of the body that the presses may show; None where that is all of it.
     """
 
     name: str
@@ -84,6 +87,7 @@ class Finding:
     stage_s: Mapping[str, float] = field(default_factory=dict)
     how: Mapping[str, str] = field(default_factory=dict)
     limits: tuple[str, ...] = ()
+    probed_m: np.ndarray | None = None
 
     @classmethod
     def of(
@@ -104,6 +108,9 @@ class Finding:
         outline, used = study_outline(study), scan.used()
         height_m = float(outline.upper_m[2] - outline.lower_m[2])
         limits = limits_of(fit, study, used.displacement_m, height_m)
+        probed = probed_part(study.body, scan.contact_points, scan.contact_radii)
+        if probed is not None and study.body.shape == "from-contacts":
+            probed = probed + outline.lower_m  # from the frame of the bent block
         return cls(
             name=study.name,
             fit=fit,
@@ -112,6 +119,7 @@ class Finding:
             outline=outline,
             origin_m=origin_m,
             limits=(*limits, note) if note else limits,
+            probed_m=probed,
         )
 
     @cached_property

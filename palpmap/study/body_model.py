@@ -80,7 +80,7 @@ def _mesh_of_free_map(study: Study, presses: int, probed: np.ndarray | None) -> 
     """Return one mesh for a free map, which the cells must resolve: as fine as the time allows."""
     body, edges = study.body, edges_of(study.body)
     if edges is None:
-        return _meshes(study, None)[1]
+        return _meshes(study, probed)[1]
     return _between(body, block_planes(edges, free_map_cell_m(body, presses, probed), probed))
 
 
@@ -217,7 +217,7 @@ def _meshes(study: Study, probed: np.ndarray | None) -> tuple[Mesh, Mesh]:
 
     surface = closed_surface(study.body)
     coarse, finer = (
-        tetrahedralize_surface(surface.vertices, surface.triangles, length)
+        tetrahedralize_surface(surface.vertices, surface.triangles, length, fine_box_m=probed)
         for length in (cell_m, cell_m * SURFACE_EDGES[0] / SURFACE_EDGES[1])
     )
     return coarse, finer

@@ -28,10 +28,9 @@ SURFACE_EDGES = (7, 10)  # edges along the cube root of the volume of a closed s
 
 
 def probed_part(body: Body, points_m: np.ndarray, radii_m: np.ndarray) -> np.ndarray | None:
-    """Return the part of a body that is meshed as a block which a scan may show, (2, 3) m.
+    """Return the part of a body which a scan may show, (2, 3) m; None where that is all of it.
 
-    In the block's frame, whose corner is at zero; None where that is all of the body, or its
-    surface is closed.
+    In the frame of the mesh: of a body that is meshed as a block, its corner is at zero.
 
     Parameters
     ----------
@@ -39,10 +38,12 @@ def probed_part(body: Body, points_m: np.ndarray, radii_m: np.ndarray) -> np.nda
     """
     edges = edges_of(body)
     if edges is None:
-        return None
-    corner = contact_body(body).corner_m[:2] if body.size_m is None else np.zeros(2)
-    points = np.column_stack([points_m[:, :2] - corner, np.full(len(points_m), edges[2])])
-    box = np.array([np.zeros(3), edges])
+        vertices = closed_surface(body).vertices
+        points, box = points_m, np.array([vertices.min(axis=0), vertices.max(axis=0)])
+    else:
+        corner = contact_body(body).corner_m[:2] if body.size_m is None else np.zeros(2)
+        points = np.column_stack([points_m[:, :2] - corner, np.full(len(points_m), edges[2])])
+        box = np.array([np.zeros(3), edges])
     probed = probed_box(points, box, float(radii_m.min()))
     return None if np.array_equal(probed, box) else probed
 
@@ -89,7 +90,7 @@ def cell_size_m(body: Body, probed_m: np.ndarray | None = None) -> float:
 def free_map_cell_m(body: Body, presses: int, probed_m: np.ndarray | None = None) -> float:
     """Return the size of the cells under a free map, m: stated, or as fine as the time allows."""
     if edges_of(body) is None:
-        return cell_size_m(body) * SURFACE_EDGES[0] / SURFACE_EDGES[1]
+        return cell_size_m(body, probed_m) * SURFACE_EDGES[0] / SURFACE_EDGES[1]
     cells = float(np.clip(FREE_MAP_WORK / presses, COARSE_CELLS, FREE_MAP_CELLS))
     return body.cell_size_m or float(np.cbrt(_volume(body, probed_m) / cells))
 

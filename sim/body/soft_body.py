@@ -26,7 +26,7 @@ from fem import (
 )
 from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
-from fem.mesh import mesh_between, planes_over
+from fem.mesh import mesh_between, planes_over, probed_box
 from fem.palpation import RefinedResponse, Response
 from models import InputError
 from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
@@ -312,7 +312,7 @@ def true_meshes(
 ) -> list[Mesh]:
     """Return the laboratory's own meshes of a shape: two of a block, the second finer, else one.
 
-    Where presses at points (j, 3) m by tips of a radius and more show a small part of a block,
+    Where presses at points (j, 3) m by tips of a radius and more show a small part of a body,
     cells are even there, and wider elsewhere.
     """
     if len(shape) == 3:
@@ -322,8 +322,12 @@ def true_meshes(
             for counts in (coarser, divisions)
         ]
     surface = Surface(*shape)
-    edge = float(np.cbrt(surface.volume) / (SURFACE_EDGES * np.cbrt(np.prod(divisions) / CELLS)))
-    return [tetrahedralize_surface(*surface, edge)]
+    box = np.array([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
+    probed = probed_box(points_m, box, radius_m)
+    part = None if np.array_equal(probed, box) else probed
+    volume = surface.volume if part is None else float(np.prod(part[1] - part[0]))
+    edge = float(np.cbrt(volume) / (SURFACE_EDGES * np.cbrt(np.prod(divisions) / CELLS)))
+    return [tetrahedralize_surface(*surface, edge, fine_box_m=part)]
 
 
 def _split(triangles: np.ndarray) -> np.ndarray:

@@ -237,12 +237,31 @@ def test_the_second_call_takes_the_mesh_from_the_cache(organ_mesh, cache):
     assert len(list(cache.iterdir())) == 1
 
 
-def test_another_edge_length_or_surface_is_another_entry_of_the_cache():
+def test_another_edge_length_surface_or_box_is_another_entry_of_the_cache():
     key = fem.mesh.tetrahedralize._content_hash
-    other = organ()
+    other, box = organ(), np.array([[0, 0, 0], [0.02, 0.02, 0.02]])
     other.vertices[3, 0] += 1e-9
-    keys = {key(organ(), 0.012), key(organ(), 0.0121), key(other, 0.012), key(organ(), 0.012)}
-    assert len(keys) == 3
+    same = {key(organ(), 0.012, None), key(organ(), 0.012, None)}
+    others = {key(organ(), 0.0121, None), key(other, 0.012, None), key(organ(), 0.012, box)}
+    assert len(same | others) == 4
+    assert key(organ(), 0.012, box) != key(organ(), 0.012, box + 1e-6)
+
+
+def test_edges_are_short_in_a_box_and_longer_outside(tmp_path):
+    block = block_mesh((0.06, 0.06, 0.03), (1, 1, 1), order=1)
+    box = np.array([[0.02, 0.02, 0.015], [0.04, 0.04, 0.03]])
+    mesh = tetrahedralize_surface(
+        block.nodes, block.boundary, 0.003, fine_box_m=box, order=1, cache_folder=tmp_path
+    )
+    corners = mesh.nodes[mesh.cells]
+    edge = np.linalg.norm(corners[:, [0, 0, 0, 1, 1, 2]] - corners[:, [1, 2, 3, 2, 3, 3]], axis=2)
+    middle = corners.mean(axis=1)
+    inside = ((middle > box[0]) & (middle < box[1])).all(axis=1)
+    far = (np.abs(middle[:, :2] - 0.03).max(axis=1) > 0.02) | (middle[:, 2] < 0.005)
+    assert np.median(edge[inside]) == pytest.approx(0.003, rel=0.2)
+    assert 0.006 < np.median(edge[far]) < 0.011
+    assert len(mesh.cells) < 7.5 * block.volume / 0.003**3 / 4
+    assert mesh.focused
 
 
 @pytest.mark.parametrize("damage", ["cut off", "empty", "foreign", "other mesh"])
@@ -261,7 +280,7 @@ def test_a_damaged_cache_file_is_not_used(organ_mesh, cache, damage, tmp_path):
 def test_a_damaged_cache_file_is_replaced_by_a_new_mesh(tmp_path):
     box = block_mesh((0.04, 0.04, 0.03), (1, 1, 1), order=1)
     surface = check_surface(box.nodes, box.boundary)
-    kept = tmp_path / f"{fem.mesh.tetrahedralize._content_hash(surface, 0.03)}.npz"
+    kept = tmp_path / f"{fem.mesh.tetrahedralize._content_hash(surface, 0.03, None)}.npz"
     kept.write_bytes(b"PK cut off")
     mesh = tetrahedralize_surface(box.nodes, box.boundary, 0.03, cache_folder=tmp_path)
     assert mesh.volume == pytest.approx(0.04 * 0.04 * 0.03, rel=0.02)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista
 
 import palpmap as pm
 from fem import Contacts, PalpationModel
@@ -33,6 +34,9 @@ force_n = 0.003
 [map]
 inclusions = 1
 """
+AS_SURFACE = STUDY.replace("size_m = [0.2, 0.2, 0.1]", 'file = "block.stl"').replace(
+    'shape = "block"', 'shape = "surface"'
+)
 
 
 def presses() -> np.ndarray:
@@ -68,6 +72,14 @@ def true_compliance() -> np.ndarray:
     return truth.evaluate(TRUTH.modulus(truth.points_m)).compliance
 
 
+def write_surface(folder: Path, compliance: np.ndarray) -> Path:
+    study = write(folder, compliance)
+    box = pyvista.Box((0, SIZE[0], 0, SIZE[1], 0, SIZE[2]))
+    box.triangulate().save(folder / "block.stl")
+    study.write_text(AS_SURFACE)
+    return study
+
+
 @pytest.mark.parametrize("kind", ["inclusions = 1", 'kind = "free"'])
 def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
     study = write(tmp_path, np.full(81, 0.015))
@@ -83,10 +95,26 @@ def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
     assert "a part of 104 x 104 x 48 mm under them" in " ".join(checked.notes)
 
 
+def test_a_closed_surface_is_meshed_finely_where_presses_show_it(tmp_path):
+    study = write_surface(tmp_path, np.full(81, 0.015))
+    body = pm.read_study(study).opened(thin=False).body
+    assert body.coarse.mesh.focused
+    assert body.fine.mesh.focused
+    assert body.coarse.probed_m == pytest.approx(
+        np.array([[0.048, 0.048, 0.052], [0.152, 0.152, 0.1]])
+    )
+    centres = body.coarse.mesh.centres_m
+    near = (np.abs(centres[:, :2] - 0.1).max(axis=1) < 0.05) & (centres[:, 2] > 0.055)
+    assert np.cbrt(7.5 * body.coarse.mesh.cell_volumes[near].mean()) == pytest.approx(
+        check_study(study).cell_size_m, rel=0.15
+    )
+
+
 @pytest.mark.slow
-def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path):
+@pytest.mark.parametrize("as_written", [write, write_surface])
+def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path, as_written):
     # Evenly spread, as many cells made it a third as hard as it is, beside a residual of noise
-    fit = pm.fit(pm.read_study(write(tmp_path, true_compliance())))
+    fit = pm.fit(pm.read_study(as_written(tmp_path, true_compliance())))
     assert fit.success
     held = [
         name

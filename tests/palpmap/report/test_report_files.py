@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.contour import ContourSet
 from rich.console import Console
 
 from identify.fit.files import write_fit
@@ -417,6 +418,20 @@ def test_what_cannot_be_compared_is_said(tmp_path):
     (tmp_path / "truth.json").write_text(json.dumps(broken))
     with pytest.raises(InputError, match="key body"):
         read_truth(tmp_path / "truth.json")
+
+
+def test_what_no_press_shows_is_hatched_and_outside_the_colours(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run", truth=False))
+    assert finding.probed_m is None  # presses are all over this body
+    low, high = finding.outline.lower_m, finding.outline.upper_m
+    beside = np.array([[high[0] - 0.012, low[1], low[2]], high])  # beside the inclusion
+    for probed, hatched in ((None, 0), (beside, 4)):
+        figure = draw_map(replace(finding, probed_m=probed))
+        drawn = [c for axes in figure.axes for c in axes.collections if isinstance(c, ContourSet)]
+        assert sum(any(c.hatches) for c in drawn) == hatched
+    sure = next(a for a in figure.axes if a.get_title().startswith("How sure"))
+    whole = next(a for a in draw_map(finding).axes if a.get_title().startswith("How sure"))
+    assert sure.images[0].norm.vmax < 0.5 * whole.images[0].norm.vmax
 
 
 def test_the_map_that_is_shown_has_in_it_what_the_fitted_effects_change():

@@ -26,7 +26,7 @@ from fem import (
 )
 from fem.contact import half_space_matrix, patch_grid
 from fem.finite_strain import FiniteStrainModel, HyperelasticLaw, RigidTip
-from fem.mesh import mesh_between, planes_over, probed_box
+from fem.mesh import mesh_between, planes_over, probed_box, refined_planes
 from fem.palpation import RefinedResponse, Response
 from models import InputError
 from sim.body.law import HERTZ_WIDTH, Creep, LawCurve, growing_contact, solved_radii
@@ -316,11 +316,10 @@ def true_meshes(
     cells are even there, and wider elsewhere.
     """
     if len(shape) == 3:
-        coarser = [max(round(COARSENING * count), 1) for count in divisions]
-        return [
-            mesh_between(planes_over(shape, counts, points_m, radius_m), SPLIT)
-            for counts in (coarser, divisions)
-        ]
+        finer = planes_over(shape, divisions, points_m, radius_m)
+        # Of cells that grow otherwise outside, the two would not tell the limit of ever finer ones
+        coarser = [refined_planes(planes, COARSENING) for planes in finer]
+        return [mesh_between(planes, SPLIT) for planes in (coarser, finer)]
     surface = Surface(*shape)
     box = np.array([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
     probed = probed_box(points_m, box, radius_m)
